@@ -109,6 +109,7 @@ def test_of_all_poses_the_true_one_is_known_after_a_few_touches(uneven):
     assert len(posteriors[-1].hypotheses) < 400
 
 
+@pytest.mark.slow
 def test_codes_alone_tell_less(uneven):
     frames = uneven.frames(uneven.slide(HEADINGS[:1], 0.02, 1))
     *_, codes = uneven.observe(frames, "codes")[0]
@@ -124,6 +125,7 @@ def test_modulo_an_exact_symmetry_one_hypothesis_is_left(folded):
     assert rows[-1]["credible"] == 1
 
 
+@pytest.mark.slow
 def test_copies_that_nothing_tells_apart_share_the_probability(folded):
     """The same slide, but the codebook knows of no symmetry."""
     unaware = copy.copy(folded)
@@ -140,6 +142,7 @@ def test_copies_that_nothing_tells_apart_share_the_probability(folded):
     assert rows[-1]["probability"] < 0.5
 
 
+@pytest.mark.slow
 def test_what_is_dropped_would_not_have_mattered(uneven):
     frames = uneven.frames(uneven.slide(HEADINGS[:2], 0.015, 1))
     some, _ = uneven.observe(frames, dropped=1e-3)
