@@ -10,12 +10,14 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.active_touch.expected_evidence import carried_along, map_evidence
-from midastouch_filter.active_touch.hypotheses import Hypothesis
+from midastouch_filter.active_touch.hypotheses import MOST, Hypothesis, hypotheses_of
 from midastouch_filter.active_touch.slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
 from midastouch_filter.active_touch.suggestion import Wanted, advise, mixture_information
+from midastouch_filter.core.belief import Belief
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 
 CONFIG = FilterConfig(threads=1)
@@ -67,6 +69,35 @@ def test_it_leads_to_where_copies_differ(world, handed):
     assert best.information > 0.3
     assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3]
     assert "differs from" in best.reason
+
+
+def believed_at(model, pose) -> Belief:
+    """All particles within half a millimetre of a pose."""
+    rng = np.random.default_rng(0)
+    poses = pose @ se3.exp(rng.normal(scale=[2e-4] * 3 + [0.01] * 3, size=(500, 6)))
+    particles = Particles.from_poses(poses, model.lookup.exact(poses))
+    belief = Belief(particles, model.lookup, model.mode_finder, model.symmetry.exact)
+    belief.cluster()
+    return belief
+
+
+def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, handed):
+    pose = copies(world, handed)[0].pose
+    found, image = hypotheses_of(believed_at(handed, pose), handed, CONFIG)
+    assert found.probability == pytest.approx(CONFIG.converged_probability, abs=0.001)
+    assert np.linalg.norm(image.pose[:3, 3] - (HALF_TURN @ pose)[:3, 3]) < 1e-3
+    advice = advise([found, image], NOTHING_MEASURED, Wanted(), NOISE)
+    assert not advice.indistinguishable
+    best = advice.suggestions[0]
+    assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3], "the knob is below"
+
+
+def test_exact_images_are_no_other_hypotheses(world, alike):
+    pose = copies(world, alike)[0].pose
+    _, *others = hypotheses_of(believed_at(alike, pose), alike, CONFIG)
+    assert len(alike.symmetry.exact.transforms) == 2
+    assert len(others) == MOST - 1
+    assert not any(each.narrow for each in others)
 
 
 def test_what_is_out_of_reach_does_not_count(world, handed):
