@@ -59,8 +59,8 @@ class EstimatePublisher:
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "pose", latched)
         self._calibration = node.create_publisher(ArmCalibration, "calibration", qos.latched())
         self._touches = 0
-        self._told_symmetry: Symmetry | None = None
-        self._fields: dict = {}
+        self._sent_symmetry: Symmetry | None = None
+        self._sent_fields: dict = {}
         self._modes = node.create_publisher(PoseModes, "pose_modes", stream)
         self._particles = node.create_publisher(PoseArray, "particles", stream)
         self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
@@ -111,9 +111,9 @@ class EstimatePublisher:
     def _symmetry_fields(self, running: ParticleFilter) -> dict:
         """Those of `PoseModes`; made anew only for another object."""
         symmetry = running.object.symmetry.exact
-        if symmetry is not self._told_symmetry:
-            self._told_symmetry, self._fields = symmetry, _symmetry_to_fields(symmetry)
-        return self._fields
+        if symmetry is not self._sent_symmetry:
+            self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
+        return self._sent_fields
 
     def _tell_calibration(self, stamp: int, calibration: Calibration | None) -> None:
         """Publish what is known of mount and clock, when a touch has taught something."""
