@@ -17,6 +17,9 @@ from ..bags.messages import BASE_FROM_OBJECT
 PUSH = 6e-3, np.radians(5.0)
 """m, rad: about what the filter's test of a moved object is made for."""
 
+TELLS = 0.1
+"""nats: a motion that tells so much is worth its way, though it may not tell hypotheses apart for certain."""
+
 
 class World:
     """Attributes: mesh; finger; base_from_object, T_base_obj (4, 4).

@@ -21,7 +21,7 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.sensor_model import SensorModel
 
-from ..explore.exploration import Exploration, Motion, Poses, World
+from ..explore.exploration import TELLS, Exploration, Motion, Poses, World
 from .explorer_control import ExplorerControl, FingerGoals, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
@@ -149,7 +149,7 @@ class Explorer(PipelineNode):
             self._go_on()
         elif not response.success:
             self._refused(response.message)
-        elif response.indistinguishable:
+        elif response.indistinguishable and not any(each.information > TELLS for each in response.suggestions):
             self._move(self._exploration.hopeless(response.message), "elsewhere, as nothing within reach would tell")
         else:
             self._exploration.accepted()

@@ -11,6 +11,7 @@ import midastouch_kernels as kernels
 from ..core.belief import Belief
 from ..core.config import FilterConfig
 from ..core.object_model import ObjectModel
+from ..core.pose_hypothesis import ANOTHER
 from ..refinement.refinement import is_narrow
 
 MOST = 8
@@ -49,6 +50,7 @@ def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> l
         )
         for k in modes
     ]  # fmt: skip
+    narrow = [*narrow[:1], *(_as_image(each, narrow[0].pose) for each in narrow[1:])]
     doubt, left = 1.0 - config.converged_probability, 1.0 - sum(each.probability for each in narrow)
     count, images = MOST - len(narrow), False
     if left <= doubt and len(narrow) > 1:
@@ -62,6 +64,18 @@ def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> l
     draws = [Hypothesis(model, pose, fraction / len(poses), images) for pose in poses]
     total = fraction + sum(each.probability for each in narrow)
     return [replace(each, probability=each.probability / total) for each in [*narrow, *draws]]
+
+
+def _as_image(hypothesis: Hypothesis, leading: np.ndarray) -> Hypothesis:
+    """The hypothesis at an exact image of the leading pose (4, 4) if it is one of its look-alikes: how well either is
+    known makes them differ everywhere, and only the surface where they really do is to be gone to."""
+    symmetry = hypothesis.model.symmetry
+    images = symmetry.look_alikes @ leading
+    distance = symmetry.exact.distance(images, hypothesis.pose)
+    if not len(images) or distance.min() > ANOTHER:
+        return hypothesis
+    image = images[[distance.argmin()]]
+    return replace(hypothesis, pose=symmetry.exact.nearest(image, hypothesis.pose)[0])
 
 
 def _spread(belief: Belief, taken: list[int], count: int) -> np.ndarray:

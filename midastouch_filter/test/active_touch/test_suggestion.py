@@ -71,10 +71,12 @@ def test_it_leads_to_where_copies_differ(world, handed):
     assert "differs from" in best.reason
 
 
-def believed_at(model, pose) -> Belief:
-    """All particles within half a millimetre of a pose."""
+def believed_at(model, *centres) -> Belief:
+    """As many particles within half a millimetre of each of these poses."""
     rng = np.random.default_rng(0)
-    poses = pose @ se3.exp(rng.normal(scale=[2e-4] * 3 + [0.01] * 3, size=(500, 6)))
+    poses = np.concatenate(
+        [centre @ se3.exp(rng.normal(scale=[2e-4] * 3 + [0.01] * 3, size=(500, 6))) for centre in centres]
+    )
     particles = Particles.from_poses(poses, model.lookup.exact(poses))
     belief = Belief(particles, model.lookup, model.mode_finder, model.symmetry.exact)
     belief.cluster()
@@ -90,6 +92,23 @@ def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, ha
     assert not advice.indistinguishable
     best = advice.suggestions[0]
     assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3], "the knob is below"
+
+
+def test_a_mode_beside_a_near_image_is_taken_for_it(world, handed):
+    """Two poses that are known to a millimetre or two would else seem to differ wherever there is an edge."""
+    pose = copies(world, handed)[0].pose
+    beside = HALF_TURN @ pose @ se3.exp([0.002, -0.001, 0, 0, 0, 0.03])
+    found, image = hypotheses_of(believed_at(handed, pose, pose, beside), handed, CONFIG)
+    assert 0.3 < image.probability < found.probability
+    (motion,) = handed.symmetry.look_alikes
+    np.testing.assert_allclose(image.pose, motion @ found.pose, atol=1e-6)
+
+
+def test_a_mode_that_is_no_image_stays_where_it_is(world, handed):
+    here = copies(world, handed)[0].pose
+    there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
+    other = hypotheses_of(believed_at(handed, here, here, there), handed, CONFIG)[1]
+    assert np.linalg.norm(other.pose[:3, 3] - there[:3, 3]) < 1e-4
 
 
 def test_exact_images_are_no_other_hypotheses(world, alike):
