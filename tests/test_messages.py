@@ -35,7 +35,14 @@ FIELDS = {
     },
     TactileContact: {"header": "std_msgs/Header", "in_contact": "boolean", "area": "float"},
     PoseMode: {"weight": "double", "pose": "geometry_msgs/PoseWithCovariance"},
-    PoseModes: {"header": "std_msgs/Header", "modes": "sequence<midastouch_msgs/PoseMode>"},
+    PoseModes: {
+        "header": "std_msgs/Header",
+        "modes": "sequence<midastouch_msgs/PoseMode>",
+        "symmetries": "sequence<geometry_msgs/Transform>",
+        "symmetry_free": "string",
+        "symmetry_axis": "geometry_msgs/Vector3",
+        "symmetry_centre": "geometry_msgs/Point",
+    },
     ArmCalibration: {
         "header": "std_msgs/Header",
         "mount": "geometry_msgs/PoseWithCovariance",
@@ -48,6 +55,7 @@ FIELDS = {
         "header": "std_msgs/Header",
         "state": "string",
         "reason": "string",
+        "symmetry": "string",
         "n_particles": "uint32",
         "ess": "double",
         "n_modes": "uint32",

@@ -131,7 +131,7 @@ def described(path: Path, codebook: Codebook, seconds: float) -> str:
     """A line about a codebook that was built."""
     size = path.stat().st_size / 2**20
     poses = f"{len(codebook.poses)} poses of {codebook.meta['mesh_name']}"
-    return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; {codebook.symmetry.describe()}"
+    return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; symmetry: {codebook.symmetry.describe()}"
 
 
 def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:

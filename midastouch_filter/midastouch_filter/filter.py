@@ -73,7 +73,7 @@ class ParticleFilter:
         rng, gates, watch = np.random.default_rng(seed), Gates(self._open_gates), self._watch
         self._policies = self._make_policies(self.config, self._noise, self._object, rng, gates, watch, self._workers)
         self._step = Step(self._policies, self.config.max_particles, gates, watch)
-        self._reporter = Reporter(self.config, self._policies, gates, watch)
+        self._reporter = Reporter(self.config, self._policies, self._object.symmetry, gates, watch)
         self._belief: Belief | None = None
         self._answered: _Answered | None = None
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 from .core.belief import Belief
 from .core.config import FilterConfig
@@ -126,9 +127,12 @@ class Step:
 
 
 class Reporter:
-    """Turns the belief, and what the policies know besides, into an estimate and its status."""
+    """Turns the belief, and what the policies know besides, into an estimate and its status; symmetry of the object."""
 
-    def __init__(self, config: FilterConfig, policies: Policies, gates: Gates, watch: Stopwatch):
+    def __init__(
+        self, config: FilterConfig, policies: Policies, symmetry: ObjectSymmetry, gates: Gates, watch: Stopwatch
+    ):
+        self._symmetry, self._alike = symmetry.describe(), "" if symmetry.exact.trivial else symmetry.exact.describe()
         self._state, self._policies, self._gates, self._watch = StateMachine(config), policies, gates, watch
 
     def nothing(self) -> Estimate:
@@ -150,6 +154,7 @@ class Reporter:
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
                 error=belief.answers[0].spread_translation,
+                alike=self._alike,
             )
         )
         return Estimate(belief.answers, self._status(belief), belief.covariance, self._policies.correct.calibration)
@@ -158,7 +163,7 @@ class Reporter:
         skipped, note = dict(self._gates.counts), self._gates.note
         reason = f"{self._state.reason} ({note})" if note else self._state.reason
         if belief is None:
-            return Status(self._state.state, reason, skipped=skipped)
+            return Status(self._state.state, reason, skipped=skipped, symmetry=self._symmetry)
         dominant = belief.modes[0] if belief.modes else None
         return Status(
             state=self._state.state,
@@ -172,4 +177,5 @@ class Reporter:
             likelihood_trend=self._policies.reweigh.trend.short,
             skipped=skipped,
             ms=self._watch.ms,
+            symmetry=self._symmetry,
         )

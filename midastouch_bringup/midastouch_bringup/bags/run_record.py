@@ -8,9 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import covariance_from_msg, image_from_msg, pose_from_msg, poses_from_msgs
+from midastouch_common.message_arrays import (
+    covariance_from_msg,
+    image_from_msg,
+    point_from_msg,
+    pose_from_msg,
+    poses_from_msgs,
+    transform_from_msg,
+)
 from midastouch_common.pose_metric import particle_rmse
+from midastouch_perception.symmetry.group import Symmetry
 
 from .frames import read_bag
 from .messages import header_stamp_ns, typestore
@@ -44,6 +53,7 @@ class RunRecord:
 def read_run(path: str | Path) -> RunRecord:
     """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.
 
+    Where a truth is known, of the poses that the object's symmetry makes alike the one nearest to it stands for all.
     Raises InputError if the bag cannot be read or holds no frame with a result.
     """
     recorded = {topic.name for topic in bag_topics(path)}
@@ -64,21 +74,21 @@ def read_run(path: str | Path) -> RunRecord:
         if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES)):
             continue
         status, pose = results[STATUS][stamp], results[POSE].get(stamp)
-        snapshots.append(
-            Snapshot(
-                frame=len(seen) - 1,
-                time=1e-9 * (stamp - start),
-                truth=frame.object_from_gel_true,
-                particles=poses_from_msgs(results[PARTICLES][stamp].poses),
-                modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
-                estimate=None if pose is None else pose_from_msg(pose.pose.pose),
-                image=frame.image,
-                penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
-                code=_code(results[CODE].get(stamp)),
-                state=status.state,
-                objects=objects,
-            )
+        snapshot = Snapshot(
+            frame=len(seen) - 1,
+            time=1e-9 * (stamp - start),
+            truth=frame.object_from_gel_true,
+            particles=poses_from_msgs(results[PARTICLES][stamp].poses),
+            modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
+            estimate=None if pose is None else pose_from_msg(pose.pose.pose),
+            image=frame.image,
+            penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
+            code=_code(results[CODE].get(stamp)),
+            state=status.state,
+            objects=objects,
+            symmetry=_symmetry(results[MODES][stamp]),
         )
+        snapshots.append(_nearest_to_truth(snapshot))
         n_particles.append(int(status.n_particles))
         filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
@@ -106,6 +116,29 @@ def answers(path: str | Path) -> dict[int, object]:
 def _hypothesis(mode: object) -> RecordedMode:
     pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
     return RecordedMode(float(mode.weight), pose, covariance)
+
+
+def _symmetry(modes: object) -> Symmetry:
+    transforms = np.array([transform_from_msg(motion) for motion in modes.symmetries]).reshape(-1, 4, 4)
+    axis, centre = point_from_msg(modes.symmetry_axis), point_from_msg(modes.symmetry_centre)
+    return Symmetry(transforms, modes.symmetry_free, axis, centre)
+
+
+def _nearest_to_truth(one: Snapshot) -> Snapshot:
+    """The same with poses nearest to the truth of those that are alike."""
+    if one.truth is None or one.symmetry.trivial:
+        return one
+
+    def nearest(poses: np.ndarray) -> np.ndarray:
+        return one.symmetry.nearest(poses, one.truth)
+
+    modes = []
+    for mode in one.modes:
+        (pose,) = nearest(mode.pose[None])
+        turn = se3.turn(pose[:3, :3] @ mode.pose[:3, :3].T)
+        modes.append(RecordedMode(mode.weight, pose, turn @ mode.covariance @ turn.T))
+    estimate = None if one.estimate is None else nearest(one.estimate[None])[0]
+    return dataclasses.replace(one, particles=nearest(one.particles), modes=modes, estimate=estimate)
 
 
 def _probabilities(detections: object) -> dict[str, float]:
@@ -146,7 +179,8 @@ class Snapshot:
     frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`, None where it is not known;
     particles (N, 4, 4), drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before
     the first; image (H, W, 3) uint8; penetration (h, w) m, None if it was not recorded; code (D,) or None without
-    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where one was given.
+    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where one was given;
+    symmetry of the object that the filter takes it for.
     Pictures of the report need the truth and the penetration, as every demo has them.
     """
 
@@ -161,6 +195,7 @@ class Snapshot:
     code: np.ndarray | None
     state: str
     objects: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
 
 
 def moments(run: list[Snapshot], count: int) -> list[Snapshot]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import closest_mode_error, particle_rmse, pose_errors
 from midastouch_perception.codebook import Codebook
@@ -14,6 +16,7 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.fit import Result, calibrate
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.tdn import load_tdn
 
 from ..bags.run_record import RunRecord, Snapshot
@@ -76,10 +79,15 @@ def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
 
 
 _FOUND_MM, _FOUND_DEG = 10, 15
+_MOST_NAMED = 6  # places in a cell of a table
 
 
 def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
-    """The content of `result.json`; seconds: from the first answer to the last."""
+    """The content of `result.json`; seconds: from the first answer to the last.
+
+    Errors are modulo the object's symmetry. `alike` [m, quaternion] are all poses that feel the same as the published
+    one; where turns are free, one for each family of them.
+    """
     last = record.snapshots[-1]
     modes = np.array([mode.pose for mode in last.modes]).reshape(-1, 4, 4)
     errors = {
@@ -94,6 +102,8 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
         "final": {
             name: {"trans_mm": 1e3 * float(e[0]), "rot_deg": float(np.degrees(e[1]))} for name, e in errors.items()
         },
+        "symmetry": last.symmetry.as_json(),
+        "alike": [] if last.estimate is None else se3.to_xyzquat(last.symmetry.transforms @ last.estimate).tolist(),
         "state": last.state,
         "n_particles": record.n_particles[-1],
         "n_modes": len(last.modes),
@@ -105,6 +115,21 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
 def is_found(error: dict) -> bool:
     """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right pose."""
     return error["trans_mm"] <= _FOUND_MM and error["rot_deg"] <= _FOUND_DEG
+
+
+def _alike_in_words(symmetry: Symmetry, alike: list[list[float]]) -> str:
+    """Which poses `alike` (K, 7) are, and by which turns they go over into others."""
+    places = ", ".join(_place(pose[:3]) for pose in alike[:_MOST_NAMED])
+    more = f" and {len(alike) - _MOST_NAMED} more" if len(alike) > _MOST_NAMED else ""
+    words = f"{symmetry.describe()}: at {places}{more} mm" if alike else symmetry.describe()
+    if symmetry.free == "none":
+        return words
+    axis = f"the axis ({', '.join(f'{x:.2f}' for x in symmetry.axis)}) through " if symmetry.free == "axis" else ""
+    return f"{words}, and by any turn about {axis}{_place(symmetry.centre)} mm"
+
+
+def _place(point: Sequence[float]) -> str:
+    return f"({', '.join(f'{1e3 * x:.0f}' for x in point)})"
 
 
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
@@ -120,6 +145,9 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     ]
     found = "yes" if is_found(result["final"]["closest mode"]) else "no"
     rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", found])
+    symmetry = Symmetry.from_json(result["symmetry"])
+    if not symmetry.trivial:
+        rows.append(["known up to symmetry, and judged so", _alike_in_words(symmetry, result["alike"])])
     rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
     rows.append(["state", f"{result['state']}, {result['n_particles']} particles, {result['n_modes']} modes"])
     return [result["object"], ""], rows

@@ -17,6 +17,9 @@ from ..bags.messages import BASE_FROM_OBJECT
 PUSH = 6e-3, np.radians(5.0)
 """m, rad: about what the filter's test of a moved object is made for."""
 
+TELLS = 0.1
+"""nats: a motion that tells so much is worth its way, though it may not tell hypotheses apart for certain."""
+
 
 class World:
     """Attributes: mesh; finger; base_from_object, T_base_obj (4, 4).
@@ -130,12 +133,13 @@ class Exploration:
         slide = self.random_slide()
         return Motion(slide.heading, 2 * slide.length, lift=True)
 
-    def judge(self, state: str, measured: bool) -> None:
-        """Look at the filter's state after a motion, and whether it has `measured` what the finger touches."""
+    def judge(self, state: str, why: str, measured: bool) -> None:
+        """Look at the filter's state after a motion, its reason, and whether it has `measured` what the finger
+        touches."""
         self._unmeasured = 0 if measured or not self.world.finger.touching else self._unmeasured + 1
         self._sure = self._sure + 1 if state == "converged" else 0
         if self._sure >= _SURE:
-            self.verdict = Verdict(True, "the filter knows the pose")
+            self.verdict = Verdict(True, f"the filter knows the pose: {why}")
         elif self._unmeasured >= _MOST_FRUITLESS:
             words = (
                 f"the filter has measured nothing for {_MOST_FRUITLESS} motions: "

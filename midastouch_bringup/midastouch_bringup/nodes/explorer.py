@@ -21,7 +21,7 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.sensor_model import SensorModel
 
-from ..explore.exploration import Exploration, Motion, Poses, World
+from ..explore.exploration import TELLS, Exploration, Motion, Poses, World
 from .explorer_control import ExplorerControl, FingerGoals, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
@@ -51,7 +51,7 @@ class Explorer(PipelineNode):
 
         self._on_end, self.gave_up = on_end, False
         self._heard_at = time.monotonic()
-        self._filter_state, self._measured = "", False
+        self._filter_state, self._filter_reason, self._measured = "", "", False
         self._untouched = 0
         self._begun = False
         self._poses: Poses | None = None
@@ -92,7 +92,8 @@ class Explorer(PipelineNode):
         self._heard_at = time.monotonic()
         # one that does not know yet which object it is says nothing of contact
         touches = status.state != FilterStatus.STATE_NO_CONTACT
-        self._filter_state, self._measured = status.state, self._measured or touches
+        self._filter_state, self._filter_reason = status.state, status.reason
+        self._measured = self._measured or touches
         if self._report.state == ExplorerStatus.STATE_WAITING:
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return
@@ -131,7 +132,7 @@ class Explorer(PipelineNode):
             self._poses = self._orders.popleft()()
             self._go_on()
         elif self._report.state == ExplorerStatus.STATE_EXPLORING:
-            self._exploration.judge(self._filter_state, self._measured)
+            self._exploration.judge(self._filter_state, self._filter_reason, self._measured)
             self._measured = False
             if self._ended():
                 return
@@ -148,7 +149,7 @@ class Explorer(PipelineNode):
             self._go_on()
         elif not response.success:
             self._refused(response.message)
-        elif response.indistinguishable:
+        elif response.indistinguishable and not any(each.information > TELLS for each in response.suggestions):
             self._move(self._exploration.hopeless(response.message), "elsewhere, as nothing within reach would tell")
         else:
             self._exploration.accepted()

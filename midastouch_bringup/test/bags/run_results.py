@@ -39,10 +39,30 @@ class Results:
         name = content.__msgtype__
         return Message(topic, name, stamp, bytes(self.store.serialize_cdr(content, name)))
 
-    def of_frame(self, stamp: int, truth: np.ndarray, in_contact: bool) -> list[Message]:
+    def symmetry(self, turns: int) -> dict:
+        """The fields of `PoseModes` on an object that so many turns about z map onto itself."""
+        nothing = {"x": 0.0, "y": 0.0, "z": 0.0}
+        angles = [[0, 0, 0, 0, 0, 2 * np.pi * k / turns] for k in range(turns)]
+        return {
+            "symmetries": [self.transform(se3.exp(each)) for each in angles],
+            "symmetry_free": "none",
+            "symmetry_axis": self.new("geometry_msgs/msg/Vector3", **nothing),
+            "symmetry_centre": self.new("geometry_msgs/msg/Point", **nothing),
+        }
+
+    def transform(self, transform: np.ndarray):
+        pose = self.pose(transform)
+        place = self.new("geometry_msgs/msg/Vector3", x=pose.position.x, y=pose.position.y, z=pose.position.z)
+        return self.new("geometry_msgs/msg/Transform", translation=place, rotation=pose.orientation)
+
+    def of_frame(
+        self, stamp: int, truth: np.ndarray, in_contact: bool, turns: int, turned: np.ndarray
+    ) -> list[Message]:
+        """As of a filter that has the gel at `turned` (4, 4) times the truth."""
+        found = turned @ truth
         header = self.header(stamp)
         covariance = np.arange(36.0)
-        with_covariance = self.new("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(truth), covariance=covariance)
+        with_covariance = self.new("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(found), covariance=covariance)
         mode = self.new("midastouch_msgs/msg/PoseMode", weight=0.75, pose=with_covariance)
         contents = {
             "/filter_status": self.new(
@@ -50,6 +70,7 @@ class Results:
                 header=header,
                 state="converged",
                 reason="",
+                symmetry="",
                 n_particles=700,
                 ess=600.0,
                 n_modes=1,
@@ -62,9 +83,11 @@ class Results:
                 stage_names=["motion", "weights"],
                 stage_ms=np.array([1.5, 2.0]),
             ),
-            "/pose_modes": self.new("midastouch_msgs/msg/PoseModes", header=header, modes=[mode]),
+            "/pose_modes": self.new(
+                "midastouch_msgs/msg/PoseModes", header=header, modes=[mode], **self.symmetry(turns)
+            ),
             "/particles": self.new(
-                "geometry_msgs/msg/PoseArray", header=header, poses=[self.pose(truth), self.pose(np.eye(4))]
+                "geometry_msgs/msg/PoseArray", header=header, poses=[self.pose(found), self.pose(np.eye(4))]
             ),
             "/pose": self.new("geometry_msgs/msg/PoseWithCovarianceStamped", header=header, pose=with_covariance),
             "/tactile/code": self.new(
@@ -117,7 +140,15 @@ class Results:
         }
         numbers = dict.fromkeys(("ess", "mode_mass", "spread_translation", "spread_rotation", "likelihood_trend"), 0.0)
         content = self.new(
-            kind, header=self.header(stamp), state=state, reason="", n_particles=5, n_modes=0, **numbers, **empty
+            kind,
+            header=self.header(stamp),
+            state=state,
+            reason="",
+            symmetry="",
+            n_particles=5,
+            n_modes=0,
+            **numbers,
+            **empty,
         )
         return self.message("/filter_status", content, stamp)
 
@@ -147,12 +178,15 @@ def write_run(
     refused: Collection[int] = (),
     without: Collection[str] = (),
     objects: Mapping[int, Mapping[str, float]] | None = None,
+    turns: int = 1,
+    turned: np.ndarray | None = None,
 ) -> Path:
     """Write a bag of a sequence: results of `answered` frames only, nothing on topics `without`.
 
-    objects: probabilities that come with a frame.
+    objects: probabilities that come with a frame. turns: so many about z map the object onto itself. turned (4, 4): the
+    motion of the object's frame from the true pose of the gel to the one that is found, by default none.
     """
-    results = Results()
+    results, turned = Results(), np.eye(4) if turned is None else turned
     messages = list(sequence_messages(sequence))
     images = [m for m in messages if m.topic == "/image_raw"]
     for i in repeated:
@@ -162,7 +196,8 @@ def write_run(
     for i in waited:
         messages.append(results.other(int(sequence.stamps_ns[i]), "waiting"))
     for i in answered:
-        messages += results.of_frame(int(sequence.stamps_ns[i]), sequence.poses_true[i], in_contact=i != 1)
+        stamp, truth = int(sequence.stamps_ns[i]), sequence.poses_true[i]
+        messages += results.of_frame(stamp, truth, i != 1, turns, turned)
     for i in refused:
         messages.append(results.other(int(sequence.stamps_ns[i]), "stale"))
     last = int(sequence.stamps_ns[-1])

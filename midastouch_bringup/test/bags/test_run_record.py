@@ -12,6 +12,7 @@ from midastouch_bringup.bags.messages import typestore
 from midastouch_bringup.bags.reader import bag_messages
 from midastouch_bringup.bags.run_record import moments, read_run
 from midastouch_bringup.bags.writer import BagWriter
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 
 FRAMES = 4
@@ -50,6 +51,22 @@ def test_every_answered_frame_is_a_snapshot_with_its_truth_and_its_times(bag):
     assert record.filter_ms == pytest.approx([3.5] * FRAMES)
     assert record.n_particles == [700] * FRAMES
     assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
+
+
+def test_of_poses_that_are_alike_the_one_nearest_to_the_truth_counts(bag):
+    quarter = se3.exp([0, 0, 0, 0, 0, np.pi / 2])
+    sequence, path = bag(turns=4, turned=quarter)
+    snapshot = read_run(path).snapshots[2]
+    truth = sequence.poses_true[2]
+    assert len(snapshot.symmetry.transforms) == 4
+    for pose in (snapshot.estimate, snapshot.particles[0], snapshot.modes[0].pose):
+        assert pose == pytest.approx(truth, abs=1e-6)
+    # back by a quarter: what was along y is along x
+    covariance = np.arange(36.0).reshape(6, 6)
+    assert snapshot.modes[0].covariance[0, 0] == pytest.approx(covariance[1, 1])
+    assert snapshot.modes[0].covariance[5, 5] == pytest.approx(covariance[5, 5])
+    (third,) = read_run(bag(turns=3, turned=quarter)[1]).snapshots[2].modes
+    assert np.linalg.norm(third.pose[:3, :3] - truth[:3, :3]) > 0.1, "a quarter of a turn is not a third"
 
 
 def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):

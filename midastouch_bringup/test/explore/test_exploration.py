@@ -103,16 +103,17 @@ def test_without_a_suggestion_it_goes_somewhere(exploration):
 
 def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
     for state in ("converged", "ambiguous", "converged"):
-        exploration.judge(state, measured=True)
+        exploration.judge(state, "", measured=True)
         assert exploration.verdict is None
-    exploration.judge("converged", measured=True)
+    exploration.judge("converged", "one mode is left, modulo symmetry: 6 poses alike", measured=True)
     assert exploration.verdict.known
+    assert "modulo symmetry: 6 poses alike" in exploration.verdict.words
 
 
 @pytest.mark.parametrize(
     ("happens", "words"),
     [
-        (lambda it: it.judge("no_contact", measured=False), "measured nothing for 3 motions"),
+        (lambda it: it.judge("no_contact", "", measured=False), "measured nothing for 3 motions"),
         (lambda it: it.refused("not in contact"), "no suggestion where to touch next: not in contact"),
         (lambda it: it.hopeless("(1, 2, 3) mm"), "nothing tells the poses apart: (1, 2, 3) mm"),
     ],
@@ -131,8 +132,8 @@ def test_what_goes_well_in_between_starts_the_count_anew(exploration):
     for _ in range(3):
         exploration.refused("why")
         exploration.hopeless("why")
-        exploration.judge("no_contact", measured=False)
-        exploration.judge("ambiguous", measured=True)
+        exploration.judge("no_contact", "", measured=False)
+        exploration.judge("ambiguous", "", measured=True)
         exploration.accepted()
     assert exploration.verdict is None
 
@@ -144,7 +145,7 @@ def test_without_suggestions_that_help_it_looks_for_others_elsewhere(exploration
 def test_it_gives_up_after_the_longest_way(exploration):
     while exploration.path <= 0.5:
         assert list(exploration.go([Motion(0.3, 0.1)]))
-    exploration.judge("ambiguous", measured=True)
+    exploration.judge("ambiguous", "", measured=True)
     assert exploration.verdict.words.startswith("still ambiguous after 0.5")
 
 
@@ -159,9 +160,9 @@ def test_a_finger_that_cannot_move_or_touch_is_no_loop(stuck):
 
 def test_another_object_begins_anew(exploration):
     list(exploration.go([]))
-    exploration.judge("converged", measured=True)
+    exploration.judge("converged", "", measured=True)
     exploration.restart()
-    exploration.judge("converged", measured=True)
+    exploration.judge("converged", "", measured=True)
     assert (exploration.path, exploration.slides, exploration.lifts) == (0.0, 0, 0)
     assert exploration.verdict is None
 

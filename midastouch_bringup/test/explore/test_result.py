@@ -4,17 +4,25 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.bags.run_record import RecordedMode, RunRecord, Snapshot
-from midastouch_bringup.explore.result import Ended, ending, exploration_result, write_page, write_words
+from midastouch_bringup.explore.result import (
+    Ended,
+    ending,
+    exploration_result,
+    result_rows,
+    write_page,
+    write_words,
+)
 from midastouch_common import se3
+from midastouch_perception.symmetry.group import Symmetry
 
 ENDED = Ended("known", "the filter knows the pose", 0.2, 3, 1)
 
 
-def frame(objects, off=0.0, state="converged"):
+def frame(objects, off=0.0, state="converged", symmetry=None):
     pose = se3.exp([off, 0, 0, 0, 0, 0])
     mode = RecordedMode(1.0, pose, np.eye(6))
     truth, image = np.eye(4), np.zeros((2, 2, 3), np.uint8)
-    return Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects)
+    return Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects, symmetry or Symmetry())
 
 
 def result(*args, **kwargs):
@@ -38,6 +46,24 @@ def test_object_and_place_must_be_right():
 )
 def test_else_it_is_wrong(wrong):
     assert not result(**wrong)["right"]
+
+
+def test_which_poses_are_alike_is_told(tmp_path):
+    assert not result_rows_of(result({}))
+    symmetry = Symmetry(np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])]))
+    found = result({}, off=0.009, symmetry=symmetry)
+    assert np.array(found["alike"])[:, 0] == pytest.approx([0.009, -0.009])
+    (words,) = result_rows_of(found)
+    assert words == "2 poses alike: at (9, 0, 0), (-9, 0, 0) mm"
+    assert words in write_words(found, "no pictures", tmp_path).read_text()
+    axis = Symmetry(free="axis", axis=np.array([0.0, 0.0, 1.0]), centre=np.array([0.002, 0.0, 0.0]))
+    (words,) = result_rows_of(result({}, symmetry=axis))
+    assert "any turn about the axis (0.00, 0.00, 1.00) through (2, 0, 0) mm" in words
+
+
+def result_rows_of(found) -> list[str]:
+    """What the table says of symmetry."""
+    return [value for name, value in result_rows(found)[1] if "symmetry" in name]
 
 
 def test_an_object_that_was_told_is_known():

@@ -22,6 +22,7 @@ class Rig:
 
     def __init__(self, graph, **parameters):
         self.graph, self.state, self.silent, self.ended = graph, "ambiguous", False, []
+        self.reason = ""
         self.untouched = FilterStatus.STATE_NO_CONTACT
         self.poses, self.objects, self.asked = [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
@@ -37,7 +38,7 @@ class Rig:
         self.objects.append(frames[TRUTH_FRAME])
         touches = np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
         if not self.silent:
-            status = FilterStatus(state=self.state if touches else self.untouched)
+            status = FilterStatus(state=self.state if touches else self.untouched, reason=self.reason)
             status.header.stamp = stamp
             self._answers.publish(status)
 

@@ -26,8 +26,8 @@ def rig(graph):
 
 def test_it_explores_until_the_filter_knows(rig):
     rig.until("exploring", "somewhere")
-    rig.state = "converged"
-    status = rig.until("known")
+    rig.state, rig.reason = "converged", "one mode is left, modulo symmetry: 6 poses alike"
+    status = rig.until("known", "modulo symmetry: 6 poses alike")
     assert rig.ended
     assert not rig.node.gave_up
     assert status.slides >= 1
@@ -119,6 +119,17 @@ def test_places_that_nothing_tells_apart_end_it(rig):
     rig.advise(hopeless)
     status = rig.until("gave_up", "four sides are alike")
     assert status.lifts >= 3  # it went to look elsewhere
+
+
+def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(rig):
+    def hardly(response):
+        response.success = response.indistinguishable = True
+        response.suggestions = [Suggestion(heading=0.0, length=0.02, information=0.4, reason="a recess may be there")]
+
+    rig.advise(hardly)
+    rig.until("exploring", "a recess may be there")
+    rig.graph.spin_until(lambda: len(rig.asked) > 3, "it to ask more often than the hopeless do")
+    assert not rig.ended
 
 
 def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):

@@ -104,7 +104,8 @@ def map_evidence(
 ) -> np.ndarray:
     """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right hypothesis against
     each of W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the
-    surface nothing is explained; what is wrong with real maps, as with the last one, no hypothesis explains."""
+    surface nothing is explained; what is wrong with real maps, as with the last one, no hypothesis explains. Nor
+    is it evidence what the right hypothesis itself leaves of a touch, as where the gel tilts over an edge."""
     if not len(at_right):
         return np.zeros(at_wrong.shape[:2])
     usual = usually_unexplained(right, at_right, noise)
@@ -117,6 +118,9 @@ def map_evidence(
         some = near[:, k]
         found[some, k] = unexplained(each.model, at_wrong[some, k], maps[some], noise)
     real = right.residual_ratio if right.residual_ratio is not None else 1.0 - right.model.config.penetration_fit
-    usual, found = np.minimum(usual + real, 1.0), np.minimum(found + real, 1.0)
+    own = np.zeros(len(at_right))
+    own[reached] = unexplained(right.model, at_right[reached], maps[reached], noise)
+    usual = np.minimum(np.maximum(usual, own) + real, 1.0)[:, None]
+    found = np.minimum(found + real, 1.0)
     # a touch of which less is left than usual is simple, not evidence against the right hypothesis
     return np.maximum(noise.residual_evidence(usual) - noise.residual_evidence(found), 0.0)

@@ -117,7 +117,10 @@ class _Outlook:
         """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow hypotheses by their maps."""
         ways = self._tracks[:, :, 1:]
         flat = ways.reshape(len(ways), -1, 4, 4)
-        poses = carried_along(self._tracks[:, 0, 0], flat)
+        # a narrow hypothesis is where it is; laid flat, two poses alike would no longer be carried to poses alike
+        narrow = np.array([each.narrow for each in self._hypotheses])[:, None, None]
+        starts = np.where(narrow, np.stack([each.pose for each in self._hypotheses]), self._tracks[:, 0, 0])
+        poses = carried_along(starts, flat)
         evidence = code_evidence(self._hypotheses, poses)
         narrow = self._with_maps()
         for i in narrow:

@@ -111,6 +111,7 @@ class Effort:
     newest and ever sparser ones before it, are scored on those first, and the best `kept` of them on all.
     With several fingers, the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook
     entries are some 20 deg apart, which moves a further finger by centimetres.
+    carried: hypotheses of the last comparison that are compared again, whether codes bring them up or not.
     lookups_per_step (of candidates) and alignments_per_step bound what one step takes; `alignments` bound the
     competitors that are followed in all.
     settled_after: touches after which a hypothesis' rotation is known well enough to say where further fingers are.
@@ -126,6 +127,7 @@ class Effort:
     kept: int = 120
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
+    carried: int = 16
     lookups_per_step: int = 2500
     alignments: int = 500
     alignments_per_step: int = 30

@@ -28,7 +28,7 @@ class Status:
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
     likelihood_trend [nats]: short average of the log-likelihood ratio against a random touch (below 0: the
     particles explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
-    stage, those of what followed the last answer included.
+    stage, those of what followed the last answer included; symmetry of the object, in words.
     """
 
     state: str
@@ -42,6 +42,7 @@ class Status:
     likelihood_trend: float = 0.0
     skipped: dict[str, int] = field(default_factory=dict)
     ms: dict[str, float] = field(default_factory=dict)
+    symmetry: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ class StateEvidence:
     """What the state depends on; units as in `Status`.
 
     support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
-    error [m]: RMS distance of the truth to the published pose, by its covariance, if its hypothesis is the right one.
+    error [m]: RMS distance of the truth to the published pose, by its covariance, if its hypothesis is the right one;
+    alike: how many poses feel the same as each one, in words, empty if none do.
     """
 
     initialised: bool = False
@@ -61,6 +63,7 @@ class StateEvidence:
     spread_t: float = 0.0
     spread_r: float = 0.0
     error: float = 0.0
+    alike: str = ""
 
 
 class StateMachine:
@@ -88,7 +91,8 @@ class StateMachine:
         if self._lost:
             return LOST, e.restarted or "the touches contradict every particle; looking for better hypotheses"
         if self._converged:
-            return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm"
+            modulo = f", modulo symmetry: {e.alike}" if e.alike else ""
+            return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm{modulo}"
         return AMBIGUOUS, why_not
 
     def _narrow(self, e: StateEvidence) -> tuple[bool, str]:

@@ -12,7 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from geometry_msgs.msg import PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import (
+    Point,
+    PoseArray,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3,
+)
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
@@ -25,6 +32,7 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
+from midastouch_perception.symmetry.group import Symmetry
 
 from ..core.alignment import transform_covariance
 from ..core.estimate import Calibration, Estimate
@@ -51,6 +59,8 @@ class EstimatePublisher:
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "pose", latched)
         self._calibration = node.create_publisher(ArmCalibration, "calibration", qos.latched())
         self._touches = 0
+        self._sent_symmetry: Symmetry | None = None
+        self._sent_fields: dict = {}
         self._modes = node.create_publisher(PoseModes, "pose_modes", stream)
         self._particles = node.create_publisher(PoseArray, "particles", stream)
         self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
@@ -82,7 +92,7 @@ class EstimatePublisher:
             pose = _pose_to_msg(estimate.pose, estimate.covariance)
             self._pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
         modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m.pose, m.covariance)) for m in estimate.modes]
-        self._modes.publish(PoseModes(header=header, modes=modes))
+        self._modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
         if T_base_obj is not None and self._parameters["tf_broadcast"]:
             self._broadcast(stamp, T_base_obj)
         self._tell_calibration(stamp, estimate.calibration)
@@ -97,6 +107,13 @@ class EstimatePublisher:
 
     def _header(self, stamp: int) -> Header:
         return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
+
+    def _symmetry_fields(self, running: ParticleFilter) -> dict:
+        """Those of `PoseModes`; made anew only for another object."""
+        symmetry = running.object.symmetry.exact
+        if symmetry is not self._sent_symmetry:
+            self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
+        return self._sent_fields
 
     def _tell_calibration(self, stamp: int, calibration: Calibration | None) -> None:
         """Publish what is known of mount and clock, when a touch has taught something."""
@@ -154,6 +171,17 @@ def _calibration_to_msg(calibration: Calibration, header: Header) -> ArmCalibrat
     )
 
 
+def _symmetry_to_fields(symmetry: Symmetry) -> dict:
+    centred = symmetry.free != PoseModes.SYMMETRY_FREE_NONE
+    axis = symmetry.axis if symmetry.free == PoseModes.SYMMETRY_FREE_AXIS else np.zeros(3)
+    return {
+        "symmetries": [transform_to_msg(motion) for motion in symmetry.transforms],
+        "symmetry_free": symmetry.free,
+        "symmetry_axis": Vector3(**dict(zip("xyz", axis.tolist(), strict=True))),
+        "symmetry_centre": Point(**dict(zip("xyz", (symmetry.centre * centred).tolist(), strict=True))),
+    }
+
+
 def _finite(estimate: Estimate) -> bool:
     whole = estimate.covariance is None or np.isfinite(estimate.covariance).all()
     return bool(whole) and all(
@@ -181,6 +209,7 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
         header=header,
         state=status.state,
         reason=status.reason,
+        symmetry=status.symmetry,
         n_particles=status.n_particles,
         n_modes=status.n_modes,
         skipped_names=list(status.skipped),

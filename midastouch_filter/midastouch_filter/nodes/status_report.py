@@ -70,6 +70,8 @@ class StatusReport:
         level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
+        if s.symmetry:
+            values["symmetry"] = s.symmetry
         if self._calibration is not None:
             values |= _in_words(self._calibration)
         return level, f"{s.state}: {s.reason}", values

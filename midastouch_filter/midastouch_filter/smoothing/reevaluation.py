@@ -13,7 +13,7 @@ That takes dozens of alignments, so it is done in slices, a few in every step of
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -177,38 +177,39 @@ class Reevaluation:
         competitors = yield from self._search.find(window, starts)
         race = Race(window)
         likelihood = WindowLikelihood(window, self._alignment, self._noise, self._effort, self._explains, race)
-        asked = 0
         for start in starts:
             yield from likelihood.follow(start)
-        yield from self._follow_look_alikes(likelihood, starts)
-        most = race.alignments + self._effort.alignments
-        for start in competitors.poses:
-            if race.alignments >= most:
-                break
-            asked += 1
-            yield from likelihood.follow(start)
+        asked = yield from self._follow_some(likelihood, race, competitors.poses)
         compared = self._compared(window, likelihood, competitors, asked)
         back = se3.inverse(self._window.motion) @ newest
         leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
-        if (yield from self._follow_look_alikes(likelihood, leading)):
+        if images := self._look_alikes(leading, likelihood):
+            asked_images = yield from self._follow_some(likelihood, race, images)
             compared = self._compared(window, likelihood, competitors, asked)
-        self._carried = [each.pose for each in compared.hypotheses if each.probability > _POSSIBLE]
-        self._carried_at = self._window.motion
+            compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
+        possible = [each.pose for each in compared.hypotheses if each.probability > _POSSIBLE]
+        self._carried, self._carried_at = possible[: self._effort.carried], self._window.motion
         yield compared
 
-    def _follow_look_alikes(
-        self, likelihood: WindowLikelihood, poses: Sequence[np.ndarray]
-    ) -> Generator[None, None, bool]:
-        """Follow the poses that nearly have the same surface as these (4, 4), at the newest keyframe; whether there
-        were any that had not been followed."""
-        anew = False
-        for pose in poses:
-            for image in self._symmetry.look_alikes @ pose:
-                known = [each.poses[-1] for each in likelihood.followed]
-                if far_from(known, image[None], ANOTHER, self._symmetry.exact)[0]:
-                    anew = True
-                    yield from likelihood.follow(image)
-        return anew
+    def _follow_some(
+        self, likelihood: WindowLikelihood, race: Race, starts: Sequence[np.ndarray]
+    ) -> Generator[None, None, int]:
+        """Follow poses (4, 4) at the newest keyframe, the first ones first, as far as the effort goes; how many."""
+        most = race.alignments + self._effort.alignments
+        for asked, start in enumerate(starts):
+            if race.alignments >= most:
+                return asked
+            yield from likelihood.follow(start)
+        return len(starts)
+
+    def _look_alikes(self, poses: Sequence[np.ndarray], likelihood: WindowLikelihood) -> list[np.ndarray]:
+        """Poses (4, 4) that nearly have the same surface as these, at the newest keyframe, and were not followed."""
+        images = [motion @ pose for pose in poses for motion in self._symmetry.look_alikes]
+        if not images:
+            return []
+        known = [each.poses[-1] for each in likelihood.followed]
+        new = np.stack(images)[far_from(known, np.stack(images), ANOTHER, self._symmetry.exact)]
+        return list(new[distinct(new, range(len(new)), ANOTHER, self._symmetry.exact)])
 
     def _compared(
         self, window: WeighedWindow, likelihood: WindowLikelihood, competitors: Competitors, asked: int

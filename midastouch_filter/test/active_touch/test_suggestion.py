@@ -10,12 +10,14 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.active_touch.expected_evidence import carried_along, map_evidence
-from midastouch_filter.active_touch.hypotheses import Hypothesis
+from midastouch_filter.active_touch.hypotheses import MOST, Hypothesis, hypotheses_of
 from midastouch_filter.active_touch.slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
 from midastouch_filter.active_touch.suggestion import Wanted, advise, mixture_information
+from midastouch_filter.core.belief import Belief
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 
 CONFIG = FilterConfig(threads=1)
@@ -67,6 +69,54 @@ def test_it_leads_to_where_copies_differ(world, handed):
     assert best.information > 0.3
     assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3]
     assert "differs from" in best.reason
+
+
+def believed_at(model, *centres) -> Belief:
+    """As many particles within half a millimetre of each of these poses."""
+    rng = np.random.default_rng(0)
+    poses = np.concatenate(
+        [centre @ se3.exp(rng.normal(scale=[2e-4] * 3 + [0.01] * 3, size=(500, 6))) for centre in centres]
+    )
+    particles = Particles.from_poses(poses, model.lookup.exact(poses))
+    belief = Belief(particles, model.lookup, model.mode_finder, model.symmetry.exact)
+    belief.cluster()
+    return belief
+
+
+def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, handed):
+    pose = copies(world, handed)[0].pose
+    found, image = hypotheses_of(believed_at(handed, pose), handed, CONFIG)
+    assert found.probability == pytest.approx(CONFIG.converged_probability, abs=0.001)
+    assert np.linalg.norm(image.pose[:3, 3] - (HALF_TURN @ pose)[:3, 3]) < 1e-3
+    advice = advise([found, image], NOTHING_MEASURED, Wanted(), NOISE)
+    assert not advice.indistinguishable
+    best = advice.suggestions[0]
+    assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3], "the knob is below"
+
+
+def test_a_mode_beside_a_near_image_is_taken_for_it(world, handed):
+    """Two poses that are known to a millimetre or two would else seem to differ wherever there is an edge."""
+    pose = copies(world, handed)[0].pose
+    beside = HALF_TURN @ pose @ se3.exp([0.002, -0.001, 0, 0, 0, 0.03])
+    found, image = hypotheses_of(believed_at(handed, pose, pose, beside), handed, CONFIG)
+    assert 0.3 < image.probability < found.probability
+    (motion,) = handed.symmetry.look_alikes
+    np.testing.assert_allclose(image.pose, motion @ found.pose, atol=1e-6)
+
+
+def test_a_mode_that_is_no_image_stays_where_it_is(world, handed):
+    here = copies(world, handed)[0].pose
+    there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
+    other = hypotheses_of(believed_at(handed, here, here, there), handed, CONFIG)[1]
+    assert np.linalg.norm(other.pose[:3, 3] - there[:3, 3]) < 1e-4
+
+
+def test_exact_images_are_no_other_hypotheses(world, alike):
+    pose = copies(world, alike)[0].pose
+    _, *others = hypotheses_of(believed_at(alike, pose), alike, CONFIG)
+    assert len(alike.symmetry.exact.transforms) == 2
+    assert len(others) == MOST - 1
+    assert not any(each.narrow for each in others)
 
 
 def test_what_is_out_of_reach_does_not_count(world, handed):

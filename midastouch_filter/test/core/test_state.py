@@ -25,6 +25,7 @@ def test_starts_uninitialised_and_says_so(machine):
     ("evidence", "expected", "reason"),
     [
         (narrow(), state.CONVERGED, "95%"),
+        (narrow(alike="6 poses alike"), state.CONVERGED, "modulo symmetry: 6 poses alike"),
         (narrow(mode_mass=0.5), state.AMBIGUOUS, "50%"),
         (narrow(spread_t=0.02), state.AMBIGUOUS, "20.0 mm"),
         (narrow(checked=False), state.AMBIGUOUS, "not compared with other hypotheses"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +22,7 @@ from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 DIAGONAL = 0.3
 SECOND = 1_000_000_000
@@ -40,7 +42,7 @@ class FakeFilter:
     """
 
     def __init__(self):
-        self.object = SimpleNamespace(density="")
+        self.object = SimpleNamespace(density="", symmetry=ObjectSymmetry())
         self.starts: list = []
         self.odometry: list = []
         self.measurements: list = []
@@ -79,6 +81,7 @@ class FakeFilter:
         pose = np.full((4, 4), np.nan) if self.spoil else self._pose
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
+        status = replace(status, symmetry=self.object.symmetry.describe())
         return Estimate(modes, status, covariance, self.calibration)
 
     def deferred_update(self) -> None:

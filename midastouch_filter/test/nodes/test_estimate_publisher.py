@@ -15,8 +15,14 @@ from midastouch_common.message_arrays import stamp_ns, transform_from_msg
 from midastouch_filter.core.estimate import Calibration
 from midastouch_filter.core.state import CONVERGED
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 pytestmark = pytest.mark.dds
+
+Z = np.array([0.0, 0.0, 1.0])
+HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def test_nothing_that_is_not_finite_is_published(graph):
@@ -31,6 +37,40 @@ def test_nothing_that_is_not_finite_is_published(graph):
     bench.frame(2 * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: poses and modes)
     assert [stamp_ns(m.header.stamp) for m in poses + modes] == [2 * SECOND] * 2
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "words", "centre"),
+    [
+        (Symmetry(), "none; nearly: 1 more", 0.0),
+        (Symmetry(np.stack([np.eye(4), HALF_TURN]), centre=0.1 * Z), "2 poses alike (to 0.02 mm)", 0.0),
+        (Symmetry(np.stack([np.eye(4), UPSIDE_DOWN]), "axis", Z, 0.1 * Z), "axis, both ends alike (to 0.02 mm)", 0.1),
+    ],
+    ids=["none", "half turn", "axis"],
+)
+def test_modes_and_status_say_which_poses_are_alike(graph, symmetry, words, centre):
+    bench = Bench(graph, **OBJECT)
+    near = Symmetry(np.stack([np.eye(4), HALF_TURN])) if symmetry.trivial else symmetry
+    bench.filter.object.symmetry = ObjectSymmetry(symmetry, 2e-5, near)
+    modes = graph.listen(PoseModes, "pose_modes")
+    assert bench.frame(SECOND, T_BASE_OBJ).symmetry == words
+    assert bench.node.describe()[2]["symmetry"] == words
+    graph.spin_until(lambda: modes)
+    said = modes[0]
+    np.testing.assert_allclose([transform_from_msg(each) for each in said.symmetries], symmetry.transforms, atol=1e-9)
+    assert said.symmetry_free == symmetry.free
+    assert said.symmetry_centre.z == pytest.approx(centre)
+    assert said.symmetry_axis.z == pytest.approx(1.0 if symmetry.free == "axis" else 0.0)
+
+
+def test_another_object_has_another_symmetry(graph):
+    bench = Bench(graph, **OBJECT)
+    modes = graph.listen(PoseModes, "pose_modes")
+    bench.frame(SECOND, T_BASE_OBJ)
+    bench.filter.object.symmetry = ObjectSymmetry(Symmetry(np.stack([np.eye(4), HALF_TURN])))
+    bench.frame(2 * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: len(modes) > 1)
+    assert [len(each.symmetries) for each in modes] == [1, 2]
 
 
 def test_mount_and_clock_are_published_when_a_touch_has_taught_them(graph):

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.symmetry.search import ObjectSymmetry
 
 CONFIG = FilterConfig(threads=1)
@@ -76,10 +78,16 @@ class Slide:
             nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
         return calibrated(nearest)
 
-    def run(self, hypotheses: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
+    def run(
+        self,
+        hypotheses: list[np.ndarray],
+        modes: list[np.ndarray],
+        prior: Prior | None = None,
+        symmetry: ObjectSymmetry | None = None,
+    ):
         """Touch along the slide, then replay; `hypotheses` (4, 4): object motions after which codes fit as well."""
         self.reevaluation = reevaluation = Reevaluation(
-            self.lookup, self.alignment, ObjectSymmetry(), POSES, CONFIG, NOISE, self.effort
+            self.lookup, self.alignment, symmetry or ObjectSymmetry(), POSES, CONFIG, NOISE, self.effort
         )
         reevaluation.restart(prior)
         self.slices = []  # alignments in each
@@ -164,6 +172,42 @@ def test_copies_are_found_as_copies(symmetric):
     fractions = probability_at(hypotheses, truth), probability_at(hypotheses, HALF_TURN @ truth)
     assert sum(fractions) > 0.95
     assert min(fractions) > 0.2
+
+
+TWOFOLD = Symmetry(np.stack([np.eye(4), HALF_TURN]))
+
+
+def test_copies_are_one_hypothesis_modulo_symmetry(symmetric):
+    truth = symmetric.truth[-1]
+    hypotheses = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth], symmetry=ObjectSymmetry(exact=TWOFOLD))
+    assert probability_at(hypotheses, HALF_TURN @ truth) > 0.95  # at the mode's side
+    assert probability_at(hypotheses, truth) == 0
+
+
+def test_a_look_alike_is_compared_though_no_code_speaks_for_it(uneven):
+    """The codes say nothing, and the filter's mode is the wrong one."""
+    truth = uneven.truth[-1]
+    assert probability_at(uneven.run([], [HALF_TURN @ truth]), truth) < 0.01
+    hypotheses = uneven.run([], [HALF_TURN @ truth], symmetry=ObjectSymmetry(near=TWOFOLD))
+    assert probability_at(hypotheses, truth) > 100 * probability_at(hypotheses, HALF_TURN @ truth)
+
+
+def test_without_room_for_the_look_alikes_nothing_is_certain(uneven, monkeypatch):
+    monkeypatch.setattr(uneven, "effort", replace(Effort(), alignments=0))
+    uneven.run([HALF_TURN], [HALF_TURN @ uneven.truth[-1]], symmetry=ObjectSymmetry(near=TWOFOLD))
+    assert not uneven.exhaustive
+
+
+def test_what_was_possible_is_compared_again_though_codes_forgot_it(symmetric):
+    truth = symmetric.truth[-1]
+    symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    reevaluation = symmetric.reevaluation
+    numbers = iter(range(len(symmetric.truth)))
+    reevaluation.score_anew(lambda touch: symmetric.scores([HALF_TURN], next(numbers)), POSES)
+    answer = None
+    while answer is None:
+        answer = reevaluation.compare([HALF_TURN @ truth])
+    assert probability_at(answer.hypotheses, truth) > 0.2
 
 
 def test_what_was_known_of_the_start_decides_between_copies(symmetric):

@@ -79,7 +79,7 @@ class ObjectSymmetry:
 
     def describe(self) -> str:
         """In words, for logs and tables."""
-        exact = f"symmetry: {self.exact.describe()}"
+        exact = self.exact.describe()
         if not self.exact.trivial:
             exact += " (given)" if self.given else f" (to {1e3 * self.residual:.2f} mm)"
         return f"{exact}; nearly: {len(self.look_alikes)} more" if len(self.look_alikes) else exact
