@@ -74,7 +74,7 @@ def test_nothing_is_converged_while_the_object_is_not_sure(run):
         identity = told.get(k, identity)
         if estimate is not None and identity.leading.probability < CONFIG.converged_probability:
             assert estimate.status.state != CONVERGED
-            assert "unknown" in estimate.status.reason
+            assert identity.in_words() in estimate.status.reason
 
 
 def test_it_starts_again_without_an_object(shelf, run):
