@@ -11,6 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.noise_model import NoiseModel
@@ -24,7 +25,7 @@ from ..evidence import fingerprint
 from . import ideal_observer
 from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .ideal_observer import EVIDENCE, KNOWN, IdealObserver, Posterior, observe
+from .ideal_observer import EVIDENCE, KNOWN, Hypotheses, IdealObserver, Posterior, observe
 from .protocols import PAPER, PROTOCOLS
 from .sequence_trials import paper_start, start_filter
 from .trial import Event, TrialFrame, run_trial
@@ -35,6 +36,8 @@ OBSERVED = ("uniform", "plain", "lift", "kidnap")
 """Protocols in which the object rests between lifts, as the observer takes it to."""
 AFTER_EVENT = 20
 """Frames after an event at which it is asked whether the pose is known again."""
+
+_NOTED = 0.01  # probability
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +115,7 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
     """Trials on one object, by key: labels in, with what was found out.
 
     frames; event, position of the first frame after it; filter and, by evidence, observers: as `found_out`; of the
-    latter also answers, `Answer` and what else is known of each keyframe, by columns.
+    latter also answers, `Answer` and what else is known of each keyframe, by columns, and left, as of `poses_left`.
     """
     mesh, protocol = ObjectMesh.load(path), PROTOCOLS[plan.protocol]
     codebook, noise = plan.cache.codebook(mesh), NoiseModel.of(plan.config)
@@ -130,10 +133,14 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
         observers = {}
         for name in plan.evidence:
             observer = IdealObserver(model, noise, yardstick, name, prior)
-            rows = judged(observe(observer, scene.frames), scene.frames, yardstick)
+            observed = list(observe(observer, scene.frames))
+            rows = judged(observed, scene.frames, yardstick)
             answers = [Answer(*(row[field.name] for field in dataclasses.fields(Answer))) for row in rows]
             columns = {column: [row[column] for row in rows] for column in (rows[0] if rows else ())}
-            observers[name] = found_out(answers, scene.event) | {"answers": columns}
+            observers[name] = found_out(answers, scene.event) | {"answers": columns, "left": []}
+            if observed:
+                k, last = observed[-1]
+                observers[name]["left"] = poses_left(last.hypotheses, scene.frames[k].truth, yardstick)
         out[key] = labels | {
             "frames": len(scene.frames),
             "event_at": scene.event.end if scene.event else None,
@@ -141,6 +148,24 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
             "observers": observers,
         }
     return out
+
+
+def poses_left(hypotheses: Hypotheses, truth: np.ndarray, yardstick: Yardstick) -> list[dict[str, float]]:
+    """The poses that nothing has told apart, the most probable first: those that the yardstick does not take for one.
+
+    distance_mm and angle_deg from the true pose (4, 4), modulo symmetry, and probability of each that has 1 % or more.
+    """
+    order = np.argsort(-hypotheses.probabilities, kind="stable")
+    poses, probabilities = hypotheses.poses[order], hypotheses.probabilities[order]
+    out = []
+    while probabilities.sum() >= _NOTED:
+        same = yardstick.right(poses, poses[0])
+        distance, angle = pose_errors(yardstick.counted(poses[:1], truth), truth)
+        one = {"distance_mm": 1e3 * float(distance[0]), "angle_deg": float(np.degrees(angle[0]))}
+        out.append(one | {"probability": float(probabilities[same].sum())})
+        poses, probabilities = poses[~same], probabilities[~same]
+    noted = [one for one in out if one["probability"] >= _NOTED]
+    return sorted(noted, key=lambda one: -one["probability"])
 
 
 def _answers_of_filter(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:

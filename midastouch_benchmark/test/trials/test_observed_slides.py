@@ -1,24 +1,30 @@
 """The filter and the observer over one slide, and from where on either knows."""
 
+import numpy as np
 import pytest
 
 from midastouch_benchmark.statistics.observing import summarise_observing
 from midastouch_benchmark.tables.observing import observing_table
 from midastouch_benchmark.trials.cache import Cache, SlideKind
+from midastouch_benchmark.trials.ideal_observer import Hypotheses
 from midastouch_benchmark.trials.observed_slides import (
     Answer,
     ObservedPlan,
     chosen_observed,
     found_out,
+    poses_left,
     run_observed,
 )
 from midastouch_benchmark.trials.trial import Event
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
+from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_bringup.cluster import open_cluster
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.symmetry.group import Symmetry
 
 
 def answers(*rows: tuple[int, float, bool]) -> list[Answer]:
@@ -79,6 +85,18 @@ def test_the_table_has_a_dash_where_nothing_happened_on_the_way():
     assert row["known again after 20 frames"].startswith("100 %")
 
 
+def test_what_is_left_are_poses_that_are_told_apart_beside_the_truth():
+    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+    poses = np.stack([np.eye(4), se3.make(np.eye(3), np.array([2e-3, 0, 0])), half_turn, np.eye(4)])
+    poses[3, 1, 3] = 0.09
+    some = Hypotheses(poses, np.tile(np.eye(6), (4, 1, 1)), np.log([0.5, 0.2, 0.295, 0.005]), np.zeros(4))
+    truth, other = poses_left(some, np.eye(4), Yardstick())
+    assert list(truth.values()) == pytest.approx([0.0, 0.0, 0.7], abs=1e-6)
+    assert list(other.values()) == pytest.approx([0.0, 180.0, 0.295], abs=1e-6)
+    (one,) = poses_left(some, np.eye(4), Yardstick(Symmetry(np.stack([np.eye(4), half_turn]))))
+    assert one["probability"] == pytest.approx(0.995)
+
+
 def test_a_protocol_in_which_the_object_moves_is_refused():
     with pytest.raises(InputError, match="--protocol push: not one that can be observed"):
         chosen_observed("push")
@@ -104,6 +122,7 @@ def test_the_same_slides_are_run_once(tmp_path):
         reported = observer["answers"]
         assert reported["frame"][0] == 0
         assert reported["hypotheses"][0] <= 200
+        assert 0.5 < sum(one["probability"] for one in observer["left"]) <= 1 + 1e-9
         assert all(0 <= p <= 1 + 1e-9 for p in reported["true_probability"])
     log = (tmp_path / "log.jsonl").read_text()
     assert run() == ([found], 0)
