@@ -58,7 +58,8 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 OF_BENCHMARK = (
     *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-presses"),
-    *("evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "identify", "report", "single-touch"),
+    *("evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "ideal-observer", "identify", "report"),
+    "single-touch",
 )
 """Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
 
