@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,11 +22,13 @@ from midastouch_perception.pipeline import Touch
 NETWORK = "pose-code"
 
 
-@pytest.fixture(autouse=True)
-def known_fingerprint(monkeypatch, request) -> None:
+@pytest.fixture(autouse=True, scope="module")
+def known_fingerprint(request) -> Iterator[None]:
     """Ids that need not be measured, but for the tests of what measures them."""
-    if "evidence" not in request.path.parts:
-        monkeypatch.setattr(fingerprint, "today", lambda: {"perception": "5ee00000", "estimates": "e5710000"})
+    with pytest.MonkeyPatch.context() as patch:
+        if "evidence" not in request.path.parts:
+            patch.setattr(fingerprint, "today", lambda: {"perception": "5ee00000", "estimates": "e5710000"})
+        yield
 
 
 def encode(poses: np.ndarray) -> np.ndarray:
