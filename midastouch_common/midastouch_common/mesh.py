@@ -26,6 +26,7 @@ FEWEST_THREADED_QUERIES = 8
 """Fewer queries for nearest points are answered sooner than threads are woken, on a busy machine by milliseconds."""
 
 _CREASE_COSINE = np.cos(np.radians(40))
+_SMALL_FACE = 6e-3  # m, longest side: the faces of scans of household objects are 2 to 6 mm wide
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 
 
@@ -100,15 +101,24 @@ class ObjectMesh:
             trimesh.Trimesh(self.vertices.astype(np.float32), self.faces, process=False).export(temporary)
 
     @cached_property
+    def _welded(self) -> np.ndarray:
+        """(V,) the same number for vertices at the same position."""
+        return np.unique(self.vertices.round(7), axis=0, return_inverse=True)[1].reshape(-1)
+
+    @cached_property
     def vertex_normals(self) -> np.ndarray:
-        """(V, 3) unit normals, the mean of the adjacent faces' weighted by the angle at the vertex."""
+        """(V, 3) unit normals, the mean of the adjacent faces' weighted by the angle at the vertex.
+
+        Corners are matched by position: an STL has no common vertices, and scans are split along seams.
+        """
         corners = self.vertices[self.faces]
         normals = np.zeros_like(self.vertices)
         for i in range(3):
             a = corners[:, (i + 1) % 3] - corners[:, i]
             b = corners[:, (i + 2) % 3] - corners[:, i]
             angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
-            np.add.at(normals, self.faces[:, i], angle[:, None] * self.face_normals)
+            np.add.at(normals, self._welded[self.faces[:, i]], angle[:, None] * self.face_normals)
+        normals = normals[self._welded]
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
     @cached_property
@@ -116,14 +126,16 @@ class ObjectMesh:
         """(F, 3, 3) unit normals of the surface that the triangles stand for, one for each corner of a face.
 
         Faces that meet at less than 40 deg are one smooth surface there; wider angles are edges, as CAD parts have.
-        Corners are matched by position, so that scans split along seams stay smooth.
+        Small faces are smooth at any angle: an edge of a scan is as round as its faces are wide.
         """
-        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
-        corners = welded.reshape(-1)[self.faces].astype(np.int32)
+        corners = self._welded[self.faces].astype(np.int32)
         order = np.argsort(corners.ravel(), kind="stable")
         start = np.searchsorted(corners.ravel()[order], np.arange(corners.max() + 2))
         weighted = self.face_normals * self.face_areas[:, None]
-        return kernels.corner_normals(corners, self.face_normals, weighted, order // 3, start, _CREASE_COSINE)
+        sharp = kernels.corner_normals(corners, self.face_normals, weighted, order // 3, start, _CREASE_COSINE)
+        sides = self.vertices[self.faces[:, _EDGES]]
+        longest = np.linalg.norm(sides[:, :, 0] - sides[:, :, 1], axis=2).max(axis=1)
+        return np.where(longest[:, None, None] > _SMALL_FACE, sharp, self.vertex_normals[self.faces])
 
     @cached_property
     def bounds(self) -> np.ndarray:
@@ -160,8 +172,7 @@ class ObjectMesh:
 
         Corners are matched by position, so scans split along seams keep their edges.
         """
-        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
-        edges = welded.reshape(-1)[self.faces][:, _EDGES].reshape(-1, 2)
+        edges = self._welded[self.faces][:, _EDGES].reshape(-1, 2)
         ends = np.sort(edges, axis=1)
         order = np.lexsort(ends.T)
         same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
