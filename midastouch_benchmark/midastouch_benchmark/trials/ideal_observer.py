@@ -163,8 +163,7 @@ class IdealObserver:
         poses = self._model.lookup.poses
         log_prior = np.zeros(len(poses))
         if prior is not None:
-            near = self._symmetry.nearest(poses, prior.pose)
-            log_prior = prior.log_density(near, self._noise.prior_floor)
+            log_prior = prior.log_density(poses, self._noise.prior_floor, self._symmetry)
         log_prior -= np.logaddexp.reduce(log_prior)
         covariances = np.tile(self._noise.between_entries, (len(poses), 1, 1))
         return Hypotheses(poses, covariances, log_prior, np.zeros(len(poses)))

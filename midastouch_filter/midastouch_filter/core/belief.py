@@ -100,7 +100,8 @@ class Belief:
             return False
         goal, free = self.modes[0].pose, symmetry.free != "none"
         means = np.stack([mode.pose for mode in self.modes])
-        apart = pose_distance(means, symmetry.nearest(means, goal)) > _COPY
+        images = symmetry.nearest(means, goal)
+        apart = pose_distance(means, images) > _COPY
         apart[0] = free and self.modes[0].spread_translation > _COPY
         rows = np.flatnonzero(np.append(apart, False)[self.members])
         if not len(rows):
@@ -109,7 +110,7 @@ class Belief:
         if free:
             poses = symmetry.nearest(poses, goal)
         else:
-            motions = symmetry.nearest(means, goal) @ se3.inverse(means)
+            motions = images @ se3.inverse(means)
             poses = motions[self.members[rows]] @ poses
         self.particles.replace(rows, Particles.from_poses(poses, self._lookup.exact(poses)))
         return True

@@ -44,9 +44,9 @@ class Prior:
     sigma_t: float
     sigma_r: float
 
-    def log_density(self, poses: np.ndarray, floor: float) -> np.ndarray:
-        """(N,) nats of poses (N, 4, 4) below the prior's own pose, but no less than `floor`."""
-        error = se3.log(se3.inverse(self.pose) @ poses)
+    def log_density(self, poses: np.ndarray, floor: float, symmetry: Symmetry) -> np.ndarray:
+        """(N,) nats of poses (N, 4, 4), modulo a symmetry, below the prior's own pose, but no less than `floor`."""
+        error = se3.log(se3.inverse(self.pose) @ symmetry.nearest(poses, self.pose))
         squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
         return np.maximum(-0.5 * squared, floor)
 

@@ -93,7 +93,7 @@ class Reevaluation:
         self._typical = 0.0  # log of the prior's mean density over all poses
         if prior is not None:
             some = self._lookup.poses[:: max(len(self._lookup) // _SAMPLE, 1)]
-            density = self._log_prior(some)
+            density = prior.log_density(some, self._noise.prior_floor, self._symmetry.exact)
             self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
         self._carried: list[np.ndarray] = []  # what was possible by the last comparison, (4, 4) as it was then
         self._carried_at = np.eye(4)
@@ -225,7 +225,7 @@ class Reevaluation:
         log_prior = np.full(len(chosen), -np.log(self._count))
         if self._prior is not None:
             starts = poses[chosen] @ se3.inverse(now)
-            log_prior += self._log_prior(starts) - self._typical
+            log_prior += self._prior.log_density(starts, self._noise.prior_floor, symmetry) - self._typical
             # a start may be narrower than the object's poses are apart
             log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
         # only some of the object's many poses are named; a broken motion may lead to any of them
@@ -242,8 +242,3 @@ class Reevaluation:
         hypotheses.sort(key=lambda hypothesis: -hypothesis.probability)
         on = se3.inverse(window.keyframes[-1].motion) @ now
         return Comparison(hypotheses, elsewhere, exhaustive, competitors.cloud @ on, competitors.cloud_scores, symmetry)
-
-    def _log_prior(self, poses: np.ndarray) -> np.ndarray:
-        """(N,) nats of start poses (N, 4, 4), modulo symmetry, as `Prior.log_density`."""
-        poses = self._symmetry.exact.nearest(poses, self._prior.pose)
-        return self._prior.log_density(poses, self._noise.prior_floor)

@@ -271,7 +271,7 @@ def test_covariances_are_finite_and_positive(uneven):
 
 def test_a_prior_is_never_more_than_a_hint():
     far = se3.make(np.eye(3), np.array([10.0, 0, 0]))
-    density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]), -12.0)
+    density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]), -12.0, Symmetry())
     assert density[0] == 0
     assert density[1] == -12
 

@@ -143,8 +143,8 @@ def _completed(surface: _Surface, found: list[np.ndarray]) -> list[np.ndarray]:
         if len(out) >= _LARGEST_GROUP:
             break
         motion = first @ second
-        if not _holds(out, motion, _SAME) and surface.deviation(surface.align(motion)) <= surface.tolerance:
-            out.append(surface.align(motion))
+        if not _holds(out, motion, _SAME) and surface.deviation(aligned := surface.align(motion)) <= surface.tolerance:
+            out.append(aligned)
     return out
 
 
@@ -271,7 +271,7 @@ class _Surface:
         self.radius = float(np.linalg.norm(self._points - self._points.mean(axis=0), axis=1).mean())
 
     def deviation(self, transform: np.ndarray) -> float:
-        """Distance [m] within which 90 % of the surface, moved by (4, 4), lies of the surface facing the same way."""
+        """Distance [m] within which `_FRACTION` of the surface, moved by (4, 4), lies of what faces the same way."""
         points = self._points @ transform[:3, :3].T + transform[:3, 3]
         normals = self._normals @ transform[:3, :3].T
         distance = np.full(len(points), np.inf)
