@@ -10,6 +10,16 @@ from functools import partial
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.simulation.solids import (
+    Layer,
+    circle,
+    gear_outline,
+    lofted,
+    mirrored,
+    rectangle,
+    repeated,
+    stacked,
+)
 
 from .known_parts import (
     NONE,
@@ -20,7 +30,6 @@ from .known_parts import (
     turns,
     turns_and_flips,
 )
-from .solids import Layer, circle, gear_outline, lofted, mirrored, rectangle, repeated, stacked
 
 
 def _flange(name: str, holes: int, plugged: int = 0) -> ObjectMesh:

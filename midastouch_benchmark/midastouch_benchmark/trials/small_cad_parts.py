@@ -11,9 +11,18 @@ from functools import partial
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.simulation.solids import (
+    Layer,
+    Outline,
+    circle,
+    gear_outline,
+    lofted,
+    rectangle,
+    repeated,
+    stacked,
+)
 
 from .known_parts import NONE, ROUND, ROUND_BOTH_WAYS, KnownPart, turns, turns_and_flips
-from .solids import Layer, Outline, circle, gear_outline, lofted, rectangle, repeated, stacked
 
 
 def _round_peg(name: str) -> ObjectMesh:

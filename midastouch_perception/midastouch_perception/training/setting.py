@@ -1,6 +1,6 @@
 """What a training run is given: its options, and the meshes and no-contact images that they name.
 
-The objects are YCB scans other than the paper's test objects, and procedural shapes; the images are of many DIGITs.
+The objects are YCB scans other than the paper's test objects, and shapes and parts made by code; the images are of many DIGITs.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.optics import ColourTable
 from ..simulation.procedural import random_probe, random_shape
+from ..simulation.random_parts import random_part
 from ..simulation.randomisation import RandomisationRange
 
-PROCEDURAL_OBJECTS = 24
+PROCEDURAL_OBJECTS = 48
+_HELD_OUT_PARTS = 3  # scans have no sharp edges to validate with
 _OTHER_DESIGNS = 0.2  # of the sensors with relative light: a new gel is to be read before anybody trains for it
 HELD_OUT = 4  # the last ones by name only validate
 # the paper's ten test objects: never trained on
@@ -33,7 +35,8 @@ _STRETCH = 0.7, 1.4
 
 
 def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
-    """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes.
+    """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes,
+    half of them parts with sharp edges.
 
     Raises InputError if the folder holds no usable mesh.
     """
@@ -43,9 +46,10 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
     meshes = [ObjectMesh.load(path) for path in paths]
     held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
     rng = np.random.default_rng(seed)
-    makers = (random_shape, random_shape, random_probe)
-    shapes = [makers[i % 3](rng, f"procedural_{i}") for i in range(procedural)]
-    return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out
+    makers = (random_shape, random_part, random_probe, random_part)
+    shapes = [makers[i % 4](rng, f"procedural_{i}") for i in range(procedural)]
+    held_out_parts = [random_part(rng, f"held_out_{i}") for i in range(_HELD_OUT_PARTS)]
+    return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out + held_out_parts
 
 
 def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_benchmark.trials.solids import Layer, circle, lofted, mirrored, rectangle, repeated, stacked
+from midastouch_perception.simulation.solids import Layer, circle, lofted, mirrored, rectangle, repeated, stacked
 
 
 def solid(mesh) -> trimesh.Trimesh:
