@@ -27,8 +27,7 @@ def _layered(rng: np.random.Generator, name: str) -> ObjectMesh:
     for _ in range(rng.integers(1, 5)):
         outlines = [_outline(size * rng.uniform(0.4, 1.0), rng)]
         if rng.random() < 0.4:
-            x, y = rng.uniform(-0.5, 0.5, 2) * size
-            outlines.append(_outline(size * rng.uniform(0.2, 0.6), rng) + (x, y))
+            outlines.append(rng.uniform(-0.5, 0.5, 2) * size + _outline(size * rng.uniform(0.2, 0.6), rng))
         cuts = _cuts(size, rng) if rng.random() < 0.6 else ()
         layers.append(Layer(np.exp(rng.uniform(*np.log(_THICKNESS))), tuple(outlines), cuts))
     return stacked(layers, name)

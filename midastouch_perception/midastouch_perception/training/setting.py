@@ -1,6 +1,7 @@
 """What a training run is given: its options, and the meshes and no-contact images that they name.
 
-The objects are YCB scans other than the paper's test objects, and shapes and parts made by code; the images are of many DIGITs.
+The objects are YCB scans other than the paper's test objects, and shapes and parts made by code; the images are of
+many DIGITs.
 """
 
 from __future__ import annotations
