@@ -134,7 +134,7 @@ private:
                 const Lanes measured = load(map.data() + here_at), seen = load(rendered.data() + here_at) - margin;
                 // beside an edge the gel lies flat: the outline of a contact says where the edge is
                 const Lanes here = seen > nothing ? seen : Lanes{};
-                // elsewhere nothing is XX expected
+                // elsewhere nothing is expected
                 const Mask touch = ((measured > 0) | (here > 0)) & (column + u < columns - 1);
                 if (!any(touch)) continue;
                 const Lanes residual = measured - here, ratio = residual / width;
@@ -201,7 +201,11 @@ private:
 }  // namespace
 
 void bind_alignment(nb::module_& m) {
-    nb::class_<MapAlignment>(m, "MapAlignment", "Aligns poses on one scene to penetration maps.")
+    auto type = nb::class_<MapAlignment>(
+        m, "MapAlignment",
+        "Aligns poses on one scene to penetration maps.\n\nwidth [m]: residual of which a pixel explains half.");
+    type.attr("width") = kWidths[kIterations - 1];
+    type
         .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double>(),
              nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"))
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),

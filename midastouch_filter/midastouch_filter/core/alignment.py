@@ -16,7 +16,7 @@ holds the truth as often as it claims.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from .touch import Measurement
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
 WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by residual ratio and bias; what is added to the latter
 _AVERAGED_MAPS, _BIAS_MAPS = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
+_MORE, _EXPLAINED, _MOST_DESCENTS = 0.01, 0.9, 4  # fractions of a map: less is no gain, no more is needed; descents
 _LEAST_GAIN = 0.1  # fraction of an axis' prior variance below which a map says nothing of it
 
 
@@ -60,12 +61,9 @@ class PenetrationAlignment:
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
         self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
         self._renderer = PenetrationRenderer(mesh, sensor, _MARGIN)
-        self._kernel = kernels.MapAlignment(
-            self._renderer.scene,
-            *sensor.rays,
-            sensor.gel_depth,
-            sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2,
-        )
+        information = sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2
+        self._kernel = kernels.MapAlignment(self._renderer.scene, *sensor.rays, sensor.gel_depth, information)
+        self._pixel = 0.5 * information * self._kernel.width**2  # nats of a touched pixel that is not explained at all
 
     def render(self, poses: np.ndarray) -> np.ndarray:
         """Penetration maps (N, H, W) m that are measured at poses (N, 4, 4)."""
@@ -82,6 +80,29 @@ class PenetrationAlignment:
         start = pose if start is None else np.ascontiguousarray(start, float)
         found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
         return Aligned(found, posterior, log_evidence, fit)
+
+
+    def of_unknown_scale(
+        self,
+        pose: np.ndarray,
+        covariance: np.ndarray,
+        maps: Sequence[Measurement],
+        posterior: Aligned,
+        evidence_slope: float,
+    ) -> Aligned:
+        """The posterior of the prior N(pose (4, 4), covariance (6, 6), own frame) with maps whose noise is as large as
+        what they leave unexplained says.
+
+        Near the optimum the alignment's log-likelihood falls in proportion to the residual ratio, and so does that of
+        an error of unknown scale (docs/internals.md), by `evidence_slope` nats: the ratio of both is the factor on the
+        information of the maps.
+        """
+        touched = sum(np.count_nonzero(each.penetration > 0) for each in maps)
+        factor = min(evidence_slope / (self._pixel * max(touched, 1)), 1.0)
+        prior, total = np.linalg.inv(covariance), np.linalg.inv(posterior.covariance)
+        wider = np.linalg.inv(prior + factor * (total - prior))
+        offset = wider @ (factor * total @ se3.log(se3.inverse(pose) @ posterior.pose))
+        return replace(posterior, pose=pose @ se3.exp(offset), covariance=0.5 * (wider + wider.T))
 
 
 def without_jitter(
@@ -130,6 +151,28 @@ def align_in_turn(
         log_evidence += found.log_evidence
         fit = min(fit, found.fit)
     return Aligned(pose, covariance, log_evidence, fit)
+
+
+def align_until_settled(
+    alignment: PenetrationAlignment,
+    pose: np.ndarray,
+    covariance: np.ndarray,
+    touches: Sequence[Measurement],
+    finger_error: np.ndarray,
+) -> tuple[Aligned, int]:
+    """As `align_in_turn`, from where it ended as long as that explains more of the maps; and how often.
+
+    One descent stops short where a start is some millimetres and a sharp edge away.
+    """
+    found = align_in_turn(alignment, pose, covariance, touches, finger_error)
+    for count in range(1, _MOST_DESCENTS):
+        if found.fit > _EXPLAINED:
+            return found, count
+        again = align_in_turn(alignment, pose, covariance, touches, finger_error, start=found.pose)
+        if again.fit < found.fit + _MORE:
+            return found, count + 1
+        found = again
+    return found, _MOST_DESCENTS
 
 
 def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:

@@ -58,7 +58,7 @@ class NoiseModel:
     prior_floor: float = -12.0
     refuted: float = -12.0
     settled: float = 0.995
-    code_margin: float = 4.0
+    code_margin: float = 6.0
     elsewhere: float = 22.5
     decisive: float = 6.75
     between_objects: float = 0.26
@@ -73,6 +73,10 @@ class NoiseModel:
         likelihood is a power of the residual (Student).
         """
         return -self.map_patches * np.log(np.asarray(residual_ratio) + self.residual_floor)
+
+    def evidence_slope(self, residual_ratio: float) -> float:
+        """Nats by which `residual_evidence` falls for each unit of the residual ratio, there."""
+        return self.map_patches / (residual_ratio + self.residual_floor)
 
     def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray) -> np.ndarray:
         """Nats that touches speak for hypotheses on an object of a catalogue, against it being none of these.
@@ -123,11 +127,11 @@ class Effort:
     rarely: int = 12
     shortlist: int = 80
     sieve: int = 5
-    kept: int = 120
+    kept: int = 200
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     carried: int = 16
     lookups_per_step: int = 2500
-    alignments: int = 500
+    alignments: int = 1500
     alignments_per_step: int = 30
     settled_after: int = 3

@@ -18,7 +18,7 @@ ANOTHER = 0.01
 mm."""
 
 APART = 0.015
-"""m: competitors nearer to each other than this are so alike that one is followed for all; never less than
+"""m: hypotheses on an object of a catalogue that are nearer to each other than this count as one; never less than
 `ANOTHER`."""
 
 

@@ -13,11 +13,12 @@ from midastouch_perception.symmetry.group import Symmetry
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.lookup import NearestEntry, PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import ANOTHER, APART, distinct, far_from
+from ..core.pose_hypothesis import distinct, far_from
 from ..core.touch import Measurement
 
 _OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _ENTRIES_AROUND = 8  # entries beside the nearest one
+_BASIN = 0.008  # m: alignment ends at the same optimum from anywhere within; 1 rad counts as 10 mm
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
@@ -55,8 +56,8 @@ class SearchPace:
 class CompetitorSearch:
     """Looks for the hypotheses that explain keyframes best, in slices: each generator yields None between two of them.
 
-    Args: lookup, which `along` needs with its neighbours; symmetry, modulo which hypotheses differ; noise; effort;
-    pace, if other searches share it.
+    Args: lookup; without neighbours the nearest entry speaks for a pose, and there is no `along`; symmetry, modulo
+    which hypotheses differ; noise; effort; pace, if other searches share it.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class CompetitorSearch:
         pace: SearchPace | None = None,
     ):
         self._lookup, self._symmetry = lookup, symmetry
+        self._around = lookup.neighbours[:, :_ENTRIES_AROUND] if isinstance(lookup, PoseLookup) else None
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or SearchPace(effort.lookups_per_step)
 
@@ -145,11 +147,9 @@ class CompetitorSearch:
     def along(self, poses: np.ndarray, keyframes: Sequence[Keyframe]) -> np.ndarray:
         """Log-likelihood ratios (K,) of poses (K, 4, 4) of the first gel, each at its keyframe, of all fingers' codes.
 
-        The codes of the first finger are scored in one call, since looking up a hundred poses takes as long as one. The
-        best of the entries around a pose counts, since the pose lies between them.
+        The codes of the first finger are scored in one call, since looking up a hundred poses takes as long as one.
         """
-        out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
-        around = np.column_stack([entries, self._lookup.neighbours[entries, :_ENTRIES_AROUND]])
+        out, around = np.zeros(len(poses)), self._nearby(poses)
         for k, keyframe in enumerate(keyframes):
             for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
                 if touch.T_gel_finger is None:
@@ -159,18 +159,26 @@ class CompetitorSearch:
         return out
 
     def _log_ratio(self, poses: np.ndarray, touch: Measurement, log_ratio: np.ndarray) -> np.ndarray:
-        """(C,) of poses (C, 4, 4) of the first finger; where a finger would be off the surface, its worst."""
+        """(C,) of poses (C, 4, 4) of the first finger; where a finger would be off the surface, its worst.
+
+        The best of the entries around a pose counts, since the pose lies between them.
+        """
         if touch.T_gel_finger is None:
-            return log_ratio[self._lookup.exact(poses)].astype(float)
+            return log_ratio[self._nearby(poses)].max(axis=1).astype(float)
         entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF_SURFACE)
         return np.append(log_ratio, log_ratio.min())[entries].astype(float)
+
+    def _nearby(self, poses: np.ndarray) -> np.ndarray:
+        """(C, 1 + neighbours) entries nearest to poses (C, 4, 4), the very nearest first."""
+        entries = self._lookup.exact(poses)
+        return entries[:, None] if self._around is None else np.column_stack([entries, self._around[entries]])
 
     def _worth_following(
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Competitors:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        competitors = (lasting | recently) & far_from(taken, candidates, ANOTHER, self._symmetry)
-        chosen = distinct(candidates, np.flatnonzero(competitors), APART, self._symmetry)
+        competitors = (lasting | recently) & far_from(taken, candidates, _BASIN, self._symmetry)
+        chosen = distinct(candidates, np.flatnonzero(competitors), _BASIN, self._symmetry)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
         return Competitors(list(candidates[chosen]), scores.tolist(), until, candidates, score)

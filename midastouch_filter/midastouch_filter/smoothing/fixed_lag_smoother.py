@@ -102,7 +102,7 @@ class FixedLagSmoother(FineStage):
         if known is None or not known.exhaustive or reevaluation.lifted:
             return False
         pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
-        return known.probability_at(pose) >= self._config.converged_probability
+        return known.probability_at(pose, self._config.converged_error) >= self._config.converged_probability
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their hypotheses, and competitors that have no particles some of their
@@ -140,7 +140,7 @@ class FixedLagSmoother(FineStage):
         at = np.stack([each.pose for each in comparison.hypotheses])
         distance = np.stack([comparison.symmetry.distance(at, mode.pose) for mode in modes], axis=1)
         for i, k in enumerate(distance.argmin(axis=1)):
-            is_at = distance[i, k] < self._config.mode_radius and distance[:, k].argmin() == i
+            is_at = distance[i, k] < self._config.converged_error and distance[:, k].argmin() == i
             yield int(k) if is_at and is_narrow(modes[k], self._config) else None
 
     @property

@@ -26,7 +26,7 @@ from ..core.config import FilterConfig
 from ..core.keyframes import KeyframeWindow, WeighedWindow
 from ..core.lookup import PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import ANOTHER, APART, PoseHypothesis, Prior, distinct, far_from
+from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, distinct, far_from
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
@@ -53,11 +53,11 @@ class Comparison:
         """Whether one hypothesis is as probable as that, and none was left out."""
         return self.exhaustive and self.hypotheses[0].probability > certain
 
-    def probability_at(self, pose: np.ndarray) -> float:
-        """Of the hypothesis that a pose (4, 4) belongs to: the nearest one."""
+    def probability_at(self, pose: np.ndarray, within: float) -> float:
+        """Of the hypothesis that a pose (4, 4) belongs to: the nearest one, not farther than `within` [m]."""
         distance = self.symmetry.distance(np.stack([hypothesis.pose for hypothesis in self.hypotheses]), pose)
         nearest = int(distance.argmin())
-        return self.hypotheses[nearest].probability if distance[nearest] <= APART else 0.0
+        return self.hypotheses[nearest].probability if distance[nearest] <= within else 0.0
 
 
 class Reevaluation:

@@ -16,7 +16,7 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.alignment import PenetrationAlignment, align_in_turn, transform_covariance, without_jitter
+from ..core.alignment import PenetrationAlignment, align_until_settled, transform_covariance, without_jitter
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import pose_distance
@@ -103,14 +103,19 @@ class WindowLikelihood:
         priors, posteriors = np.tile(covariance + jitter, (len(keyframes), 1, 1)), poses.copy()
         for k in range(len(keyframes) - 1, oldest - 1, -1):
             maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled_after)
-            aligned = align_in_turn(self._alignment, pose, covariance + jitter, maps, self._noise.finger_error)
+            aligned, descents = align_until_settled(
+                self._alignment, pose, covariance + jitter, maps, self._noise.finger_error
+            )
             residual_ratio[k], poses[k] = 1.0 - aligned.fit, pose
             priors[k], posteriors[k] = covariance + jitter, aligned.pose
             total += weights[k] * float(self._noise.residual_evidence(residual_ratio[k]))
             if aligned.fit > self._explains:
+                slope = self._noise.evidence_slope(residual_ratio[k])
+                aligned = self._alignment.of_unknown_scale(pose, covariance + jitter, maps, aligned, slope)
                 pose, covariance = without_jitter(pose, covariance, jitter, aligned)
-            self._race.alignments += 1
-            if self._race.alignments % self._effort.alignments_per_step == 0:
+            before = self._race.alignments // self._effort.alignments_per_step
+            self._race.alignments += descents
+            if self._race.alignments // self._effort.alignments_per_step > before:
                 yield None
             hopeless = total - self._race.best[k] < self._noise.refuted
             self._race.best[k] = max(self._race.best[k], total)
