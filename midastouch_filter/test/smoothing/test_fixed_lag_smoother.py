@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.state import CONVERGED, LOST
 from midastouch_filter.filter import ParticleFilter
 
 
@@ -114,3 +115,31 @@ def test_there_is_nothing_to_be_done_without_a_start(slide):
     running.step(None, touches[0])
     running.deferred_update()
     assert running.poses.shape == (0, 4, 4)
+
+
+@pytest.fixture
+def knows_the_first(shelf):
+    """(object of the shelf that is slid over, settings): estimates of a filter that knows the first one only."""
+
+    def run(touched: int, **settings):
+        entry, (_, frames) = shelf.catalogue.entries[0], shelf.touches(touched)
+        config = FilterConfig(threads=1, max_particles=2000, **settings)
+        running = ParticleFilter(entry.mesh, entry.codebook, config)
+        running.initialise_uniform()
+        return [running.step(odometry, touch) for odometry, touch in frames]
+
+    return run
+
+
+def test_touches_of_another_object_are_said_to_be_that_and_those_of_the_own_one_never(knows_the_first):
+    own, other = knows_the_first(0), knows_the_first(1)
+    assert not any(each.status.foreign for each in own)
+    assert own[-1].status.state == CONVERGED
+    assert CONVERGED not in [each.status.state for each in other]
+    assert other[-1].status.foreign
+    assert other[-1].status.state == LOST
+    assert "these touches are not of this mesh" in other[-1].status.reason
+
+
+def test_who_is_sure_of_the_object_is_never_told_that_it_is_another_one(knows_the_first):
+    assert not any(each.status.foreign for each in knows_the_first(1, unknown_prior=0.0))
