@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from midastouch_common.mesh import ObjectMesh
 
@@ -32,7 +31,7 @@ def scaled(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 
 def cut_off(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
     """Without what sticks out farthest from its middle, a tenth of its surface, such as a handle: flat there."""
-    bent = _fine(mesh)
+    bent = mesh.refined(_EDGE)
     out = bent.vertices - mesh.bounds.mean(axis=0)
     farthest = out[np.linalg.norm(out, axis=1).argmax()]
     direction = farthest / np.linalg.norm(farthest)
@@ -45,7 +44,7 @@ def cut_off(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 
 def dented(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
     """With a dent of 3 mm, 30 mm wide, somewhere."""
-    bent = _fine(mesh)
+    bent = mesh.refined(_EDGE)
     points, normals, _ = mesh.sample_surface(1, rng)
     away = np.linalg.norm(bent.vertices - points[0], axis=1) / _DENT_RADIUS
     depth = _DENT_DEPTH * np.maximum(1 - away**2, 0.0) ** 2
@@ -54,7 +53,7 @@ def dented(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 
 def noisy(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
     """Off by 0.5 mm, sigma, in waves of 8 to 25 mm: as a scan is."""
-    bent = _fine(mesh)
+    bent = mesh.refined(_EDGE)
     directions = rng.standard_normal((3, _WAVES))
     waves = 2 * np.pi * directions / np.linalg.norm(directions, axis=0) / rng.uniform(*_WAVELENGTHS, _WAVES)
     height = np.cos(bent.vertices @ waves + rng.uniform(0, 2 * np.pi, _WAVES)).sum(axis=1) * np.sqrt(2 / _WAVES)
@@ -75,12 +74,6 @@ class OtherShapeCache(Cache):
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
         super()._simulate(CHANGES[number % len(CHANGES)](mesh, np.random.default_rng(number)), number, path)
-
-
-def _fine(mesh: ObjectMesh) -> ObjectMesh:
-    """The same surface in faces small enough to be bent."""
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, _EDGE, max_iter=20)
-    return ObjectMesh(vertices, faces, mesh.name, mesh.sha256)
 
 
 def _other(mesh: ObjectMesh, vertices: np.ndarray) -> ObjectMesh:
