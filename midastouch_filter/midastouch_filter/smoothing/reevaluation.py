@@ -56,8 +56,8 @@ class Comparison:
     symmetry: Symmetry
 
     def settled(self, certain: float) -> bool:
-        """Whether one hypothesis is as probable as that, on this object, and none was left out."""
-        return self.exhaustive and (1 - self.unknown) * self.hypotheses[0].probability > certain
+        """Whether the object is known, one hypothesis is as probable as that, and none was left out."""
+        return self.exhaustive and self.unknown < _OWN and self.hypotheses[0].probability > certain
 
     def probability_at(self, pose: np.ndarray) -> float:
         """Of the hypothesis that a pose (4, 4) belongs to: the nearest one."""
