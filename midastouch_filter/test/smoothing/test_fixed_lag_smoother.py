@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.state import CONVERGED, LOST
 from midastouch_filter.filter import ParticleFilter
@@ -119,10 +120,14 @@ def test_there_is_nothing_to_be_done_without_a_start(slide):
 
 @pytest.fixture
 def knows_the_first(shelf):
-    """(object of the shelf that is slid over, settings): estimates of a filter that knows the first one only."""
+    """(object of the shelf that is slid over, push, settings): estimates of a filter that knows the first one only.
 
-    def run(touched: int, **settings):
-        entry, (_, frames) = shelf.catalogue.entries[0], shelf.touches(touched)
+    push (4, 4): by which the object moves in the middle of the slide, unreported."""
+
+    def run(touched: int, push=None, **settings):
+        entry, (_, frames) = shelf.catalogue.entries[0], list(shelf.touches(touched))
+        if push is not None:
+            frames = [(push @ each if k == 65 else each, touch) for k, (each, touch) in enumerate(frames)]
         config = FilterConfig(threads=1, max_particles=2000, **settings)
         running = ParticleFilter(entry.mesh, entry.codebook, config)
         running.initialise_uniform()
@@ -143,3 +148,9 @@ def test_touches_of_another_object_are_said_to_be_that_and_those_of_the_own_one_
 
 def test_who_is_sure_of_the_object_is_never_told_that_it_is_another_one(knows_the_first):
     assert not any(each.status.foreign for each in knows_the_first(1, unknown_prior=0.0))
+
+
+def test_an_object_that_is_pushed_is_no_other_one(knows_the_first):
+    pushed = knows_the_first(0, push=se3.exp([0.004, 0.003, 0.0, 0.0, 0.0, 0.1]))
+    assert not any(each.status.foreign for each in pushed)
+    assert pushed[-1].status.state == CONVERGED
