@@ -18,7 +18,7 @@ WAITING = "waiting"
 
 # the short likelihood average as a fraction of the worst possible one, log(outlier): lost above, found again below
 _LOST_SUPPORT, _FOUND_SUPPORT = 0.6, 0.3
-# probability of another object: said above the first, taken back below the second
+# probability of another object: said above the first, taken back below the second, above which nothing is converged
 _FOREIGN, _OWN = 0.95, 0.5
 
 
@@ -122,7 +122,7 @@ class StateMachine:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
         if e.error > c.converged_error * slack:
             return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
-        if 1 - e.unknown < c.converged_mass / slack:
+        if e.unknown > _OWN:
             return False, f"with {e.unknown:.0%} these touches are not of this mesh"
         if not e.checked:
             return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other hypotheses yet"
