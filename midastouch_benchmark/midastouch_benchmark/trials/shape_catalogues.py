@@ -128,7 +128,7 @@ def _identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, pl
     early, after `EARLY` m, and late, at the end: compared, whether it was among the objects that were, and leads,
     whether none of them was more probable; cpu_ms, mean of a frame, slowest_ms and memory_mib of the process.
     """
-    identification = Identification(catalogue, plan.settings, NoiseModel.of(plan.settings), plan.unknown)
+    identification = Identification(catalogue, plan.settings, NoiseModel.of(plan.settings))
     answers, last, took, early = Answers(truth), None, [], None
     for frame in frames:
         start = time.process_time()
