@@ -81,7 +81,6 @@ class PenetrationAlignment:
         found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
         return Aligned(found, posterior, log_evidence, fit)
 
-
     def of_unknown_scale(
         self,
         pose: np.ndarray,
