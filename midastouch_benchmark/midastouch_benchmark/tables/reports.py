@@ -46,7 +46,6 @@ COMMANDS = {
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
     "identify_cad": "midastouch identify --objects cad --slides 5",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
-    "identify_shapes": "midastouch identify --shapes 10 100 1000 --slides 1 --codebook-size 1000 --room 100000",
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
     "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
