@@ -247,7 +247,7 @@ def test_report_takes_all_of_them(run, workspace):
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
         (["bench-scale", "--frames", "3"], "--frames 3: too few"),
-        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced, accurate"),
+        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced"),
         (["benchmark", "--objects", "teapot"], "bundled objects: no object 'teapot': there are ball, eyebolt"),
         (["benchmark", "--meshes", "none"], "none: no such folder"),
         (["benchmark", "--variant", "best"], "--variant best: not known"),
