@@ -63,7 +63,6 @@ COMMANDS = {
     },
     "ablation_rest": f"{_BENCHMARK} --protocol rest {_LOOKS} --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_LOOKS} --variant gates",
-    "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_LOOKS} --variant no_recovery",
     "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_LOOKS} --variant no_refinement codes_no_recovery",
     "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_LOOKS} --variant no_arm_errors",
     "ablation_push": f"{_BENCHMARK} --protocol push {_LOOKS} --variant no_object_motion",

@@ -140,11 +140,10 @@ VARIANTS = {
     "no_hindsight": Variant(
         "last touches are not re-evaluated at competing hypotheses", MECHANISM, {"smoothing": False}
     ),
-    "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "codes_no_recovery": Variant(
         "no alignment to penetration maps, no re-evaluation, no injection",
         MECHANISM,
-        {"refinement": False, "recovery": False},
+        {"refinement": False, "recovery_fraction": 0.0},
     ),
     "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(

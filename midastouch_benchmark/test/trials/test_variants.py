@@ -66,7 +66,7 @@ def test_names_and_sets_are_chosen_once_each_with_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
     assert chosen_variants(["paper", "counts", "20k"]) == [DEFAULT, "paper", "1k", "20k", "50k"]
     assert chosen_variants(["all"]) == list(VARIANTS)
-    assert {"no_refinement", "no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
+    assert {"no_refinement", "codes_no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
     assert {*PRESETS, "1k", "align_8", "code_16", "book_10k"} - {BALANCED} <= set(SETS["front"])
 
 

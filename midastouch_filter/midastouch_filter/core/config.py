@@ -121,11 +121,14 @@ class FilterConfig:
 
     # --- resampling and recovery
     resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective fraction of particles is below this")
-    recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
-    recovery_alpha_slow: float = _number(0.04, 1e-4, 1.0, "", "rate of the long average of the likelihood")
-    recovery_alpha_fast: float = _number(1.0, 1e-3, 1.0, "", "rate of the short average of the likelihood")
     recovery_fraction: float = _number(
-        0.1, 0.0, 0.9, "", "largest fraction of particles injected per update", former="recovery_share"
+        0.1,
+        0.0,
+        0.9,
+        "",
+        "without refinement: largest fraction of particles that the codebook's best matches replace at a time when the "
+        "likelihood collapses",
+        former="recovery_share",
     )
 
     # --- modes and status
@@ -186,11 +189,22 @@ class FilterConfig:
             )
 
 
+GONE = {
+    "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
+    "recovery_alpha_slow": "the long average of the likelihood has one rate",
+    "recovery_alpha_fast": "the last touch is the short average of the likelihood",
+}
+"""Fields that there were, and what is in their place."""
+
+
 def by_present_names(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings in which a former name of a field is replaced by the present one, with a FutureWarning that names both.
 
-    Raises InputError where both are given.
+    Raises InputError where both are given, and on a field that is `GONE`.
     """
+    for name in settings:
+        if name in GONE:
+            raise InputError(f"{name} is gone: {GONE[name]}")
     present = dict(settings)
     for item in fields(FilterConfig):
         former = item.metadata["former"]

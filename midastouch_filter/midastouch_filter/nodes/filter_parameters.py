@@ -11,6 +11,7 @@ from midastouch_common import se3
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import QUEUE, Parameter, Parameters
 
+from ..core import config
 from ..core.config import FilterConfig
 from ..core.presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 from ..localiser import Start
@@ -183,6 +184,8 @@ def _of_field(field: dataclasses.Field) -> Parameter:
 _CONFIG = tuple(_of_field(field) for field in dataclasses.fields(FilterConfig))
 
 PARAMETERS = _NODE + _CONFIG
+GONE = config.GONE
+"""Parameters that there were, and what is in their place."""
 
 
 def config_of(parameters: Parameters) -> FilterConfig:

@@ -106,6 +106,7 @@ def test_code_handed_over_in_one_process(graph):
     ("parameters", "complaint"),
     [
         ({"max_partcles": 10}, "no parameter 'max_partcles'"),
+        ({"recovery": False}, "'recovery' is gone: .*recovery_fraction"),
         ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
         ({"min_particles": 0}, "min_particles"),
         ({"min_particles": 5000, "max_particles": 1000}, "min_particles"),
