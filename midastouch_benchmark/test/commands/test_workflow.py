@@ -100,7 +100,7 @@ def test_what_a_sequence_does_not_allow_is_refused(run, real_slide, capsys):
 
 def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
     background, sensor = read_image(Path("eyebolt/00/background.png")), SensorModel.load("digit_tacto")
-    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made = {"serial": "", "ball_diameter": 6e-3, "sensor": sensor.name, "presses": 5}
     made |= {"pixel_size": sensor.pixel_size, "coefficients": np.full((12, 6, 2), 1e-3), "date": "2026-11-23"}
     calibration = SensorCalibration(**made, background=background_colours(background))
     calibration.save("own.npz")
