@@ -138,10 +138,9 @@ class FilterConfig:
     converged_probability: float = _number(
         0.99, 0.5, 1.0, "", "... and its hypothesis is this probable, by the last touches, among all that explain them"
     )
-    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
     converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and residuals widen it"
+        0.005, 1e-4, 0.5, "m", "... and neither its particles nor its published covariance spread wider, RMS"
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 
@@ -190,6 +189,7 @@ class FilterConfig:
 
 
 GONE = {
+    "converged_translation": "converged_error limits how wide the particles spread, too",
     "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
     "recovery_alpha_slow": "the long average of the likelihood has one rate",
     "recovery_alpha_fast": "the last touch is the short average of the likelihood",
