@@ -156,7 +156,7 @@ def coded_slide(world) -> SimpleNamespace:
     poses = make_slide(world.mesh, 100, rng)
     measured = with_pose_noise(poses, rng, 5e-4, np.radians(1.0))
     # without penetrations a mode is as wide as the entries of its book are apart, here some 5 mm
-    config = FilterConfig(max_particles=5000, min_particles=300, converged_error=7e-3)
+    config = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
     # making one takes a second
     made = functools.cache(lambda config: ParticleFilter(world.mesh, world.codebook, config))
 
@@ -182,7 +182,7 @@ def mapped_slide(world) -> SimpleNamespace:
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
     renderer = PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE))
     maps = np.maximum(renderer.render(poses), 0)
-    few = {"max_particles": 2000, "min_particles": 300, "converged_error": 7e-3, "threads": 1}
+    few = {"max_particles": 2000, "min_particles": 300, "converged_translation": 7e-3, "threads": 1}
     return SimpleNamespace(
         poses=poses,
         odometry=odometry_of(poses),

@@ -16,7 +16,7 @@ from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.filter import ParticleFilter
 
-CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_error=7e-3)
+CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 
 
 def touch(T_gel_finger, code=None, **changes):

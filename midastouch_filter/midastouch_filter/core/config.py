@@ -70,7 +70,7 @@ class FilterConfig:
     refinement: bool = _switch(True, "align narrow modes to the measured penetration map")
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
     refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
-    refine_rotation: float = _number(math.radians(25.0), 0.01, 1.5, "rad", "... and below this one in rotation")
+    refine_rotation: float = _number(math.radians(24.0), 0.01, 1.5, "rad", "... and below this one in rotation")
     jitter_translation: float = _number(5e-4, 0.0, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
     jitter_rotation: float = _number(
         math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
@@ -138,9 +138,10 @@ class FilterConfig:
     converged_probability: float = _number(
         0.99, 0.5, 1.0, "", "... and its hypothesis is this probable, by the last touches, among all that explain them"
     )
+    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and its particles spread no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
     converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "... and neither its particles nor its published covariance spread wider, RMS"
+        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and residuals widen it"
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 
@@ -189,7 +190,6 @@ class FilterConfig:
 
 
 GONE = {
-    "converged_translation": "converged_error limits how wide the particles spread, too",
     "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
     "recovery_alpha_slow": "the long average of the likelihood has one rate",
     "recovery_alpha_fast": "the last touch is the short average of the likelihood",

@@ -102,7 +102,7 @@ class StateMachine:
             return False, "the last touches fit the particles badly"
         if e.mode_mass < c.converged_mass / slack:
             return False, f"the dominant mode holds {e.mode_mass:.0%} only"
-        if e.spread_t > c.converged_error * slack:
+        if e.spread_t > c.converged_translation * slack:
             return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
         if e.spread_r > c.converged_rotation * slack:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"

@@ -20,17 +20,17 @@ from ..core.config import FilterConfig
 from ..core.lookup import NearestEntry
 from ..core.noise_model import NoiseModel
 from ..core.touch import MAP_SCALE
-from ..loaded_object import LoadedObject, object_of
+from ..loaded_object import SIZE, LoadedObject, object_of
 
-FEWEST = 5_000
-"""Poses of each codebook that are compared, at least."""
+FEWEST = SIZE
+"""Poses of each codebook that are compared, at least: as many as are enough to localise by."""
 
 ROOM = 2**20
 """Poses of a catalogue, all of which a touch is compared with: 40 ms of one core, a third more than all YCB scans."""
 
 _SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
 
-_SAME_SIZE = 1e-6  # fraction of its size within which one mesh is another one
+_SAME_SIZE = 8 * np.finfo(np.float32).eps  # fraction of its size within which one mesh is another one, written anew
 
 
 class Entry:

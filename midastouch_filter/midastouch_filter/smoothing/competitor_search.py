@@ -17,7 +17,8 @@ from ..core.pose_hypothesis import ANOTHER, APART, distinct, far_from
 from ..core.touch import Measurement
 
 _OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
-_ENTRIES_AROUND = 8  # entries beside the nearest one
+ENTRIES_AROUND = 8
+"""Entries beside the one nearest to a pose, any of which may have the code of a touch there."""
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
@@ -149,7 +150,7 @@ class CompetitorSearch:
         best of the entries around a pose counts, since the pose lies between them.
         """
         out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
-        around = np.column_stack([entries, self._lookup.neighbours[entries, :_ENTRIES_AROUND]])
+        around = np.column_stack([entries, self._lookup.neighbours[entries, :ENTRIES_AROUND]])
         for k, keyframe in enumerate(keyframes):
             for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
                 if touch.T_gel_finger is None:

@@ -17,7 +17,7 @@ from midastouch_filter.core.surface import SurfaceConstraint, SurfaceGrid
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.core.workers import Workers
 
-CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_error=7e-3)
+CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))
 
 

@@ -13,7 +13,7 @@ def narrow(**changes):
 
 @pytest.fixture
 def machine():
-    return StateMachine(FilterConfig(converged_mass=0.8, converged_error=0.005, hysteresis=1.5))
+    return StateMachine(FilterConfig(converged_mass=0.8, converged_translation=0.005, hysteresis=1.5))
 
 
 def test_starts_uninitialised_and_says_so(machine):
