@@ -1,9 +1,9 @@
-"""Fit what the filter assumes of the evidence of touches, from simulated ones on procedural objects.
+"""Fit what the filter assumes of the evidence of touches, from simulated ones on objects made by code.
 
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--objects 8] [--windows 3] [--seed 0]
 
-Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
-explained from its true pose and from the competitors that codes bring up. The fit finds and prints the constants of
+Shapes and parts as the trainer's are slid over by random sensors; the networks see the images. Each window of touches
+is explained from its true pose and from the competitors that codes bring up. The fit finds and prints the constants of
 `midastouch_filter/core/noise_model.py` with which the odds between the two are as often right as they claim, and what
 they leave unexplained. The mathematics: docs/internals.md. No test object is seen.
 """
@@ -35,6 +35,7 @@ from midastouch_filter.smoothing.competitor_search import CompetitorSearch
 from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_probe, random_shape
+from midastouch_perception.simulation.random_parts import random_part
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
 SPACING = 0.01  # m between touches: less than their correlation
@@ -43,6 +44,7 @@ ENTRIES = 8_000
 COMPETITORS = 6
 LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
 CONFIG = FilterConfig(threads=1)
+NOISE = NoiseModel.of(CONFIG)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +62,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
     """Of `count` windows over one object."""
     book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
     # every competitor is followed to the end, however bad it is
-    noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
+    noise = dataclasses.replace(NOISE, refuted=-np.inf, code_margin=np.inf)
     model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
     simulator = TouchSimulator(mesh, networks, Lighting("random"))
     search = CompetitorSearch(model.lookup, model.symmetry.exact, noise, Effort())
@@ -89,7 +91,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
 def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
-    window, chosen, path = KeyframeWindow(TOUCHES, SPACING, CONFIG.correlation_length, Effort().shortlist), [0], 0.0
+    window, chosen, path = KeyframeWindow(TOUCHES, SPACING, NOISE.touch_correlation, Effort().shortlist), [0], 0.0
     for i in range(1, len(slide)):
         path += Odometry.from_matrix(se3.inverse(slide[i - 1]) @ slide[i]).path
         if path >= SPACING:
@@ -109,7 +111,7 @@ def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, lis
                         [model.measurement.log_ratio.copy()])  # fmt: skip
             true_pose[id(window.keyframes[-1])] = slide[i]
     keyframes = list(window.keyframes)
-    weights = np.full(len(keyframes), SPACING / CONFIG.correlation_length)
+    weights = np.full(len(keyframes), SPACING / NOISE.touch_correlation)
     return WeighedWindow(keyframes, weights, np.full(len(keyframes), 1e-9)), [
         true_pose[id(keyframe)] for keyframe in keyframes
     ]
@@ -161,7 +163,7 @@ def main() -> None:
     networks, pairs = Networks.load(), []
     for i in range(args.objects):
         rng = np.random.default_rng([args.seed, i])
-        make = (random_shape, random_shape, random_probe)[i % 3]
+        make = (random_shape, random_part, random_probe, random_part)[i % 4]
         pairs += window_pairs(make(rng, f"fit_{i}"), networks, args.windows, rng)
         print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of poses", file=sys.stderr, flush=True)
     found = minimize(surprise, [1.0, -6.5, -0.5], args=(pairs,), method="Nelder-Mead", options={"maxiter": 300}).x

@@ -161,7 +161,7 @@ VARIANTS = {
         "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
     ),
     "no_tempering": Variant(
-        "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
+        "weights count every touch in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),

@@ -93,13 +93,13 @@ class _Outlook:
         doubt = 1.0 - config.converged_probability
         self._certain = math.log(config.converged_probability / doubt) if doubt else math.inf
         self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
-        length, shortest = wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
+        length, shortest = wanted.max_length or hypotheses[0].model.mesh.diagonal, noise.touch_correlation
         self._distances = touches_on_the_way(length, shortest / _PER_MOTION)
         self._long_enough = self._distances >= min(shortest, length)
         self._tracks, self._touchable = self._predicted()
         self._slid = np.logical_and.accumulate(self._touchable, axis=2)
         evidence = self._evidence()
-        news = independence_on_the_way(self._tracks, measured, config.correlation_length)
+        news = independence_on_the_way(self._tracks, measured, noise.touch_correlation)
         self._by_slide = np.maximum(np.cumsum(evidence * (news * self._slid)[..., None], axis=2), 0.0)
         self._elsewhere = np.maximum(evidence, 0.0) * self._touchable[..., None]
         moved = noise.change_lifted

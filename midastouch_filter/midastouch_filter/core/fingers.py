@@ -39,8 +39,8 @@ class Finger:
 
     Attributes: name; touch, its measurement in this frame, map and transform checked; code (D,) at unit length, None if
     it touches nothing; tempering exponent in [0, 1]: how much of the touch is independent of what was measured before.
-    Touches nearer together than the correlation length see nearly the same patch, so they count in proportion to the
-    path between them.
+    Touches nearer together than the configured correlation length see nearly the same patch, so they count in
+    proportion to the path between them.
     """
 
     def __init__(

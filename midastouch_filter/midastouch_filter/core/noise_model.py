@@ -29,10 +29,10 @@ class NoiseModel:
     jitter: of one measured sensor pose; an arm reports each with an error of its own that does not stay.
     finger_error: of a further finger's pose, given the first one's.
     map_noise [m]: error of a penetration map; pixels within map_correlation [m] of each other have the same error.
-    touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
     between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
     map_patches: half the number of independent parts of a map; residual_floor: fraction of a map that is never
-    explained; see `residual_evidence`.
+    explained; see `residual_evidence`. touch_correlation [m]: path over which touches see nearly the same patch, so
+    that the evidence of one counts in part; 1 rad counts as 10 mm.
     change, change_lifted: probability that the object was moved between two keyframes, and while the sensor was lifted.
     prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
     refuted: log-odds below which a hypothesis is dropped; settled: probability from which on comparisons are rare.
@@ -49,11 +49,11 @@ class NoiseModel:
     finger_error: np.ndarray
     map_noise: float
     map_correlation: float
-    touch_correlation: float
     between_entries: np.ndarray
     mode_floor: np.ndarray
     map_patches: float = 2.6
     residual_floor: float = 0.024
+    touch_correlation: float = 0.02
     change: float = 1e-3
     change_lifted: float = 0.2
     prior_floor: float = -12.0
@@ -92,7 +92,6 @@ class NoiseModel:
             finger_error=config.finger_error,
             map_noise=config.penetration_noise,
             map_correlation=config.penetration_correlation,
-            touch_correlation=config.correlation_length,
             between_entries=_BETWEEN_ENTRIES,
             mode_floor=_MODE_FLOOR,
         )

@@ -163,7 +163,7 @@ def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
 
 def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
     many = advise(copies(world, handed), NOTHING_MEASURED, Wanted(count=8), NOISE).suggestions
-    assert all(each.length >= CONFIG.correlation_length for each in many)
+    assert all(each.length >= NOISE.touch_correlation for each in many)
 
 
 def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
