@@ -134,14 +134,24 @@ class FilterConfig:
     # --- modes and status
     mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
     min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
-    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
+    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged: the dominant mode holds this much")
     converged_probability: float = _number(
-        0.99, 0.5, 1.0, "", "... and its hypothesis is this probable, by the last touches, among all that explain them"
+        0.99,
+        0.5,
+        1.0,
+        "",
+        "converged: the dominant mode is this probable, by the last touches, among all that explain them",
     )
-    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and its particles spread no wider, RMS")
-    converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
+    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "converged: its particles spread no wider, RMS")
+    converged_rotation: float = _number(
+        math.radians(15.0), 0.01, 3.0, "rad", "converged: its particles turn no wider, RMS"
+    )
     converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and residuals widen it"
+        0.005,
+        1e-4,
+        0.5,
+        "m",
+        "converged: the published covariance is no wider, RMS; innovations and residuals widen it",
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 
