@@ -27,7 +27,7 @@ from .smoothing.reevaluation import Reevaluation
 @dataclass
 class Policies:
     """correct: the odometry; propagate: equation 1; fingers: what is measured that is new; reweigh: equation 2,
-    normalised; resample: when, and to how many; recover: after a collapse of the likelihood, without maps; refine: the
+    normalised; resample: to how many; recover: after a collapse of the likelihood, without maps; refine: the
     fine stage; source: of new particles."""
 
     correct: AsMeasured
@@ -58,7 +58,7 @@ def default_policies(
     """The policies that the configuration asks for, without a memory."""
     motion_model = MotionModel(config, rng, workers)
     source = ParticleSource(model.lookup, motion_model, noise.jitter, rng, workers)
-    resample = Resampler(model.regions, config, rng, gates)
+    resample = Resampler(model.regions, config, rng)
     map_shape, refine, correct = None, CoarseOnly(), AsMeasured()
     if model.alignment is not None:
         map_shape, effort = model.alignment.map_shape, Effort()

@@ -104,7 +104,7 @@ class Step:
         with self._watch.stage("resampling"):
             if alive:
                 replaced = policies.recover.fraction(policies.reweigh.trend)
-                policies.resample(belief, needed=replaced > 0)
+                policies.resample(belief)
                 policies.recover(belief, touching, replaced)
             else:
                 particles = policies.source.matches_and_uniform(touching, self._particles)

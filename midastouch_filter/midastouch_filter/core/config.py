@@ -119,8 +119,7 @@ class FilterConfig:
         math.radians(1.0), 0.0, 1.0, "rad", "error of a further finger's pose relative to the first one's, each axis"
     )
 
-    # --- resampling and recovery
-    resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective fraction of particles is below this")
+    # --- recovery
     recovery_fraction: float = _number(
         0.1,
         0.0,
@@ -200,6 +199,7 @@ class FilterConfig:
 
 
 GONE = {
+    "resample_ess": "particles are resampled at every touch",
     "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
     "recovery_alpha_slow": "the long average of the likelihood has one rate",
     "recovery_alpha_fast": "the last touch is the short average of the likelihood",

@@ -9,7 +9,6 @@ GATES = (
     "at_rest",
     "no_contact",
     "unchanged_code",
-    "effective_size",
     "unmoved_modes",
     "wide_modes",
     "unrivalled",
@@ -17,9 +16,9 @@ GATES = (
 """Each recognises work that can be skipped:
 
 at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same code again, a repeated
-image and no new touch; effective_size: enough particles carry weight, resampling would only lose diversity;
-unmoved_modes: nothing happened to the particles; wide_modes: no mode is narrow enough for its rendered view to tell
-anything; `unrivalled`: touches still fit what the last re-evaluation said, so that the next can wait.
+image and no new touch; unmoved_modes: nothing happened to the particles; wide_modes: no mode is narrow enough for its
+rendered view to tell anything; `unrivalled`: touches still fit what the last re-evaluation said, so that the next can
+wait.
 """
 
 
