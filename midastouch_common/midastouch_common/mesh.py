@@ -100,6 +100,11 @@ class ObjectMesh:
         with atomic_path(path) as temporary:
             trimesh.Trimesh(self.vertices.astype(np.float32), self.faces, process=False).export(temporary)
 
+    def refined(self, edge: float) -> ObjectMesh:
+        """The same surface in faces without an edge longer than `edge` [m]."""
+        vertices, faces = trimesh.remesh.subdivide_to_size(self.vertices, self.faces, edge, max_iter=20)
+        return ObjectMesh(vertices, faces, self.name, self.sha256)
+
     @cached_property
     def _welded(self) -> np.ndarray:
         """(V,) the same number for vertices at the same position."""

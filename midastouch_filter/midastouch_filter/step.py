@@ -150,6 +150,7 @@ class Reporter:
                 support=self._policies.reweigh.trend.support,
                 restarted=outcome.restarted,
                 checked=self._policies.refine.checked,
+                unknown=self._policies.refine.unknown,
                 mode_mass=dominant.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
@@ -178,4 +179,5 @@ class Reporter:
             skipped=skipped,
             ms=self._watch.ms,
             symmetry=self._symmetry,
+            foreign=self._state.foreign,
         )

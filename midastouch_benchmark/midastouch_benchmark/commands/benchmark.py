@@ -37,7 +37,8 @@ def add_parser(subparsers) -> None:
         "  lift         lifted, put down 50 mm away         kidnap       the same, unreported\n"
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
-        "  small_parts  parts smaller than the gel          grasp        held still by up to four fingers\n"
+        "  other_shape  the object is not quite its mesh    small_parts  parts smaller than the gel\n"
+        "  grasp        held still by up to four fingers\n"
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )

@@ -166,13 +166,14 @@ def trust(trials: list[dict]) -> dict:
 
     converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; ambiguous_frames_among, of
     the ambiguous frames with a truth those with a mode that is right; right_at_end; right_or_among_modes_at_end, as of
-    that function; right_if_converged_at_end, of trials that end converged; regions, by kind of frame and level,
-    fraction of frames whose region of that level holds the truth, and region_95, that of converged frames at 95 %;
-    right_before_event, right_after_event, of trials, the latter so many frames later; found_again, of those that were
-    right before; misled, of these too, which are ever converged at a wrong pose, and misled_frames, in how many frames;
-    frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
-    ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
-    right, fraction of them whose pose is.
+    that function; right_if_converged_at_end, of trials that end converged; foreign_at_end and foreign_ever, of trials
+    that say that another object is touched; right_or_said_at_end, that or right_or_among_modes_at_end; regions, by kind
+    of frame and level, fraction of frames whose region of that level holds the truth, and region_95, that of converged
+    frames at 95 %; right_before_event, right_after_event, of trials, the latter so many frames later; found_again, of
+    those that were right before; misled, of these too, which are ever converged at a wrong pose, and misled_frames, in
+    how many frames; frames_until_right, infinite where it never is again; final errors of particles, closest mode and
+    published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the
+    published mode, right, fraction of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
     figures = Figures.by_slide(trials)
@@ -213,7 +214,7 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     """What states and regions promise, and what the last answers are."""
     wrong = _converged_wrong(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
-    right = [is_right(t) for t in trials]
+    right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
 
     def regions(kind: str) -> dict:
         counts = np.array([t["coverage"][kind] for t in trials])
@@ -229,6 +230,9 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
         "right_at_end": figures.fraction(right),
         "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
         "right_if_converged_at_end": figures.fraction(right, ends_converged),
+        "foreign_at_end": figures.fraction(foreign),
+        "foreign_ever": figures.fraction([t["frames_foreign"] > 0 for t in trials]),
+        "right_or_said_at_end": figures.fraction(np.logical_or(foreign, [is_right_or_among_modes(t) for t in trials])),
         "region_95": regions(CONVERGED)["0.95"],
         "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
     }

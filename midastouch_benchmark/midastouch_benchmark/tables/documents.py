@@ -57,7 +57,7 @@ TABLES = {
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
         comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
         figures.figures, figure_commands,
-        trust.converged, trust.weights, trust.regions, trust.events,
+        trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
         exploring.identification, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         perception.single_touch, checks.checks, checks.diameters, checks.contacts, checks.brightness,

@@ -55,6 +55,11 @@ _REGIONS = {
     ),
     **{f"{what}, right": fraction(f"trust.regions.right.{level}") for what, level in _LEVELS.items()},
 }
+_FOREIGN = {
+    "said at the end that another object is touched": fraction("trust.foreign_at_end"),
+    "said so ever": fraction("trust.foreign_ever"),
+    "at the end right, `ambiguous` with the truth among the modes, or said so": fraction("trust.right_or_said_at_end"),
+}
 _EVENTS = {
     "right before it": fraction("trust.right_before_event"),
     "of these, ever `converged` at a wrong pose": fraction("trust.misled"),
@@ -108,6 +113,11 @@ def weights() -> pd.DataFrame:
 def regions() -> pd.DataFrame:
     """How often the published covariance holds the truth."""
     return regions_table(frame_of(conditions(), benchmark_summary), "report")
+
+
+def foreign() -> pd.DataFrame:
+    """How often the filter says that another object than its mesh is touched."""
+    return written(frame_of(conditions(), benchmark_summary), {"conditions": text("what")}, _FOREIGN, "report")
 
 
 def events() -> pd.DataFrame:

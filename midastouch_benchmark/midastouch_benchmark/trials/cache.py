@@ -191,9 +191,13 @@ class Cache:
     def _codebooks(self) -> Path:
         return self._home / "codebooks"
 
+    @property
+    def _kind(self) -> str:
+        return self.slides.name
+
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
-        kind = f"{self.slides.name}_{mesh.sha256[:8]}"
+        kind = f"{self._kind}_{mesh.sha256[:8]}"
         path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
         if not path.is_dir():
             self._simulate(mesh, number, path)

@@ -35,13 +35,11 @@ _THREADS = 1
 
 @dataclasses.dataclass(frozen=True)
 class IdentityPlan:
-    """cache; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
-    the catalogue."""
+    """cache; config, filter settings; slides, their numbers."""
 
     cache: Cache
     config: FilterConfig
     slides: tuple[int, ...]
-    unknown: float = 0.5
 
     @property
     def settings(self) -> FilterConfig:
@@ -53,7 +51,6 @@ class IdentityPlan:
         return {
             "slides": self.slides,
             "slide_length_m": self.cache.slides.length,
-            "unknown": self.unknown,
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
@@ -93,11 +90,11 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
     entry = catalogue.entries[catalogue.number(catalogue.duplicates.get(name, name))]
     frames = plan.cache.frames(entry.mesh, slide)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
-    trials = [labels | identify(catalogue, frames, entry.name, plan.settings, plan.unknown)]
+    trials = [labels | identify(catalogue, frames, entry.name, plan.settings)]
     if len(catalogue) > 1:
         others = catalogue.without(entry.name)
         labels |= {"in_catalogue": False, "objects": len(others)}
-        trials.append(labels | _refuse(others, frames, plan.settings, plan.unknown))
+        trials.append(labels | _refuse(others, frames, plan.settings))
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
     trials[0] |= _alone(alone, frames, entry)
@@ -110,15 +107,13 @@ def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> C
     return read_catalogue(books, lambda path: None, NoiseModel.of(config))
 
 
-def identify(
-    catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig, unknown: float = 0.5
-) -> dict:
-    """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
+def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig) -> dict:
+    """A slide over an object that nobody names; truth, the answer that is right.
 
     What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose right
     (`Yardstick`); cpu_ms of a frame, of all but the networks.
     """
-    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown), Answers(truth)
+    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0), Answers(truth)
     cpu, count = 0.0, 0
     for frame in frames:
         start = time.process_time()
@@ -133,12 +128,12 @@ def identify(
     }
 
 
-def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterConfig, unknown: float) -> dict:
+def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterConfig) -> dict:
     """A slide over an object that is not in the catalogue: what `Answers.describe` says.
 
     No filter runs: a `CatalogueLocaliser` would give the same answers, and a pose on a wrong object.
     """
-    identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), Answers(UNKNOWN)
+    identification, answers = Identification(catalogue, config, NoiseModel.of(config)), Answers(UNKNOWN)
     last = None
     for frame in frames:
         identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)

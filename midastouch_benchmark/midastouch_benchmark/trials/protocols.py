@@ -25,6 +25,7 @@ from midastouch_perception.simulation.slide import Leap
 from . import disturbances
 from .cache import Cache, SlideKind
 from .disturbances import Disturbance, Disturbed, Scene
+from .other_shapes import OtherShapeCache
 from .real_sensor import RealSensorCache
 from .trial import FRAME_TIME, AnyFilter, TrialFrame
 from .yardstick import Yardstick
@@ -150,6 +151,9 @@ PROTOCOLS = {
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
     "wrong_mesh": Protocol(
         "another object is touched (always wrong)", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT
+    ),
+    "other_shape": Protocol(
+        "the object differs a little from its mesh", slides=_SHORT, starts=(UNIFORM,), make_cache=OtherShapeCache
     ),
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
     "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),

@@ -22,7 +22,7 @@ from ..statistics.coverage import Coverage, WeightReliability
 from .yardstick import Yardstick
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 7
+RECORD = 8
 """Version of what `run_trial` returns: kept trials of another one are run again."""
 
 AFTER_EVENT = 30
@@ -114,6 +114,7 @@ class _Record:
         self._right: list[bool] = []
         self._among: list[bool] = []
         self._known: list[bool] = []
+        self._foreign: list[bool] = []
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
@@ -129,6 +130,7 @@ class _Record:
         self._filter_ms.update(estimate.status.ms)
         self._filter_cpu_ms.append(filter_cpu_ms)
         self._states.append((frame.index, estimate.status.state))
+        self._foreign.append(estimate.status.foreign)
         self._in_contact.append(frame.measurement.in_contact)
         if frame.measurement.in_contact:
             self._areas.append(frame.measurement.contact_area)
@@ -165,6 +167,7 @@ class _Record:
             "mode_mass": status.mode_mass,
             "ess": status.ess,
             "state": status.state,
+            "foreign": status.foreign,
             "right": self._right[-1],
             "among_modes": self._among[-1],
             "in_contact": frame.measurement.in_contact,
@@ -200,6 +203,7 @@ class _Record:
             "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
+            "frames_foreign": sum(self._foreign),
             "frames_ambiguous": int(ambiguous.sum()),
             "frames_ambiguous_among": int((ambiguous & self._among).sum()),
             **self._yardstick.describe(),
@@ -229,7 +233,7 @@ ERROR_KEYS = tuple(
     for prefix in ("e", "min_cluster", "closest_mode", "estimate")
     for unit in ("trans_mm", "rot_deg")
 )
-FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state", "right", "among_modes")
+FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state", "foreign", "right", "among_modes")
 
 
 def _mode_poses(estimate: Estimate) -> np.ndarray:

@@ -147,7 +147,7 @@ class Exploration:
             )
             self.verdict = Verdict(False, words)
         elif self.path > self._max_path:
-            self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m")
+            self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m: {why}")
 
     def refused(self, why: str) -> None:
         """Take note that `suggest_motion` gave no suggestion, for a reason in words."""

@@ -145,8 +145,9 @@ def test_without_suggestions_that_help_it_looks_for_others_elsewhere(exploration
 def test_it_gives_up_after_the_longest_way(exploration):
     while exploration.path <= 0.5:
         assert list(exploration.go([Motion(0.3, 0.1)]))
-    exploration.judge("ambiguous", "", measured=True)
-    assert exploration.verdict.words.startswith("still ambiguous after 0.5")
+    exploration.judge("lost", "these touches are not of this mesh", measured=True)
+    assert exploration.verdict.words.startswith("still lost after 0.5")
+    assert exploration.verdict.words.endswith("these touches are not of this mesh")
 
 
 def test_a_finger_that_cannot_move_or_touch_is_no_loop(stuck):

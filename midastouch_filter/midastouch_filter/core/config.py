@@ -96,6 +96,11 @@ class FilterConfig:
         0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm", former="hindsight_spacing"
     )
 
+    # --- another object may be touched
+    unknown_prior: float = _number(
+        0.5, 0.0, 0.999, "", "probability beforehand that it is none of the known objects; 0: it is one of them"
+    )
+
     # --- the object may move: contact odometry against the arm's
     object_motion: bool = _switch(True, "follow the object when it slips or is pushed; needs refinement")
     object_jump_translation: float = _number(

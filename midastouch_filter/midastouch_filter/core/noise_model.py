@@ -42,7 +42,8 @@ class NoiseModel:
     Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
     objects, whose maps err together; foreign_residual, the residual ratio of a
     hypothesis that speaks neither for its object nor against it; innovation_cost, evidence that each unit of
-    squared Mahalanobis innovation costs a hypothesis; see `object_evidence`.
+    squared Mahalanobis innovation costs a hypothesis; alone_residual and alone_innovation_cost, the same where only
+    one object is known; see `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -65,6 +66,8 @@ class NoiseModel:
     between_objects: float = 0.26
     foreign_residual: float = 0.48
     innovation_cost: float = 0.71
+    alone_residual: float = 0.2
+    alone_innovation_cost: float = 0.25
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
@@ -75,14 +78,17 @@ class NoiseModel:
         """
         return -self.map_patches * np.log(np.asarray(residual_ratio) + self.residual_floor)
 
-    def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray) -> np.ndarray:
-        """Nats that touches speak for hypotheses on an object of a catalogue, against it being none of these.
+    def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray, objects: int) -> np.ndarray:
+        """Nats that touches speak for hypotheses on an object of a catalogue of so many, against it being none of them.
 
         residual ratio as above; squared_innovation: squared Mahalanobis distances from where the path led to where the
         maps fit, which tell a surface of another curvature: its maps fit, but not one after the other.
         """
-        fit = self.residual_evidence(residual_ratio) - self.residual_evidence(self.foreign_residual)
-        return self.between_objects * (fit - self.innovation_cost * np.minimum(squared_innovation, self.elsewhere))
+        foreign, cost = self.foreign_residual, self.innovation_cost
+        if objects == 1:  # no other one tells how well a further object would explain the touches
+            foreign, cost = self.alone_residual, self.alone_innovation_cost
+        fit = self.residual_evidence(residual_ratio) - self.residual_evidence(foreign)
+        return self.between_objects * (fit - cost * np.minimum(squared_innovation, self.elsewhere))
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:

@@ -18,6 +18,8 @@ WAITING = "waiting"
 
 # the short likelihood average as a fraction of the worst possible one, log(outlier): lost above, found again below
 _LOST_SUPPORT, _FOUND_SUPPORT = 0.6, 0.3
+# probability of another object: said above the first, taken back below the second, above which nothing is converged
+_FOREIGN, _OWN = 0.95, 0.5
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class Status:
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
     likelihood_trend [nats]: short average of the log-likelihood ratio against a random touch (below 0: the
     particles explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
-    stage, those of what followed the last answer included; symmetry of the object, in words.
+    stage, those of what followed the last answer included; symmetry of the object, in words; foreign: whether it is
+    lost because another object is touched.
     """
 
     state: str
@@ -43,6 +46,7 @@ class Status:
     skipped: dict[str, int] = field(default_factory=dict)
     ms: dict[str, float] = field(default_factory=dict)
     symmetry: str = ""
+    foreign: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,8 @@ class StateEvidence:
 
     support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
     error [m]: RMS distance of the truth to the published pose, by its covariance, if its hypothesis is the right one;
-    alike: how many poses feel the same as each one, in words, empty if none do.
+    unknown: probability that another object is touched; alike: how many poses feel the same as each one, in words,
+    empty if none do.
     """
 
     initialised: bool = False
@@ -63,6 +68,7 @@ class StateEvidence:
     spread_t: float = 0.0
     spread_r: float = 0.0
     error: float = 0.0
+    unknown: float = 0.0
     alike: str = ""
 
 
@@ -71,8 +77,13 @@ class StateMachine:
 
     def __init__(self, config: FilterConfig):
         self._config = config
-        self._lost = self._converged = False
+        self._lost = self._converged = self._foreign = False
         self.state, self.reason = UNINITIALISED, "no start given yet"
+
+    @property
+    def foreign(self) -> bool:
+        """Whether it is lost because another object is touched."""
+        return self.state == LOST and self._foreign
 
     def update(self, evidence: StateEvidence) -> tuple[str, str]:
         """Next state and its reason."""
@@ -81,13 +92,16 @@ class StateMachine:
 
     def _next(self, e: StateEvidence) -> tuple[str, str]:
         if not e.initialised:
-            self._lost = self._converged = False
+            self._lost = self._converged = self._foreign = False
             return UNINITIALISED, "no start given yet"
         self._lost = bool(e.restarted) or e.support > (_FOUND_SUPPORT if self._lost else _LOST_SUPPORT)
+        self._foreign = e.unknown > (_OWN if self._foreign else _FOREIGN)
         narrow, why_not = self._narrow(e)
-        self._converged = narrow and not self._lost
+        self._converged = narrow and not self._lost and not self._foreign
         if not e.in_contact:
             return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
+        if self._foreign:
+            return LOST, f"these touches are not of this mesh: with {e.unknown:.1%} another object is touched"
         if self._lost:
             return LOST, e.restarted or "the touches contradict every particle; looking for better hypotheses"
         if self._converged:
@@ -108,6 +122,8 @@ class StateMachine:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
         if e.error > c.converged_error * slack:
             return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
+        if e.unknown > _OWN:
+            return False, f"with {e.unknown:.0%} these touches are not of this mesh"
         if not e.checked:
             return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other hypotheses yet"
         return True, ""

@@ -34,7 +34,7 @@ class CatalogueLocaliser(Localiser):
     While another object may be touched, it does not call itself `converged`. As long as every object is less probable
     than that it is none of them no filter runs.
 
-    Args: catalogue; config; seed; unknown, as of `Identification`; on_object: called with every entry that comes to
+    Args: catalogue; config; seed; on_object: called with every entry that comes to
     lead; on_identity: with what was found and the gel's pose T_base_gel (4, 4) and stamp [ns].
     """
 
@@ -43,15 +43,16 @@ class CatalogueLocaliser(Localiser):
         catalogue: Catalogue,
         config: FilterConfig,
         seed: int,
-        unknown: float = 0.5,
         on_object: Callable[[Entry], object] = lambda entry: None,
         on_identity: Callable[[Identity, np.ndarray, int | None], object] = lambda identity, T_base_gel, stamp: None,
     ):
         super().__init__(None, False)
         self._catalogue, self._config, self._seed = catalogue, config, seed
         self._on_object, self._on_identity = on_object, on_identity
+        # of what the filter runs on, the catalogue is asked, not that one object
+        self._filter_config = dataclasses.replace(config, unknown_prior=0.0)
         self._noise = NoiseModel.of(config)
-        self._identification: Identification | None = Identification(catalogue, config, self._noise, unknown)
+        self._identification: Identification | None = Identification(catalogue, config, self._noise)
         self._loaded: dict[str, LoadedObject] = {}
         self._models: dict[str, ObjectModel] = {}
         self._last: np.ndarray | None = None
@@ -122,7 +123,7 @@ class CatalogueLocaliser(Localiser):
         if identity.answer != leading.name or (held and leading.probability < self._config.hysteresis * held[0]):
             return
         entry = self._catalogue.entries[self._catalogue.number(leading.name)]
-        self._object = self._loaded.pop(entry.name, None) or entry.load(self._config, self._seed)
+        self._object = self._loaded.pop(entry.name, None) or entry.load(self._filter_config, self._seed)
         self._loaded[entry.name] = self._object
         while len(self._loaded) > _KEPT_FILTERS:
             del self._loaded[next(iter(self._loaded))]

@@ -25,9 +25,10 @@ from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
 from ..core.touch import Measurement, require_network
 from ..core.workers import Workers
 from ..smoothing.competitor_search import CompetitorSearch, SearchPace
+from ..smoothing.contest import Contest
 from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from .catalogue import Catalogue
-from .identity import CandidateObject, Contest, Identity
+from .identity import CandidateObject, Identity
 
 # the shortlist is of the whole catalogue; of an object fewer hypotheses are kept, as some of each are; how probable an
 # object is was fitted with so many alignments (midastouch_benchmark/fits/identity.py)
@@ -39,13 +40,13 @@ _CARRIED_HYPOTHESES = 6  # hypotheses that are asked for again; codes bring up t
 class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
-    Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them.
+    Args: catalogue; config; noise.
     Attributes: window of the kept touches; found, by the last comparison, its hypotheses as they were then; contest,
     that it comes from, None before the first.
     """
 
-    def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
-        self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
+    def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel):
+        self._catalogue, self._config, self._noise = catalogue, config, noise
         codes = np.concatenate([entry.codebook.codes for entry in catalogue.entries])
         self._scores = CodeScores(codes, catalogue.calibration, config, Workers(config.threads))
         self._pace = SearchPace(_EFFORT.lookups_per_step)
@@ -59,7 +60,7 @@ class Identification:
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
         self._news, self._wait, self.contest = 0, _EFFORT.anew, None
-        self._believe(np.zeros(0), self._unknown)
+        self._believe(np.zeros(0), self._config.unknown_prior)
 
     @property
     def identity(self) -> Identity:
@@ -88,7 +89,7 @@ class Identification:
         if found is None:
             return False
         self._running, self.contest = None, found
-        self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
+        self._believe(*found.posterior(self._noise, len(self._catalogue), self._config.unknown_prior))
         settled = self.found.leading.probability > self._noise.settled
         self._wait = _EFFORT.seldom if settled else _EFFORT.anew
         return True
@@ -123,7 +124,7 @@ class Identification:
         for i in np.argsort(-fractions, kind="stable"):
             found = replace(self.contest.hypotheses[i], probability=float(fractions[i]))
             hypotheses[self.contest.owner[i]].append(found)
-        even = (1 - self._unknown) / len(hypotheses)
+        even = (1 - self._config.unknown_prior) / len(hypotheses)
         objects = [
             CandidateObject(entry.name, sum(each.probability for each in some) if self.contest else even, some)
             for entry, some in zip(self._catalogue.entries, hypotheses, strict=True)
@@ -190,12 +191,7 @@ class Identification:
                 kept.append(followed[i])
                 covariance = transform_covariance(followed[i].covariance, onward[i])
                 hypotheses.append(PoseHypothesis(poses[i], covariance, 0.0))
-        shape = len(kept), len(window.weights)
-        residual_ratio = np.reshape([each.residual_ratio for each in kept], shape)
-        squared_innovation = np.reshape([each.squared_innovation() for each in kept], shape)
-        return Contest(
-            np.array(owner, int), hypotheses, residual_ratio, squared_innovation, window.weights, window.change
-        )
+        return Contest.of(owner, hypotheses, kept, window)
 
     def _support(self, window: WeighedWindow, hypothesis: Followed) -> float:
         return float(window.weights @ self._noise.residual_evidence(hypothesis.residual_ratio))

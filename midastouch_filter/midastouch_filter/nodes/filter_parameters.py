@@ -37,13 +37,6 @@ _NODE = (
         "In place of mesh and codebook, where the object is not known: codebooks, folders of codebooks and "
         "meshes, separated by ','; a mesh gets a coarse codebook",
     ),
-    Parameter(
-        "unknown_prior",
-        0.5,
-        "With objects: probability beforehand that it is none of them",
-        minimum=0.001,
-        maximum=0.999,
-    ),
     Parameter("tcn", "fast", "Code network of a codebook that is built here: as that of the node tcn"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of the node tdn: codebooks must be of it"),
     Parameter(
@@ -157,6 +150,7 @@ _SETTINGS = (
     "refinement",
     "refined_modes",
     "smoothing",
+    "unknown_prior",
     "object_motion",
     "calibration",
     "jitter_translation",

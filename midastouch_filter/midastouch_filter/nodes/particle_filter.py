@@ -81,7 +81,6 @@ class ParticleFilterNode(ManagedNode):
             catalogue,
             self._config,
             self.parameters["seed"],
-            self.parameters["unknown_prior"],
             on_object=lambda entry: self._out.show_object(entry.mesh.path),
             on_identity=self._out.identity,
         )

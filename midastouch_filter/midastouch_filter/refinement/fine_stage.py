@@ -27,10 +27,12 @@ _REFUTED_FRACTION = 1e-9  # fraction that a refuted mode keeps, so that its weig
 class CoarseOnly:
     """A step without a fine stage: the belief is that of the codes alone; `FineStage` replaces what maps change.
 
-    Attributes: checked: whether other hypotheses were compared with the dominant mode, as far as that is asked for.
+    Attributes: checked: whether other hypotheses were compared with the dominant mode, as far as that is asked for;
+    unknown: probability that the last touches are of another object, as far as that is.
     """
 
     checked = True
+    unknown = 0.0
 
     def restart(self, prior: Prior | None) -> None:
         """Begin anew with particles that were just drawn; `prior` is what is known of the present pose, if anything."""

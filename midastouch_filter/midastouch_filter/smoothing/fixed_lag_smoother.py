@@ -32,6 +32,7 @@ class FixedLagSmoother(FineStage):
     """A fine stage that compares the modes with other hypotheses, by the last touches.
 
     Args: refinement; reevaluation; config; noise; source of particles for new modes; resample; gates; watch.
+    Attribute: comparison, the last one, as it was then; None before the first.
     """
 
     def __init__(
@@ -51,9 +52,9 @@ class FixedLagSmoother(FineStage):
 
     def restart(self, prior: Prior | None) -> None:
         super().restart(prior)
-        self.checked = False
-        self._known: Comparison | None = None
-        self._known_at = np.eye(4)
+        self.checked, self.unknown = False, 0.0
+        self.comparison: Comparison | None = None
+        self._compared_at = np.eye(4)
         self._reevaluation.restart(prior)
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
@@ -94,14 +95,15 @@ class FixedLagSmoother(FineStage):
             comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
             if comparison is not None:
                 self._believe(belief, comparison)
-                self._known, self._known_at = comparison, reevaluation.motion
+                self.comparison, self._compared_at = comparison, reevaluation.motion
+                self.unknown = comparison.unknown
 
     def _is_trusted(self, belief: Belief) -> bool:
         """Whether the last comparison found the dominant mode probable enough, and left no hypothesis out."""
-        known, reevaluation = self._known, self._reevaluation
+        known, reevaluation = self.comparison, self._reevaluation
         if known is None or not known.exhaustive or reevaluation.lifted:
             return False
-        pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
+        pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._compared_at)
         return known.probability_at(pose) >= self._config.converged_probability
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:

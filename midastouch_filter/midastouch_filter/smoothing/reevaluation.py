@@ -29,29 +29,35 @@ from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import ANOTHER, APART, PoseHypothesis, Prior, distinct, far_from
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
+from .contest import Contest
 from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
 
 _POSSIBLE = 1e-4  # probability of a hypothesis from which on it is compared again
 _LEADS = 1e-3  # probability of a hypothesis from which on those that look like it are compared, too
+_OWN = 0.05  # probability of another object below which the touches so far are counted as the object's own
+_NEVER_SURER = 0.01  # than so, that no later touch is of another object
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """hypotheses, most probable first; elsewhere: probability that it is none of them; exhaustive: no further
+    """hypotheses, most probable first; elsewhere: probability that it is none of them, and `unknown` that it is another
+    object, which `contest` tells; exhaustive: no further
     hypothesis was within reach of the best by its codes; cloud (C, 4, 4), cloud_scores (C,): as `Competitors`, at
     present; symmetry, modulo which all of these are."""
 
     hypotheses: list[PoseHypothesis]
     elsewhere: float
+    contest: Contest
+    unknown: float
     exhaustive: bool
     cloud: np.ndarray
     cloud_scores: np.ndarray
     symmetry: Symmetry
 
     def settled(self, certain: float) -> bool:
-        """Whether one hypothesis is as probable as that, and none was left out."""
-        return self.exhaustive and self.hypotheses[0].probability > certain
+        """Whether the object is known, one hypothesis is as probable as that, and none was left out."""
+        return self.exhaustive and self.unknown < _OWN and self.hypotheses[0].probability > certain
 
     def probability_at(self, pose: np.ndarray) -> float:
         """Of the hypothesis that a pose (4, 4) belongs to: the nearest one."""
@@ -80,6 +86,7 @@ class Reevaluation:
     ):
         self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
         self._symmetry, self._count, self._explains = symmetry, n_poses, config.penetration_fit
+        self._unknown_prior = config.unknown_prior
         self._search = CompetitorSearch(lookup, symmetry.exact, noise, effort)
         self._window = KeyframeWindow(
             config.smoothing_touches, config.smoothing_spacing, noise.touch_correlation, effort.shortlist
@@ -98,6 +105,8 @@ class Reevaluation:
         self._carried: list[np.ndarray] = []  # what was possible by the last comparison, (4, 4) as it was then
         self._carried_at = np.eye(4)
         self._since, self._wait, self.lifted = 0, self._effort.anew, False
+        self._own: float | None = None  # probability of another object when that was last improbable ...
+        self._since_own = 0  # ... and touches since
         self._running: Iterator[Comparison | None] | None = None
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: float) -> None:
@@ -139,6 +148,7 @@ class Reevaluation:
         """
         self._window.keep(touches, log_ratios)
         self._since += 1
+        self._since_own += 1
         if self._window.lifted:  # what is under way was asked before, of an object that may have been moved
             self._running, self._wait = None, self._effort.anew
 
@@ -163,6 +173,8 @@ class Reevaluation:
         found = next(self._running)
         if found is not None:
             self._running, self.lifted = None, False
+            if found.unknown < _OWN:
+                self._own, self._since_own = max(found.unknown, _NEVER_SURER), self._since
             most = self._effort.rarely if found.settled(self._noise.settled) else self._effort.seldom
             self._wait = min(2 * self._wait, most)
         return found
@@ -236,9 +248,23 @@ class Reevaluation:
             PoseHypothesis(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
             for i, p in zip(chosen, probability, strict=True)
         ]
+        contest = Contest.of([0] * len(chosen), hypotheses, [followed[i] for i in chosen], window)
+        unknown = self._unknown(contest)
         best = followed[chosen[int(probability.argmax())]]
         # a hypothesis that explains all touches does not compete with those that explain the last ones only
         exhaustive = asked >= (competitors.lasting if best.at == 0 else len(competitors.poses))
         hypotheses.sort(key=lambda hypothesis: -hypothesis.probability)
         on = se3.inverse(window.keyframes[-1].motion) @ now
-        return Comparison(hypotheses, elsewhere, exhaustive, competitors.cloud @ on, competitors.cloud_scores, symmetry)
+        cloud = competitors.cloud @ on, competitors.cloud_scores
+        return Comparison(hypotheses, elsewhere, contest, unknown, exhaustive, *cloud, symmetry)
+
+    def _unknown(self, contest: Contest) -> float:
+        """Probability that another object is touched.
+
+        Touches before one at which that was improbable are settled: they do not speak again. So an unreported motion,
+        after which none of the present hypotheses explains them, does not make them another object's.
+        """
+        if self._own is None:
+            return contest.posterior(self._noise, 1, self._unknown_prior)[1]
+        recent = contest.of_last(self._since_own - self._since + 1)
+        return recent.posterior(self._noise, 1, self._unknown_prior, self._own)[1]

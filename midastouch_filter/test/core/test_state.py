@@ -35,6 +35,10 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(support=0.45), state.AMBIGUOUS, "fit the particles badly"),
         (narrow(support=0.9), state.LOST, "contradict"),
         (narrow(restarted="odometry jumped"), state.LOST, "odometry jumped"),
+        (narrow(unknown=0.4), state.CONVERGED, "95%"),
+        (narrow(unknown=0.6), state.AMBIGUOUS, "with 60% these touches are not of this mesh"),
+        (narrow(unknown=0.97), state.LOST, "these touches are not of this mesh"),
+        (narrow(unknown=0.97, in_contact=False), state.NO_CONTACT, "touches nothing"),
         (narrow(support=0.9, in_contact=False), state.NO_CONTACT, "touches nothing"),
     ],
 )
@@ -73,3 +77,13 @@ def test_remembers_being_lost_through_the_air(machine):
     machine.update(narrow(support=0.7))
     machine.update(narrow(support=0.45, in_contact=False))
     assert machine.update(narrow(support=0.45))[0] == state.LOST
+
+
+def test_another_object_is_said_only_when_that_is_certain_and_taken_back_once_it_is_improbable(machine):
+    said = []
+    for unknown in (0.9, 0.96, 0.6, 0.4, 0.6):
+        machine.update(narrow(unknown=unknown))
+        said.append(machine.foreign)
+    assert said == [False, True, True, False, False]
+    assert machine.update(narrow(support=0.9))[0] == state.LOST
+    assert not machine.foreign

@@ -12,7 +12,8 @@ from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.identification import Identification
-from midastouch_filter.identification.identity import UNKNOWN, Contest
+from midastouch_filter.identification.identity import UNKNOWN
+from midastouch_filter.smoothing.contest import Contest
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -52,7 +53,7 @@ def test_an_object_that_is_exchanged_while_the_sensor_is_lifted_is_found(shelf):
 
 
 def test_probabilities_are_one_together_from_the_beginning(shelf):
-    identification = Identification(shelf.catalogue, CONFIG, NOISE, unknown=0.4)
+    identification = Identification(shelf.catalogue, replace(CONFIG, unknown_prior=0.4), NOISE)
     _, frames = shelf.touches(0, steps=40)
     for moved, touch in frames:
         found = identification.identity
@@ -158,3 +159,12 @@ def test_what_many_objects_explain_an_unknown_one_explains_as_well():
 def test_what_competes_is_said(shelf):
     words = Identification(shelf.catalogue, CONFIG, NOISE).identity.in_words()
     assert words == "unknown 50%, bumpy_1 17%, bumpy_2 17%, bumpy_3 17%"
+
+
+@pytest.mark.parametrize("residual_ratio", [0.02, 0.44])
+def test_a_single_object_competes_with_none_and_touches_that_it_explains_badly_speak_for_that(residual_ratio):
+    ((own,), none) = contest([0], [residual_ratio], 12).posterior(NOISE, 1, 0.5)
+    assert own + none == pytest.approx(1.0)
+    assert (none < 0.01) if residual_ratio < 0.1 else (none > 0.95)
+    (_, never) = contest([0], [residual_ratio], 12).posterior(NOISE, 1, 0.0)
+    assert never < 1e-9

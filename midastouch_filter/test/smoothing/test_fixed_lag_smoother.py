@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midastouch_filter.core.state import CONVERGED
+from midastouch_common import se3
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.state import CONVERGED, LOST
 from midastouch_filter.filter import ParticleFilter
 
 
@@ -114,3 +116,41 @@ def test_there_is_nothing_to_be_done_without_a_start(slide):
     running.step(None, touches[0])
     running.deferred_update()
     assert running.poses.shape == (0, 4, 4)
+
+
+@pytest.fixture
+def knows_the_first(shelf):
+    """(object of the shelf that is slid over, push, settings): estimates of a filter that knows the first one only.
+
+    push (4, 4): by which the object moves in the middle of the slide, unreported."""
+
+    def run(touched: int, push=None, **settings):
+        entry, (_, frames) = shelf.catalogue.entries[0], list(shelf.touches(touched))
+        if push is not None:
+            frames = [(push @ each if k == 65 else each, touch) for k, (each, touch) in enumerate(frames)]
+        config = FilterConfig(threads=1, max_particles=2000, **settings)
+        running = ParticleFilter(entry.mesh, entry.codebook, config)
+        running.initialise_uniform()
+        return [running.step(odometry, touch) for odometry, touch in frames]
+
+    return run
+
+
+def test_touches_of_another_object_are_said_to_be_that_and_those_of_the_own_one_never(knows_the_first):
+    own, other = knows_the_first(0), knows_the_first(1)
+    assert not any(each.status.foreign for each in own)
+    assert own[-1].status.state == CONVERGED
+    assert CONVERGED not in [each.status.state for each in other]
+    assert other[-1].status.foreign
+    assert other[-1].status.state == LOST
+    assert "these touches are not of this mesh" in other[-1].status.reason
+
+
+def test_who_is_sure_of_the_object_is_never_told_that_it_is_another_one(knows_the_first):
+    assert not any(each.status.foreign for each in knows_the_first(1, unknown_prior=0.0))
+
+
+def test_an_object_that_is_pushed_is_no_other_one(knows_the_first):
+    pushed = knows_the_first(0, push=se3.exp([0.01, 0.01, 0.0, 0.0, 0.0, 0.5]))
+    assert CONVERGED in [each.status.state for each in pushed]
+    assert not any(each.status.foreign for each in pushed)
