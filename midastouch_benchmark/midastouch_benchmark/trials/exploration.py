@@ -167,7 +167,7 @@ class _Trial:
     def _motions(self) -> Iterator[Iterable[np.ndarray]]:
         """Motions to try, until one of them leads anywhere."""
         self._competed |= self._has_competitor()
-        if self._policy != "random":
+        if self._policy != "random" and self.estimate is not None:  # else no touch was felt yet
             began = time.process_time()
             advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
             self._asked_ms.append(1e3 * (time.process_time() - began))
