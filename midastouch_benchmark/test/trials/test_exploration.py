@@ -4,6 +4,7 @@ import pytest
 
 from midastouch_benchmark.trials import exploration
 from midastouch_benchmark.trials.cache import Cache
+from midastouch_benchmark.trials.cad_parts import CAD_PARTS
 from midastouch_benchmark.trials.exploration import ExplorationPlan, run_exploration
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
@@ -68,3 +69,15 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
     with open_cluster() as cluster:
         (trial,), _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
     assert trial["path_m"] > 0
+
+
+@pytest.mark.slow
+def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
+    """As with the second seed on this flange."""
+    CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
+    mesh = ObjectMesh.load(tmp_path / "flange_4.ply")
+    cache = Cache(tmp_path, codebook_size=400)
+    plan = ExplorationPlan(cache, FilterConfig(max_particles=1000, threads=1), ("random",), trials=2, length=0.01)
+    with open_cluster() as cluster:
+        trials, _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    assert all(trial["path_m"] > 0 for trial in trials)
