@@ -54,6 +54,11 @@ def wrong_converged(trials: list[dict]) -> float:
     return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
+def said_foreign(trials: list[dict]) -> float:
+    """Fraction of trials that end by saying that another object is touched."""
+    return float(np.mean([t["final"]["foreign"] for t in trials]))
+
+
 def _summarise(trials: list[dict]) -> dict:
     out: dict = {"trials": len(trials)}
     for key in ERROR_KEYS:
@@ -99,6 +104,7 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         "recovery": recovery(trials),
         "filter_stages_ms": stage_means(trials),
         "wrong_converged": wrong_converged(trials),
+        "foreign": said_foreign(trials),
         "grasps": grasp_summary(trials),
     }
     if not in_full:
@@ -106,7 +112,8 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         return out
     out["trust"] = trust(trials)
     for name, one in out["objects"].items():
-        one["wrong_converged"] = wrong_converged([trial for trial in trials if trial["object"] == name])
+        of_object = [trial for trial in trials if trial["object"] == name]
+        one |= {"wrong_converged": wrong_converged(of_object), "foreign": said_foreign(of_object)}
     return out
 
 

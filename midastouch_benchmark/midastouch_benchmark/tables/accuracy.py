@@ -48,6 +48,7 @@ _MORE = {
     "pose, median": pose("estimate", "median"),
     "converged": part("converged"),
     "converged wrong, of frames": percent("wrong_converged", 1),
+    "said to be another object": percent("foreign"),
 }
 PAPER = {"particles, mean": "7.4 mm, 9.4 deg", "closest mode, median": "2.8 mm, 2.0 deg"}
 """The paper's final errors over its ten objects in simulation."""

@@ -34,8 +34,8 @@ class CatalogueLocaliser(Localiser):
     While another object may be touched, it does not call itself `converged`. As long as every object is less probable
     than that it is none of them no filter runs.
 
-    Args: catalogue; config; seed; on_object: called with every entry that comes to
-    lead; on_identity: with what was found and the gel's pose T_base_gel (4, 4) and stamp [ns].
+    Args: catalogue; config; seed; on_object: called with every entry that comes to lead; on_identity: with what was
+    found and the gel's pose T_base_gel (4, 4) and stamp [ns].
     """
 
     def __init__(

@@ -76,7 +76,9 @@ class Contest:
         # an object without a hypothesis is there, too
         nowhere = max(unknown + prior * (followed == 0).sum(), _NEVER)
         beforehand = np.append(prior / followed[self.owner], nowhere)
-        at_first = beforehand if known is None else np.append(beforehand[:-1] * (1 - known) / (1 - unknown), known)
+        at_first = beforehand
+        if known is not None:
+            at_first = np.append(beforehand[:-1] * (1 - known) / (1 - unknown), max(known, _NEVER))
         fractions, none = hypothesis_posterior(evidence, np.log(at_first), np.log(beforehand), self.change)
         best = np.zeros(objects)
         np.maximum.at(best, self.owner, fractions)

@@ -41,10 +41,10 @@ _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 
 @dataclass(frozen=True)
 class Comparison:
-    """hypotheses, most probable first; elsewhere: probability that it is none of them, and `unknown` that it is another
-    object, which `contest` tells; exhaustive: no further
-    hypothesis was within reach of the best by its codes; cloud (C, 4, 4), cloud_scores (C,): as `Competitors`, at
-    present; symmetry, modulo which all of these are."""
+    """hypotheses, most probable first; elsewhere: probability that it is none of them; contest, what they tell of the
+    object, and unknown, the probability that it is another one; exhaustive: no further hypothesis was within reach of
+    the best by its codes; cloud (C, 4, 4), cloud_scores (C,): as `Competitors`, at present; symmetry, modulo which all
+    of these are."""
 
     hypotheses: list[PoseHypothesis]
     elsewhere: float
@@ -174,7 +174,8 @@ class Reevaluation:
         if found is not None:
             self._running, self.lifted = None, False
             if found.unknown < _OWN:
-                self._own, self._since_own = max(found.unknown, _NEVER_SURER), self._since
+                surest = min(_NEVER_SURER, self._unknown_prior)
+                self._own, self._since_own = max(found.unknown, surest), self._since
             most = self._effort.rarely if found.settled(self._noise.settled) else self._effort.seldom
             self._wait = min(2 * self._wait, most)
         return found

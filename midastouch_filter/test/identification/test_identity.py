@@ -166,5 +166,13 @@ def test_a_single_object_competes_with_none_and_touches_that_it_explains_badly_s
     ((own,), none) = contest([0], [residual_ratio], 12).posterior(NOISE, 1, 0.5)
     assert own + none == pytest.approx(1.0)
     assert (none < 0.01) if residual_ratio < 0.1 else (none > 0.95)
-    (_, never) = contest([0], [residual_ratio], 12).posterior(NOISE, 1, 0.0)
-    assert never < 1e-9
+    for known in (None, 0.0):
+        assert contest([0], [residual_ratio], 12).posterior(NOISE, 1, 0.0, known)[1] < 1e-9
+
+
+def test_earlier_touches_and_the_last_ones_say_together_what_all_of_them_do():
+    whole = contest([0], [0.3], 12)
+    _, before = contest([0], [0.3], 8).posterior(NOISE, 1, 0.5)
+    _, after = whole.of_last(4).posterior(NOISE, 1, 0.5, before)
+    assert after == pytest.approx(whole.posterior(NOISE, 1, 0.5)[1], abs=0.01)
+    assert 0.5 < before < after
