@@ -1,5 +1,6 @@
 """docs/internals.md against the code: nothing missing, nothing gone, no other value."""
 
+import inspect
 import re
 from pathlib import Path
 
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import Effort, NoiseModel
+from midastouch_filter.core.pose_hypothesis import ANOTHER
 from midastouch_perception.codebook import YAWS
+from midastouch_perception.codebook_build import CodebookBuild
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "internals.md"
 ORIGINS = {
@@ -47,10 +51,21 @@ def test_every_constant_says_where_it_comes_from():
         assert origin.partition(":")[0].strip() in ORIGINS, key
 
 
+def test_few_constants_are_chosen_by_hand():
+    by_hand = [key for key, (_, origin) in listed().items() if origin.partition(":")[0].strip() == "by hand"]
+    assert len(by_hand) <= 40, by_hand
+
+
 def test_derived_values_follow_from_what_they_name():
     noise, between_turns = NoiseModel.of(FilterConfig()), 2 * np.pi / YAWS
     assert noise.elsewhere == pytest.approx(chi2.ppf(0.999, 6), rel=0.005)
     assert np.sqrt(noise.between_entries[5, 5]) == pytest.approx(between_turns / 2, rel=0.1)
+    config, half_answer = FilterConfig(), ANOTHER / 2
+    assert config.region_radius == half_answer
+    assert config.dead_distance == pytest.approx(config.max_penetration + 4 * config.surface_sigma)
+    between = np.sqrt(np.diag(noise.between_entries))
+    assert (config.refine_translation, config.refine_rotation) == pytest.approx((2 * between[0], 2 * between[5]))
+    assert inspect.signature(CodebookBuild).parameters["size"].default == loaded_object.DENSE
     assert Effort().turns == pytest.approx((between_turns / 2, between_turns / 4), rel=0.15)
 
 

@@ -100,10 +100,9 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "preset",
         default_value="",
-        choices=["", "fast", "balanced", "accurate"],
+        choices=["", "fast", "balanced"],
         description="Filter settings between run time and error (fast: max_particles 1000, refined_modes 1; "
-        "balanced: the defaults; accurate: max_particles 200000, refined_modes 8); those in a "
-        "parameter file go over them",
+        "balanced: the defaults); those in a parameter file go over them",
     ),
     DeclareLaunchArgument(
         "fingers",

@@ -1,9 +1,7 @@
 """An object to localise on: the filter on its mesh and codebook, read from files or built on the spot.
 
-An object that comes without a codebook gets a coarse one in seconds, and denser ones while the filter already runs on
-that. Each level is the beginning of one whole codebook, whose poses come in the order of farthest points: it covers the
-surface as evenly as the whole. Measurement model, start and search for competitors all take an entry for an equal part
-of the surface, so the work does not begin at the most probable poses.
+An object that comes without a codebook gets a coarse one in seconds, and a dense one while the filter already runs on
+that.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ import dataclasses
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,8 +29,8 @@ if TYPE_CHECKING:
 
 SIZE = 5_000
 """Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
-LEVELS = (10_000, 20_000, 50_000)
-"""Poses; the last is what `midastouch build-codebook` takes."""
+DENSE = 50_000
+"""Poses that it grows to, as many as `midastouch build-codebook` takes."""
 
 _NICENESS = 10
 
@@ -42,20 +40,16 @@ class _Stopped(Exception):
 
 
 class Growth:
-    """Makes codebooks and what a filter needs of them, in a thread of low priority.
+    """Makes a codebook and what a filter needs of it, in a thread of low priority.
 
-    Args: codebooks(pause): makes one after the other; prepare: as `ObjectModel.with_codebook`. Attributes: failure: why
-    it stopped growing, in words.
+    Args: build(pause): makes the codebook, and calls `pause` now and then; prepare: as `ObjectModel.with_codebook`.
+    Attributes: failure: why there is no denser one, in words.
     """
 
-    def __init__(
-        self,
-        codebooks: Callable[[Callable[[], None]], Iterator[Codebook]],
-        prepare: Callable[[Codebook], ObjectModel],
-    ):
-        self._codebooks, self._prepare = codebooks, prepare
+    def __init__(self, build: Callable[[Callable[[], None]], Codebook], prepare: Callable[[Codebook], ObjectModel]):
+        self._build, self._prepare = build, prepare
         self._stop = threading.Event()
-        self._ready: ObjectModel | None = None  # the newest; it replaces one that was not taken
+        self._ready: ObjectModel | None = None
         self._exchange = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="codebook growth")
         self.failure = ""
@@ -70,7 +64,7 @@ class Growth:
         return not self._thread.is_alive() and self._ready is None
 
     def take(self) -> ObjectModel | None:
-        """The densest that is ready, once."""
+        """What was made, once."""
         with self._exchange:
             ready, self._ready = self._ready, None
         return ready
@@ -85,11 +79,9 @@ class Growth:
         # of this thread alone, and of those that it starts
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
         try:
-            for codebook in self._codebooks(self._pause):
-                prepared = self._prepare(codebook)
-                with self._exchange:
-                    self._ready = prepared
-                self._pause()
+            prepared = self._prepare(self._build(self._pause))
+            with self._exchange:
+                self._ready = prepared
         except _Stopped:
             pass
         except Exception as error:  # said in the status; the filter goes on with what it has
@@ -153,14 +145,14 @@ def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: 
 
 
 def build_object(mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int) -> LoadedObject:
-    """The filter on a mesh and a codebook of `SIZE` poses that is built here, and grows while the filter runs.
+    """The filter on a mesh and a codebook of `SIZE` poses that is built here, and one of `DENSE` while the filter runs.
 
     network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for an
     unknown name, a missing file, a mesh that cannot be used, and a mesh without reachable surface.
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
     loaded = object_of(mesh, codebook, config, seed)
-    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
+    growth = Growth(lambda pause: dense_codebook(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
     return dataclasses.replace(loaded, growth=growth)
 
 
@@ -184,13 +176,11 @@ def _built(
     return mesh, tcn, sensor, CodebookBuild(mesh, tcn, sensor, SIZE).run(jobs)
 
 
-def levels(
+def dense_codebook(
     mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, pause: Callable[[], None] = lambda: None
-) -> Iterator[Codebook]:
-    """The codebooks of `LEVELS`; `pause` is called now and then, and what it raises ends the work."""
+) -> Codebook:
+    """The codebook of `DENSE` poses; `pause` is called now and then, and what it raises ends the work."""
     # the runtime of networks is needed for this alone
     from midastouch_perception.codebook_build import CodebookBuild
 
-    build = CodebookBuild(mesh, tcn, sensor, LEVELS[-1])
-    for size in LEVELS:
-        yield build.run(until=size, pause=pause)
+    return CodebookBuild(mesh, tcn, sensor, DENSE).run(pause=pause)

@@ -12,6 +12,7 @@ from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 from .active_touch.suggestion import Advice, Wanted
+from .core.config import FilterConfig
 from .core.estimate import Estimate
 from .core.initialisation import checked_prior
 from .core.touch import Measurement
@@ -20,9 +21,9 @@ from .loaded_object import LoadedObject
 
 # Widest start: the paper's, appendix C (sigma_t = diagonal / 3, sigma_r = 60 degrees at beta = 1)
 _WIDEST_ROTATION = math.radians(60.0)
-# A prior sharper than this would put all particles onto one codebook entry.
-_SHARPEST_TRANSLATION = 5e-4
-_SHARPEST_ROTATION = math.radians(1.0)
+# No pose that is given is known better than one that an arm measures.
+_SHARPEST_TRANSLATION = FilterConfig.jitter_translation
+_SHARPEST_ROTATION = FilterConfig.jitter_rotation
 
 
 @dataclasses.dataclass(frozen=True)

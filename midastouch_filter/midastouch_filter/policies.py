@@ -27,8 +27,8 @@ from .smoothing.reevaluation import Reevaluation
 @dataclass
 class Policies:
     """correct: the odometry; propagate: equation 1; fingers: what is measured that is new; reweigh: equation 2,
-    normalised; resample: when, and to how many; recover: after a collapse of the likelihood; refine: the fine stage;
-    source: of new particles."""
+    normalised; resample: to how many; recover: after a collapse of the likelihood, without maps; refine: the
+    fine stage; source: of new particles."""
 
     correct: AsMeasured
     propagate: Propagation
@@ -58,7 +58,7 @@ def default_policies(
     """The policies that the configuration asks for, without a memory."""
     motion_model = MotionModel(config, rng, workers)
     source = ParticleSource(model.lookup, motion_model, noise.jitter, rng, workers)
-    resample = Resampler(model.regions, config, rng, gates)
+    resample = Resampler(model.regions, config, rng)
     map_shape, refine, correct = None, CoarseOnly(), AsMeasured()
     if model.alignment is not None:
         map_shape, effort = model.alignment.map_shape, Effort()
@@ -75,9 +75,10 @@ def default_policies(
         correct=correct,
         propagate=Propagation(motion_model, config, gates),
         fingers=Fingers(model.finger_maker(gates), map_shape, gates),
-        reweigh=Reweighting(config, model.measurement.outlier, refine.pool),
+        reweigh=Reweighting(model.measurement.outlier, refine.pool),
         resample=resample,
-        recover=Recovery(source, gates),
+        # where maps tell hypotheses apart, these are found by the kept touches instead
+        recover=Recovery(source, gates, 0.0 if model.alignment else config.recovery_fraction),
         refine=refine,
         source=source,
     )

@@ -103,9 +103,9 @@ class Step:
             policies.propagate.explore(belief.dominant_mass, tempering)
         with self._watch.stage("resampling"):
             if alive:
-                collapse = policies.reweigh.trend.injection
-                policies.resample(belief, needed=collapse > 0)
-                policies.recover(belief, touching, collapse)
+                replaced = policies.recover.fraction(policies.reweigh.trend)
+                policies.resample(belief)
+                policies.recover(belief, touching, replaced)
             else:
                 particles = policies.source.matches_and_uniform(touching, self._particles)
                 reason = "no particle can explain the touch; started again over the surface"

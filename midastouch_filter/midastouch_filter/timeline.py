@@ -27,8 +27,9 @@ JUMP_NS = 500_000_000
 # While the time that is followed was heard of this lately [s], one that was left or dropped before is another source's.
 _SECOND_SOURCE_S = 0.5
 # Live the next image comes within some 30 ms; a slower finger does not hold up the frame.
-_CODE_TIMEOUT = 0.25
-_CODE_TIMEOUT_NS = round(1e9 * _CODE_TIMEOUT)
+CODE_TIMEOUT = 0.25
+"""s that what belongs to one frame is waited for, where messages may be lost."""
+_CODE_TIMEOUT_NS = round(1e9 * CODE_TIMEOUT)
 _KEPT_CODES = 100  # codes
 
 
@@ -210,7 +211,7 @@ class FingerMemory:
         After a wait in vain, further frames do not wait for this finger until it has caught up.
         """
         self._asked = stamp
-        in_time = waited < _CODE_TIMEOUT
+        in_time = waited < CODE_TIMEOUT
         if self._newest is None or stamp - self._newest > _CODE_TIMEOUT_NS:
             return False
         if self._newest < stamp:
@@ -226,8 +227,8 @@ class FingerMemory:
         if self._unplaced is not None and isinstance(self._pose_at(self._unplaced), Wait):
             return False
         lacks = isinstance(self._pose_at(found), Wait)
-        self._unplaced = found if lacks and waited >= _CODE_TIMEOUT else None
-        return lacks and waited < _CODE_TIMEOUT
+        self._unplaced = found if lacks and waited >= CODE_TIMEOUT else None
+        return lacks and waited < CODE_TIMEOUT
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
         """What it measured about `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or in a word what is

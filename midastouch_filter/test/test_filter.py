@@ -1,5 +1,6 @@
 import hashlib
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -126,8 +127,8 @@ def test_any_number_of_particles(coded_slide, n):
 
 
 def test_finds_back_after_being_carried_away(coded_slide, world):
-    """Converged, then the sensor is elsewhere without the odometry telling."""
-    filter_ = coded_slide.make_filter()
+    """Converged, then the sensor is elsewhere without the odometry telling, and there are no maps to tell either."""
+    filter_ = coded_slide.make_filter(replace(coded_slide.config, refinement=False))
     filter_.initialise_uniform()
     play(filter_, coded_slide)
     elsewhere = world.make_slide(world.mesh, 90, np.random.default_rng(77))

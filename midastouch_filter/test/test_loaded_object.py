@@ -1,4 +1,4 @@
-"""A codebook that grows beside the filter: its levels, the thread, the filter that takes a denser one; a mesh alone."""
+"""A codebook that grows beside the filter: the thread, the filter that takes a denser one; a mesh alone."""
 
 import threading
 
@@ -8,32 +8,16 @@ import trimesh
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.loaded_object import Growth, levels, load_object
-from midastouch_perception.codebook_build import build_codebook
+from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import load_tcn
 
 EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1)
-
-
-def test_every_level_is_the_beginning_of_the_codebook_that_is_built_in_one_go(monkeypatch):
-    monkeypatch.setattr(loaded_object, "LEVELS", (300, 600))
-    mesh, sensor = ObjectMesh.load(bundled_objects()["eyebolt"]), SensorModel.load("digit_tacto")
-    tcn, pauses = load_tcn("fast", sensor), []
-    first, last = levels(mesh, tcn, sensor, lambda: pauses.append(1))
-    whole = build_codebook(mesh, tcn, sensor, 600)
-    np.testing.assert_array_equal(last.codes, whole.codes)
-    np.testing.assert_array_equal(first.poses, whole.poses[:300])
-    np.testing.assert_array_equal(first.codes, whole.codes[:300])
-    assert (first.meta["size"], last.meta) == (300, whole.meta)
-    assert len(pauses) >= 4
 
 
 # --------------------------------------------------------------------------- the thread
@@ -44,8 +28,8 @@ def grown():
     """Function (codebooks, prepare) -> a growth that has begun."""
     begun = []
 
-    def start(codebooks, prepare=lambda codebook: codebook) -> Growth:
-        begun.append(Growth(codebooks, prepare))
+    def start(build, prepare=lambda codebook: codebook) -> Growth:
+        begun.append(Growth(build, prepare))
         begun[-1].start()
         return begun[-1]
 
@@ -54,55 +38,42 @@ def grown():
         each.close()
 
 
-def test_the_densest_is_given_out_once(grown):
-    made, go_on, finished = threading.Event(), threading.Event(), threading.Event()
+def test_what_was_made_is_given_out_once(grown):
+    go_on = threading.Event()
 
-    def codebooks(pause):
-        yield "coarse"
-        made.set()
+    def build(pause):
         go_on.wait()
-        yield from ("denser", "densest")
-        finished.set()
+        return "dense"
 
-    growth = grown(codebooks, lambda codebook: f"prepared {codebook}")
-    made.wait()
-    assert (growth.take(), growth.take(), growth.done) == ("prepared coarse", None, False)
+    growth = grown(build, lambda codebook: f"prepared {codebook}")
+    assert (growth.take(), growth.done) == (None, False)
     go_on.set()
-    finished.wait()
-    assert growth.take() == "prepared densest"
     growth.close()
+    assert (growth.take(), growth.take()) == ("prepared dense", None)
     assert (growth.done, growth.failure) == (True, "")
 
 
 def test_it_stops_where_it_pauses(grown):
     began = threading.Event()
 
-    def codebooks(pause):
+    def build(pause):
         began.set()
         while True:
             pause()
-        yield
 
-    growth = grown(codebooks)
+    growth = grown(build)
     began.wait()
     growth.close()
     assert (growth.done, growth.failure, growth.take()) == (True, "", None)
 
 
-def test_why_it_grows_no_more_is_kept(grown):
-    ended = threading.Event()
+def test_why_there_is_no_denser_one_is_kept(grown):
+    def build(pause):
+        raise MemoryError("no room")
 
-    def codebooks(pause):
-        try:
-            yield "coarse"
-            raise MemoryError("no room")
-        finally:
-            ended.set()
-
-    growth = grown(codebooks)
-    ended.wait()
+    growth = grown(build)
     growth.close()
-    assert (growth.failure, growth.take()) == ("MemoryError: no room", "coarse")
+    assert (growth.failure, growth.take()) == ("MemoryError: no room", None)
 
 
 # --------------------------------------------------------------------------- the filter
@@ -207,14 +178,15 @@ def test_a_sensor_of_ones_own_is_one_of_the_codebook_too(monkeypatch, tmp_path):
 
 def test_it_grows_once_it_is_localised_on(monkeypatch):
     monkeypatch.setattr(loaded_object, "SIZE", 300)
-    monkeypatch.setattr(loaded_object, "LEVELS", (400,))
+    monkeypatch.setattr(loaded_object, "DENSE", 400)
     finished = threading.Event()
 
     def to_the_end(*arguments):
-        yield from levels(*arguments)
+        codebook = dense_codebook(*arguments)
         finished.set()
+        return codebook
 
-    monkeypatch.setattr(loaded_object, "levels", to_the_end)
+    monkeypatch.setattr(loaded_object, "dense_codebook", to_the_end)
     config = FilterConfig(min_particles=100, max_particles=200)
     loaded = loaded_object.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
     before = loaded.density

@@ -43,7 +43,7 @@ def test_an_own_motion_model_moves_the_particles(world):
 
 def test_without_resampling_weights_only_get_more_uneven(world):
     def make(*args):
-        return replace(default_policies(*args), resample=lambda belief, needed: None)
+        return replace(default_policies(*args), resample=lambda belief: None)
 
     rng = np.random.default_rng(3)
     slide = world.make_slide(world.mesh, 12, rng)

@@ -227,7 +227,7 @@ def test_float32_particles_agree_with_float64_over_a_slide(filter_, world):
     """The whole chain of float32 moves against the same in matrices, without noise."""
     still = FilterConfig(
         noise_translation=0.0, noise_rotation=0.0, noise_per_metre=0.0, noise_per_radian=0.0, max_particles=200,
-        min_particles=200, recovery=False, refinement=False, threads=1,
+        min_particles=200, recovery_fraction=0.0, refinement=False, threads=1,
     )  # fmt: skip
     chain = ParticleFilter(world.mesh, some_book(world, world.mesh), still, 0)
     chain.initialise_uniform()

@@ -75,17 +75,14 @@ class CodebookBuild:
         self,
         jobs: int = 1,
         progress: Callable[[int, int], None] = lambda done, total: None,
-        until: int | None = None,
         pause: Callable[[], None] = lambda: None,
     ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
-        until: encode only the first so many poses, which cover the surface as evenly; the next call goes on. pause:
-        called now and then; an exception from it ends the run. What was done until then can be saved. Raises
+        pause: called now and then; an exception from it ends the run. What was done until then can be saved. Raises
         InputError: no pose to encode.
         """
         size, seed = self._meta["size"], self._meta["seed"]
-        wanted = min(until or size, size)
         if self._poses is None:
             _require_one_outside(self._mesh)
             rng = np.random.default_rng(seed)
@@ -105,7 +102,7 @@ class CodebookBuild:
 
         # threads, not processes: network and renderer release the interpreter lock, and nothing has to be sent
         with ThreadPoolExecutor(jobs) as pool:
-            for chunk in np.flatnonzero(~self._finished[: -(-wanted // CHUNK)]):
+            for chunk in np.flatnonzero(~self._finished):
                 pause()
                 maps = renderer.render(self._poses[_part(chunk)])
                 waiting.append((chunk, pool.submit(self._tcn.encode, maps)))
@@ -113,10 +110,7 @@ class CodebookBuild:
                     collect()
             while waiting:
                 collect()
-        return Codebook(self._poses[:wanted], self._codes[:wanted], self._described(wanted))
-
-    def _described(self, size: int) -> dict:
-        return self._meta | {"size": size, "symmetry": self._symmetry.as_json()}
+        return Codebook(self._poses, self._codes, self._meta | {"symmetry": self._symmetry.as_json()})
 
     def save(self, path: str | Path) -> None:
         """Keep what is done in one `.npz`, for `restore`; nothing is left behind if it fails."""

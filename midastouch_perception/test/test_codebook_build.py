@@ -59,14 +59,6 @@ def test_jobs_do_not_change_the_result(tool, tcn, sensor, book):
     assert digest(again) == digest(book)
 
 
-def test_the_first_poses_are_a_codebook_too_and_it_goes_on_from_there(tool, tcn, sensor, book):
-    build = CodebookBuild(tool, tcn, sensor, SIZE, seed=1)
-    first = build.run(until=100)
-    assert (len(first.poses), first.meta["size"], build.done) == (100, 100, CHUNK)
-    np.testing.assert_array_equal(first.codes, book.codes[:100])
-    assert digest(build.run()) == digest(book)
-
-
 def test_whoever_is_asked_between_two_pieces_of_work_can_end_it(tool, tcn, sensor, book):
     class Enough(Exception): ...
 

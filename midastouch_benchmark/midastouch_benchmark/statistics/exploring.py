@@ -106,37 +106,3 @@ def confusions(trials: list[dict]) -> dict[str, int]:
     wrong = [t for t in trials if not t["right"]]
     names = [f"{t['object']}{'' if t['in_catalogue'] else ' (left out)'} -> {t['answer']}" for t in wrong]
     return dict(sorted(((name, names.count(name)) for name in dict.fromkeys(names)), key=lambda each: -each[1]))
-
-
-def summarise_shapes(trials: list[dict]) -> dict[str, dict]:
-    """For each size of the catalogue: {"share" or "value", "interval"} of each figure, and what they are of.
-
-    known, unknown: numbers of trials with the shape in the catalogue and without; of the former after `EARLY` m
-    compared_early and leads_early: the shape was compared, no other one was more probable; compared and leads, likewise
-    at the end; right, that it was more probable than `unknown`, too; refused, of the latter; cpu_ms of a frame, without
-    the networks; slowest_ms, of all frames; memory_mib of the process, at most; enough: whether there are trials enough
-    for a claim.
-    """
-    return {
-        str(size): _of_size([t for t in trials if t["size"] == size]) for size in sorted({t["size"] for t in trials})
-    }
-
-
-def _of_size(trials: list[dict]) -> dict:
-    known = [trial for trial in trials if trial["in_catalogue"]]
-    unknown = [trial for trial in trials if not trial["in_catalogue"]]
-    of_known = Figures.by_slide(known)
-    return {
-        "known": len(known),
-        "unknown": len(unknown),
-        "enough": len(known) >= ENOUGH,
-        "compared_early": of_known.fraction([trial["early"]["compared"] for trial in known]),
-        "leads_early": of_known.fraction([trial["early"]["leads"] for trial in known]),
-        "compared": of_known.fraction([trial["late"]["compared"] for trial in known]),
-        "leads": of_known.fraction([trial["late"]["leads"] for trial in known]),
-        "right": of_known.fraction([trial["right"] for trial in known]),
-        "refused": Figures.by_slide(unknown).fraction([trial["right"] for trial in unknown]),
-        "cpu_ms": Figures.by_slide(trials).value([trial["cpu_ms"] for trial in trials], np.mean),
-        "slowest_ms": max(trial["slowest_ms"] for trial in trials),
-        "memory_mib": max(trial["memory_mib"] for trial in trials),
-    }

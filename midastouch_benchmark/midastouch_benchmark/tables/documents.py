@@ -58,7 +58,7 @@ TABLES = {
         comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
         figures.figures, figure_commands,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
-        exploring.identification, exploring.shapes, exploring.exploration,
+        exploring.identification, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         perception.single_touch, checks.checks, checks.diameters, checks.contacts, checks.brightness,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,

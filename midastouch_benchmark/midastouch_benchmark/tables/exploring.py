@@ -25,17 +25,6 @@ IDENTIFICATION: dict[str, Form] = {
     "expected calibration error": text("calibration_error", "{:.3f}"),
     "CPU a frame, over one known object's": value("cpu_ratio", "{:.2f}"),
 }
-SHAPES: dict[str, Form] = {
-    "compared after 0.1 m": fraction("compared_early"),
-    "leads then": fraction("leads_early"),
-    "compared at the end": fraction("compared"),
-    "leads then ": fraction("leads"),
-    "right": fraction("right"),
-    "refused, when left out": fraction("refused"),
-    "CPU a frame": value("cpu_ms", "{:.1f}", " ms"),
-    "slowest frame": text("slowest_ms", "{:.0f} ms"),
-    "memory": text("memory_mib", "{:.0f} MiB"),
-}
 
 
 def _path(row: Row) -> str:
@@ -77,14 +66,6 @@ def identification_row(what: str, summary: dict) -> dict:
     return {"what": what, "trials": trials} | {key: one for key, one in summary.items() if key != "answers"}
 
 
-def shapes_table(summaries: dict[str, dict], sources: str | None = None) -> pd.DataFrame:
-    """Catalogues of ever more random shapes, by their size."""
-    rows = [
-        {"what": size, "trials": one["known"], "report": "identify_shapes"} | one for size, one in summaries.items()
-    ]
-    return written(tidy(rows), {"shapes": text("what")} | _SLIDES, SHAPES, sources)
-
-
 def exploration_rows(trials: list[dict], policies: dict[str, str]) -> list[dict]:
     """How far a finger goes until it knows where it is, by policy, named in words: over each object, and over all."""
     rows = []
@@ -105,13 +86,6 @@ def identification() -> pd.DataFrame:
     names = {"identify": "the ten", "identify_cad": "CAD parts", "identify_all": "all 78 of YCB"}
     frame = frame_of(names, lambda name: identification_row(names[name], report(name)["identification"]))
     return identification_table(frame, "report")
-
-
-def shapes() -> pd.DataFrame:
-    """Catalogues of ever more random shapes."""
-    if "identify_shapes" not in reported():
-        return written(frame_of({"identify_shapes": "-"}, report), {"shapes": text("what")}, SHAPES, "report")
-    return shapes_table(report("identify_shapes")["shape_catalogues"], "report")
 
 
 def exploration() -> pd.DataFrame:

@@ -55,9 +55,7 @@ def of_variants(content: dict) -> list[Titled]:
 
 
 def of_identification(content: dict) -> list[Titled]:
-    """A result of `midastouch identify`, of meshes or of random shapes; none before the first trial."""
-    if summaries := content.get("shape_catalogues"):
-        return [("catalogues of random shapes", exploring.shapes_table(summaries))]
+    """A result of `midastouch identify`; none before the first trial."""
     if not (summary := content.get("identification")):
         return []
     rows = tidy([exploring.identification_row(f"of {summary['objects']}", summary)])

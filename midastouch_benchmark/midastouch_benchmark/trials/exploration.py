@@ -167,7 +167,7 @@ class _Trial:
     def _motions(self) -> Iterator[Iterable[np.ndarray]]:
         """Motions to try, until one of them leads anywhere."""
         self._competed |= self._has_competitor()
-        if self._policy != "random":
+        if self._policy != "random" and self.estimate is not None:  # else no touch was felt yet
             began = time.process_time()
             advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
             self._asked_ms.append(1e3 * (time.process_time() - began))
@@ -180,7 +180,9 @@ class _Trial:
         while True:
             heading = self._headings.uniform(-np.pi, np.pi)
             length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
-            yield self._finger.slide(heading, length)
+            # over a hole there may be nothing to touch at first
+            go = self._finger.slide if self._finger.touching else self._finger.leap
+            yield go(heading, length)
 
     def _has_competitor(self) -> bool:
         """Whether the true pose and another hypothesis are probable."""

@@ -140,11 +140,10 @@ VARIANTS = {
     "no_hindsight": Variant(
         "last touches are not re-evaluated at competing hypotheses", MECHANISM, {"smoothing": False}
     ),
-    "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "codes_no_recovery": Variant(
         "no alignment to penetration maps, no re-evaluation, no injection",
         MECHANISM,
-        {"refinement": False, "recovery": False},
+        {"refinement": False, "recovery_fraction": 0.0},
     ),
     "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(
@@ -170,8 +169,6 @@ VARIANTS = {
     "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
-    "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
-    "no_book_gate": Variant("few particles, too, have the whole codebook scored", GATE, open_gates=("whole_book",)),
     "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
     "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(

@@ -102,7 +102,7 @@ def test_where_images_tell_no_ball_depth_is_not_judged(digit, presses, tmp_path,
 def test_a_calibration_of_another_gel_is_refused(digit, presses, tmp_path, capsys):
     sensor, file = SensorModel.load("digit_real"), tmp_path / "other.npz"
     other = no_contact_image(sensor, np.random.default_rng(8))[:, ::-1]
-    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made = {"serial": "", "ball_diameter": 6e-3, "sensor": sensor.name, "presses": 5}
     made |= {"pixel_size": sensor.pixel_size, "coefficients": np.zeros((12, 6, 2)), "date": "2026-11-23"}
     SensorCalibration(**made, background=background_colours(other)).save(file)
     folder = write(tmp_path / "presses", presses, digit.background)

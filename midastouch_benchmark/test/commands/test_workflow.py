@@ -100,7 +100,7 @@ def test_what_a_sequence_does_not_allow_is_refused(run, real_slide, capsys):
 
 def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
     background, sensor = read_image(Path("eyebolt/00/background.png")), SensorModel.load("digit_tacto")
-    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made = {"serial": "", "ball_diameter": 6e-3, "sensor": sensor.name, "presses": 5}
     made |= {"pixel_size": sensor.pixel_size, "coefficients": np.full((12, 6, 2), 1e-3), "date": "2026-11-23"}
     calibration = SensorCalibration(**made, background=background_colours(background))
     calibration.save("own.npz")
@@ -247,7 +247,7 @@ def test_report_takes_all_of_them(run, workspace):
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
         (["bench-scale", "--frames", "3"], "--frames 3: too few"),
-        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced, accurate"),
+        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced"),
         (["benchmark", "--objects", "teapot"], "bundled objects: no object 'teapot': there are ball, eyebolt"),
         (["benchmark", "--meshes", "none"], "none: no such folder"),
         (["benchmark", "--variant", "best"], "--variant best: not known"),

@@ -10,7 +10,7 @@ from midastouch_perception.objects import bundled_objects
 
 def test_the_first_touch_of_each_slide_is_answered(tmp_path, monkeypatch):
     monkeypatch.setattr(loaded_object, "SIZE", 300)
-    monkeypatch.setattr(loaded_object, "LEVELS", (400,))  # not what is measured
+    monkeypatch.setattr(loaded_object, "DENSE", 400)  # not what is measured
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
     cache = Cache(tmp_path, slides=SlideKind(0.02))
     trials = first_poses(mesh, cache, (0, 1), FilterConfig(max_particles=500, threads=1))

@@ -2,12 +2,15 @@
 
 import pytest
 
+from midastouch_benchmark.trials import exploration
 from midastouch_benchmark.trials.cache import Cache
+from midastouch_benchmark.trials.cad_parts import CAD_PARTS
 from midastouch_benchmark.trials.exploration import ExplorationPlan, run_exploration
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.objects import bundled_objects
 
 
@@ -51,3 +54,30 @@ def test_a_way_ends_converged_or_where_it_is_too_long(explored):
 def test_the_same_command_goes_on_and_finds_the_same(explored):
     first, run = explored
     assert run() == first
+
+
+@pytest.mark.slow
+def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
+    measured, numb = exploration.measurement_of, iter([True] * 60)
+    monkeypatch.setattr(
+        exploration, "measurement_of", lambda answer: Measurement(False) if next(numb, False) else measured(answer)
+    )
+    cache = Cache(tmp_path, codebook_size=400)
+    config = FilterConfig(max_particles=1000, threads=1)
+    plan = ExplorationPlan(cache, config, ("suggested",), trials=1, length=0.01)
+    mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
+    with open_cluster() as cluster:
+        (trial,), _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    assert trial["path_m"] > 0
+
+
+@pytest.mark.slow
+def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
+    """As with the second seed on this flange."""
+    CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
+    mesh = ObjectMesh.load(tmp_path / "flange_4.ply")
+    cache = Cache(tmp_path, codebook_size=400)
+    plan = ExplorationPlan(cache, FilterConfig(max_particles=1000, threads=1), ("random",), trials=2, length=0.01)
+    with open_cluster() as cluster:
+        trials, _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    assert all(trial["path_m"] > 0 for trial in trials)

@@ -18,8 +18,8 @@ def test_without_a_file_the_defaults_hold():
 
 
 def test_plain_settings(tmp_path):
-    config = load_filter_config(written(tmp_path, "max_particles: 1234\nresample_ess: 0.25\n"))
-    assert (config.max_particles, config.resample_ess) == (1234, 0.25)
+    config = load_filter_config(written(tmp_path, "max_particles: 1234\nnoise_converged: 0.5\n"))
+    assert (config.max_particles, config.noise_converged) == (1234, 0.5)
 
 
 def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
@@ -31,11 +31,11 @@ def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
 
 
 def test_settings_of_a_file_go_over_a_preset(tmp_path):
-    fast, accurate = PRESETS["fast"], PRESETS["accurate"]
+    fast = PRESETS["fast"]
     assert load_filter_config(None, "fast") == FilterConfig(**fast)
     path = written(tmp_path, "preset: fast\nrefined_modes: 3\n")
     assert load_filter_config(path) == FilterConfig(**(fast | {"refined_modes": 3}))
-    assert load_filter_config(path, "accurate") == FilterConfig(**(accurate | {"refined_modes": 3}))
+    assert load_filter_config(path, "balanced") == FilterConfig(refined_modes=3)
 
 
 def test_a_ros_parameter_file_names_a_preset(tmp_path):

@@ -34,7 +34,7 @@ def test_a_variant_says_what_differs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate", "no_book_gate", "no_modes_gate"])
+@pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate", "no_modes_gate"])
 def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
     def skipped(variant):
         config = FilterConfig(min_particles=10, max_particles=20)
@@ -56,18 +56,17 @@ def test_a_variant_is_laid_over_the_settings_given():
     assert (config.min_particles, config.max_particles, config.correlation_length) == (200, 1000, 0.02)
 
 
-@pytest.mark.parametrize("name", ["fast", "accurate"])
-def test_presets_are_variants_whatever_the_settings_given(name):
+def test_presets_are_variants_whatever_the_settings_given():
     for base in PRESETS.values():
-        config = VARIANTS[name].config(FilterConfig(**base), threads=0)
-        assert config == FilterConfig(**PRESETS[name])
+        config = VARIANTS["fast"].config(FilterConfig(**base), threads=0)
+        assert config == FilterConfig(**PRESETS["fast"])
 
 
 def test_names_and_sets_are_chosen_once_each_with_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
     assert chosen_variants(["paper", "counts", "20k"]) == [DEFAULT, "paper", "1k", "20k", "50k"]
     assert chosen_variants(["all"]) == list(VARIANTS)
-    assert {"no_refinement", "no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
+    assert {"no_refinement", "codes_no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
     assert {*PRESETS, "1k", "align_8", "code_16", "book_10k"} - {BALANCED} <= set(SETS["front"])
 
 

@@ -29,11 +29,11 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
     return parser
 
 
-def add_bag_options(parser: argparse.ArgumentParser, base_frame: str = "base_link") -> None:
+def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add --image-topic, --base-frame and --gel-frame: what `gel_stream` takes."""
     for option, default, metavar, what in (
         ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
-        ("--base-frame", base_frame, "FRAME", "what the sensor's poses in the bag are told in"),
+        ("--base-frame", "base_link", "FRAME", "what the sensor's poses in the bag are told in"),
         ("--gel-frame", "digit_gel_frame", "FRAME", "the sensor's, in the bag"),
     ):
         parser.add_argument(option, default=default, metavar=metavar, help=f"{what} (default {default})")

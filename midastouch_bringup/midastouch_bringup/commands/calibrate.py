@@ -1,4 +1,4 @@
-"""`midastouch calibrate`: what one DIGIT's colours say of slopes, from presses of a ball or a slide over an object."""
+"""`midastouch calibrate`: what one DIGIT's colours say of slopes, from presses of a ball."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_parser(subparsers) -> None:
         subparsers,
         "calibrate",
         run,
-        "learn how deep a DIGIT's colours are from presses of a ball, or from a slide over a known object",
+        "learn how deep a DIGIT's colours are from presses of a ball",
         "midastouch calibrate live --ball-diameter 0.006 --serial D20123",
         "Press one ball straight onto the gel, in ten places spread over it, and save an image of each. Nothing\n"
         "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. The\n"
@@ -29,24 +29,23 @@ def add_parser(subparsers) -> None:
         "the images. The result is\n"
         "cross-validated. With --serial it is kept beside the sensor's no-contact image, and the node tdn uses it at\n"
         "its next start. live, or no folder: guides through the presses of a running sensor, whose no-contact\n"
-        "image was captured; midastouch view shows where to press.\n"
-        "Without a ball: --object with the mesh that SOURCE, a sequence or a bag, slides over at known poses.",
+        "image was captured; midastouch view shows where to press.",
     )
     parser.add_argument(
         "source",
         nargs="?",
         default="live",
         metavar="SOURCE",
-        help="folder of images of presses (PNG or JPEG), live (the default), or with --object a slide",
+        help="folder of images of presses (PNG or JPEG), or live (the default)",
     )
-    touched = parser.add_mutually_exclusive_group(required=True)
-    touched.add_argument("--ball-diameter", type=arguments.positive, metavar="METRES", help="diameter of the ball")
+    parser.add_argument(
+        "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
+    )
     parser.add_argument(
         "--diameter-is-right",
         action="store_true",
         help="calibrate even if the ball measures like one of another diameter",
     )
-    touched.add_argument("--object", metavar="MESH", help="what SOURCE slides over: a mesh in metres, or a bundled one")
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
     parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
@@ -65,7 +64,6 @@ def add_parser(subparsers) -> None:
         "midastouch benchmark --protocol real_sensor)",
     )
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
-    arguments.add_bag_options(parser, base_frame="object_ground_truth")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -78,10 +76,6 @@ def run(args: argparse.Namespace) -> int:
     if store is None and not args.out:
         raise InputError("nowhere to keep the calibration; give the sensor's --serial, or a file with --out")
     path = Path(args.out) if args.out else store.calibration_path
-    if args.object and args.source == "live":
-        raise InputError("calibrate live: needs a ball (--ball-diameter); with --object give a recorded slide")
-    if args.optics and args.object:
-        raise InputError("--optics: is measured with a ball; give --ball-diameter and a folder of presses")
     path = require_place(path)
     if args.optics:
         args.optics = require_place(args.optics)
@@ -98,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         if result is None:
             return code
     else:
-        result, images = (_of_object if args.object else _of_presses)(args, store, sensor)
+        result, images = _of_presses(args, store, sensor)
     if args.optics:
         _measure_optics(args, images, result)
     _report(args, result, images, sensor)
@@ -121,19 +115,6 @@ def _of_presses(args: argparse.Namespace, store, sensor):
         return calibrate(images, background, args.ball_diameter, sensor, args.serial, args.diameter_is_right), images
     except InputError as error:
         raise InputError(f"{args.source}: {error}") from error
-
-
-def _of_object(args: argparse.Namespace, store, sensor):
-    from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
-
-    from ..bags.frames import PosedSlide
-
-    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source, arguments.gel_stream(args))
-    chosen = choose_touches(slide.poses, mesh, sensor)
-    kept = store.load(sensor.height, sensor.width) if store else None
-    background = slide.background(kept)
-    images = {f"frame {i}": image for i, image in zip(chosen, slide.images(chosen), strict=True)}
-    return calibrate_on_object(images, slide.poses[chosen], background, mesh, sensor, args.serial), images
 
 
 def _live(args: argparse.Namespace, path: Path):

@@ -26,10 +26,6 @@ def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
             ["export", "a.mcap", "--format", "hdf5", "--out", "o"],
             "midastouch_bringup.export.recording.Recording",
         ),
-        (
-            ["calibrate", "a.mcap", "--object", "handle_tool", "--out", "c.npz"],
-            "midastouch_bringup.bags.frames.PosedSlide",
-        ),
     ],
 )
 def test_whatever_reads_a_bag_takes_the_names_in_it(monkeypatch, capsys, command, reader):

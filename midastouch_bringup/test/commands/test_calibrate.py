@@ -1,4 +1,4 @@
-"""From presses in a folder, of a running sensor, or a slide over an object to a calibration that the node finds."""
+"""From presses in a folder, or of a running sensor, to a calibration that the node finds."""
 
 import os
 import signal
@@ -11,15 +11,10 @@ import numpy as np
 import pytest
 
 from midastouch_bringup import cli
-from midastouch_bringup.datasets import write_sequence
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
-from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.objects import bundled_objects
-from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import PressedSensor
-from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 from midastouch_perception.tdn.background_store import BackgroundStore
 
 # The camera for the guide is beside the tests of its node.
@@ -168,51 +163,10 @@ def test_somewhere_to_keep_it_is_needed(folder, capsys):
     assert "--serial" in capsys.readouterr().err
 
 
-@pytest.fixture(scope="module")
-def slide(tmp_path_factory, digit):
-    """A slide over the tool with poses as a tracker measures them."""
-    sensor, rng = digit.sensor, np.random.default_rng(2)
-    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
-    poses = simulate_slide(mesh, sensor, 0.15, rng)
-    poses = poses[:: max(1, len(poses) // 12)]
-    path = tmp_path_factory.mktemp("slide") / "00"
-    maps = PenetrationRenderer(mesh, sensor).render(poses)
-    write_sequence(
-        path,
-        ((digit.image_of(penetration), penetration) for penetration in maps),
-        poses,
-        measure_poses(poses, rng, 5e-4, np.radians(1.0)),
-        background=digit.background,
-        object_name=mesh.name,
-        sensor=sensor,
-        noise={"sig_t": 5e-4, "sig_r": 1.0},
-    )
-    return path
-
-
-def test_a_slide_over_a_known_object_becomes_a_calibration(slide, tmp_path, capsys):
-    arguments = ["calibrate", str(slide), "--object", "handle_tool", "--serial", "D20123"]
-    assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    kept = SensorCalibration.load(tmp_path / "D20123.calibration.npz")
-    assert (kept.serial, kept.object_name) == ("D20123", "handle_tool")
-    assert f"calibration from {kept.presses} touches of handle_tool" in said
-
-
-@pytest.mark.parametrize(
-    ("source", "mesh", "said"),
-    [("slide", "ball", "ball"), ("slide", "no_such", "no_such"), ("live", "handle_tool", "--ball-diameter")],
-)
-def test_another_object_and_no_slide_are_refused_and_nothing_kept(slide, tmp_path, capsys, source, mesh, said):
-    arguments = ["calibrate", str(slide) if source == "slide" else source, "--object", mesh]
-    assert cli.main([*arguments, "--out", str(tmp_path / "a.npz"), "--serial", "D20123"]) == 2
-    assert said in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_ball_or_an_object_is_needed(folder):
+def test_a_ball_is_needed(folder, capsys):
     with pytest.raises(SystemExit):
         cli.main(["calibrate", str(folder), "--serial", "D20123"])
+    assert "--ball-diameter" in capsys.readouterr().err
 
 
 @pytest.mark.slow

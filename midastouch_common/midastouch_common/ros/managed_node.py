@@ -6,7 +6,8 @@ import contextlib
 import gc
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -36,10 +37,12 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
     Attributes: failure, why the last transition failed or the node gave up; empty while it works or tries to.
 
     table: its parameters. Those that are neither `at_start` nor may change at run time may while the node is
-    unconfigured: what could not be loaded can be corrected and configured again.
+    unconfigured: what could not be loaded can be corrected and configured again. gone: as of `Parameters`.
     """
 
-    def __init__(self, name: str, table: Iterable[Parameter], **node_options):
+    def __init__(
+        self, name: str, table: Iterable[Parameter], gone: Mapping[str, str] = MappingProxyType({}), **node_options
+    ):
         super().__init__(name, **node_options)
         self.failure = ""
         self._doing, self._starting = _UNCONFIGURED, False
@@ -48,7 +51,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._change_state_or_refuse
         try:
-            self.parameters = Parameters(self, table, lambda: self.lifecycle_state == "unconfigured")
+            self.parameters = Parameters(self, table, lambda: self.lifecycle_state == "unconfigured", gone)
         except InputError:
             self.destroy_node()
             raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -95,16 +96,24 @@ class Parameters:
     Raises InputError for a value of the wrong type or out of range, and for a name in the node's YAML file
     or command line that the table does not hold, so that a misspelt name never goes unnoticed.
 
-    unconfigured: of a managed node, whether it is in that state.
+    unconfigured: of a managed node, whether it is in that state; gone: for names that it had, what is in their place.
     """
 
-    def __init__(self, node: Node, table: Iterable[Parameter], unconfigured: Callable[[], bool] | None = None):
+    def __init__(
+        self,
+        node: Node,
+        table: Iterable[Parameter],
+        unconfigured: Callable[[], bool] | None = None,
+        gone: Mapping[str, str] = MappingProxyType({}),
+    ):
         self._node, self._unconfigured = node, unconfigured
         self.table = {parameter.name: parameter for parameter in table}
         # rclpy keeps what the YAML file and the command line set in this attribute only
         overrides = node._parameter_overrides
         self._rename_former(overrides)
         for name in overrides:
+            if name in gone:
+                raise InputError(f"{node.get_name()}: parameter '{name}' is gone: {gone[name]}")
             if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
                 raise InputError(f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}")
         defaults: dict[str, Any] = {}

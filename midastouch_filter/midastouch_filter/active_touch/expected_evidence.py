@@ -18,10 +18,11 @@ from midastouch_perception.codebook import PRESS
 
 from ..core.noise_model import NoiseModel
 from ..core.object_model import ObjectModel
+from ..smoothing.competitor_search import ENTRIES_AROUND
 from .hypotheses import Hypothesis
 from .slide_prediction import nearest_and_log_weight
 
-_AROUND = 9  # entries around a pose: the true one lies between them
+_AROUND = 1 + ENTRIES_AROUND  # entries around a pose: the true one lies between them
 _USUAL_POSES = 16  # poses, that say what is usual
 _SAME_COSINE = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 

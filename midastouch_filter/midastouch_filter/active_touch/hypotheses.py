@@ -16,7 +16,7 @@ from ..refinement.refinement import is_narrow
 
 MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
-_MOST_NARROW = 4
+_MOST_NARROW = MOST // 2  # the other half are for what is spread out
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from .jump_hypotheses import POSE, JumpHypotheses
 
 _MOUNT, _CLOCK = slice(6, 12), 12
 _VELOCITY_FRAMES = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
-_RECENT_FRAMES = 4  # frames that the present velocity is the mean of
+_RECENT_FRAMES = _VELOCITY_FRAMES + 1  # that the present velocity is the mean of: what there is of the same window
 _SIGNIFICANT_SIGMAS = 3.0  # standard deviations by which an error must differ from none to be taken out
 
 

@@ -18,7 +18,7 @@ import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
-from ..core.alignment import Aligned, PenetrationAlignment
+from ..core.alignment import LEAST_GAIN, Aligned, PenetrationAlignment
 from ..core.belief import Belief
 from ..core.config import FilterConfig
 from ..core.estimate import Calibration
@@ -33,7 +33,7 @@ _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one a
 _JUMP_NATS = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
 _JUMP_MAPS = 3  # last maps that are asked so
 _UNEXPLAINED_FRAMES = 3  # frames in a row that the track may fail to explain: over a sharp edge
-_LEAST_INFORMATION = 0.1  # fraction of the prior's information below which a map says nothing
+_LEAST_INFORMATION = LEAST_GAIN / (1.0 - LEAST_GAIN)  # the same gain, as a fraction of the prior's information
 _GOOD_FIT = 0.95  # fit from which the start from the guess is good enough
 
 

@@ -33,7 +33,8 @@ _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is
 WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by residual ratio and bias; what is added to the latter
 _AVERAGED_MAPS, _BIAS_MAPS = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
 _MORE, _EXPLAINED, _MOST_DESCENTS = 0.01, 0.9, 4  # fractions of a map: less is no gain, no more is needed; descents
-_LEAST_GAIN = 0.1  # fraction of an axis' prior variance below which a map says nothing of it
+LEAST_GAIN = 0.1
+"""Fraction of an axis' prior variance that a map must take away to say anything of it."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +226,7 @@ class CredibleRegion:
         """A map turned the prior N(pose (4, 4), covariance (6, 6), own frame) into the posterior."""
         prior = np.diag(covariance)
         predicted = prior - np.diag(posterior.covariance)
-        informed = predicted > _LEAST_GAIN * prior
+        informed = predicted > LEAST_GAIN * prior
         moved = se3.log(se3.inverse(pose) @ posterior.pose)
         keep = 1.0 - 1.0 / _AVERAGED_MAPS
         self._sum, self._number = keep * self._sum, keep * self._number + informed

@@ -70,7 +70,7 @@ class FilterConfig:
     refinement: bool = _switch(True, "align narrow modes to the measured penetration map")
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
     refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
-    refine_rotation: float = _number(math.radians(25.0), 0.01, 1.5, "rad", "... and below this one in rotation")
+    refine_rotation: float = _number(math.radians(24.0), 0.01, 1.5, "rad", "... and below this one in rotation")
     jitter_translation: float = _number(5e-4, 0.0, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
     jitter_rotation: float = _number(
         math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
@@ -124,26 +124,38 @@ class FilterConfig:
         math.radians(1.0), 0.0, 1.0, "rad", "error of a further finger's pose relative to the first one's, each axis"
     )
 
-    # --- resampling and recovery
-    resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective fraction of particles is below this")
-    recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
-    recovery_alpha_slow: float = _number(0.04, 1e-4, 1.0, "", "rate of the long average of the likelihood")
-    recovery_alpha_fast: float = _number(1.0, 1e-3, 1.0, "", "rate of the short average of the likelihood")
+    # --- recovery
     recovery_fraction: float = _number(
-        0.1, 0.0, 0.9, "", "largest fraction of particles injected per update", former="recovery_share"
+        0.1,
+        0.0,
+        0.9,
+        "",
+        "without refinement: largest fraction of particles that the codebook's best matches replace at a time when the "
+        "likelihood collapses",
+        former="recovery_share",
     )
 
     # --- modes and status
     mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
     min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
-    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
+    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged: the dominant mode holds this much")
     converged_probability: float = _number(
-        0.99, 0.5, 1.0, "", "... and its hypothesis is this probable, by the last touches, among all that explain them"
+        0.99,
+        0.5,
+        1.0,
+        "",
+        "converged: the dominant mode is this probable, by the last touches, among all that explain them",
     )
-    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
-    converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
+    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "converged: its particles spread no wider, RMS")
+    converged_rotation: float = _number(
+        math.radians(15.0), 0.01, 3.0, "rad", "converged: its particles turn no wider, RMS"
+    )
     converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and residuals widen it"
+        0.005,
+        1e-4,
+        0.5,
+        "m",
+        "converged: the published covariance is no wider, RMS; innovations and residuals widen it",
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 
@@ -191,11 +203,23 @@ class FilterConfig:
             )
 
 
+GONE = {
+    "resample_ess": "particles are resampled at every touch",
+    "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
+    "recovery_alpha_slow": "the long average of the likelihood has one rate",
+    "recovery_alpha_fast": "the last touch is the short average of the likelihood",
+}
+"""Fields that there were, and what is in their place."""
+
+
 def by_present_names(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings in which a former name of a field is replaced by the present one, with a FutureWarning that names both.
 
-    Raises InputError where both are given.
+    Raises InputError where both are given, and on a field that is `GONE`.
     """
+    for name in settings:
+        if name in GONE:
+            raise InputError(f"{name} is gone: {GONE[name]}")
     present = dict(settings)
     for item in fields(FilterConfig):
         former = item.metadata["former"]

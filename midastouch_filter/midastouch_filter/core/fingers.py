@@ -32,7 +32,6 @@ FIRST = ""
 """Name of the first finger, whose gel the particles are poses of."""
 
 _LARGEST_HAND = 10.0  # m between two fingers of one hand
-_GATHER_COST = 8  # time to gather a scattered code over that to stream one
 
 
 class Finger:
@@ -144,10 +143,7 @@ class Finger:
         return log_ratio + self._surface.bounded_log_weight(distance, codebook_distance, True, sigma)
 
     def _log_likelihood(self, gels: Particles) -> np.ndarray:
-        if self._gates.skips("whole_book", len(gels) * _GATHER_COST <= len(self._lookup)):
-            self._model.score_occupied(self.code, gels)
-        else:
-            self._model.score_codebook(self.code)
+        self._model.score_occupied(self.code, gels)
         return self._model.log_likelihood(gels)
 
     def log_ratio_of_codebook(self) -> np.ndarray:

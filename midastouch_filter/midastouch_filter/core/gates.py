@@ -9,8 +9,6 @@ GATES = (
     "at_rest",
     "no_contact",
     "unchanged_code",
-    "effective_size",
-    "whole_book",
     "unmoved_modes",
     "wide_modes",
     "unrivalled",
@@ -18,10 +16,9 @@ GATES = (
 """Each recognises work that can be skipped:
 
 at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same code again, a repeated
-image and no new touch; effective_size: enough particles carry weight, resampling would only lose diversity; whole_book:
-few particles, for which their own codebook entries are scored only; unmoved_modes: nothing happened to the particles;
-wide_modes: no mode is narrow enough for its rendered view to tell anything; `unrivalled`: touches still fit what the
-last re-evaluation said, so that the next can wait.
+image and no new touch; unmoved_modes: nothing happened to the particles; wide_modes: no mode is narrow enough for its
+rendered view to tell anything; `unrivalled`: touches still fit what the last re-evaluation said, so that the next can
+wait.
 """
 
 

@@ -161,7 +161,5 @@ def _calibration(meta: dict, name: str, below: float) -> float:
     except (KeyError, TypeError, ValueError):
         value = np.nan
     if not 0 < value < below:
-        raise InputError(
-            f"codebook: {name} {meta.get(name)} is not a calibration; build it again or set the parameter `{name}`"
-        )
+        raise InputError(f"codebook: {name} {meta.get(name)} is not a calibration; build it again")
     return value

@@ -4,6 +4,7 @@ their work (`Effort`). The noise of the motion is in `motion_model.py`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ class NoiseModel:
     refuted: log-odds below which a hypothesis is dropped; settled: probability from which on comparisons are rare.
     code_margin: how far a right hypothesis may fall behind the best one by its codes.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
-    decisive: evidence by which one of two optima is the better one.
+    decisive: evidence by which one of two optima is the better one, with as much certainty.
     Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
     objects, whose maps err together; foreign_residual, the residual ratio of a
     hypothesis that speaks neither for its object nor against it; innovation_cost, evidence that each unit of
@@ -61,7 +62,7 @@ class NoiseModel:
     settled: float = 0.995
     code_margin: float = 6.0
     elsewhere: float = 22.5
-    decisive: float = 6.75
+    decisive: float = math.log(999.0)
     between_objects: float = 0.26
     foreign_residual: float = 0.48
     innovation_cost: float = 0.71

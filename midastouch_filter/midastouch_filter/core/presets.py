@@ -11,7 +11,6 @@ BALANCED = "balanced"
 PRESETS: dict[str, dict[str, int]] = {
     "fast": {"max_particles": 1_000, "refined_modes": 1},
     BALANCED: {},
-    "accurate": {"max_particles": 200_000, "refined_modes": 8},
 }
 """By name, the settings of `FilterConfig` that differ from its defaults."""
 

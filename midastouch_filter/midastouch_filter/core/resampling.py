@@ -1,4 +1,4 @@
-"""When particles are resampled, and to how many (paper section 4.3; KLD sampling, appendix C and Fox 2001)."""
+"""To how many particles the belief is resampled (paper section 4.3; KLD sampling, appendix C and Fox 2001)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import midastouch_kernels as kernels
 
 from .belief import Belief
 from .config import FilterConfig
-from .gates import Gates
 from .modes import Regions
-
-_SURPLUS = 2  # times the wanted particles, from which even weights are resampled, to save time
 
 
 def log_sum_exp(values: np.ndarray) -> float:
@@ -59,18 +56,14 @@ def adapted_count(occupied: int, config: FilterConfig) -> int:
 
 
 class Resampler:
-    """Systematic resampling, when it is worth it, to as many particles as KLD sampling asks for."""
+    """Systematic resampling at every touch, to as many particles as KLD sampling asks for."""
 
-    def __init__(self, regions: Regions, config: FilterConfig, rng: np.random.Generator, gates: Gates):
-        self._regions, self._config, self._rng, self._gates = regions, config, rng, gates
+    def __init__(self, regions: Regions, config: FilterConfig, rng: np.random.Generator):
+        self._regions, self._config, self._rng = regions, config, rng
 
-    def __call__(self, belief: Belief, needed: bool = False) -> None:
-        """Resample if the weights are uneven, if there are far more particles than wanted, or if it is `needed`."""
+    def __call__(self, belief: Belief) -> None:
+        """Draw the particles anew by their weights."""
         particles, n = belief.particles, len(belief.particles)
-        if not needed and n <= _SURPLUS * self._wanted(particles.entries):
-            enough = effective_size(belief.weights) >= self._config.resample_ess * n
-            if self._gates.skips("effective_size", enough):
-                return
         ancestors = systematic(belief.weights, n, self._rng)
         wanted = self._wanted(particles.entries[ancestors])
         if wanted != n:

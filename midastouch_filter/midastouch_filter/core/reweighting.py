@@ -1,8 +1,8 @@
-"""Equation 2 of the paper, made a calibrated likelihood ratio, for all fingers; and recovery from a wrong belief.
+"""Equation 2 of the paper, made a calibrated likelihood ratio, for all fingers; and recovery by codes alone.
 
-The unnormalised likelihood is watched, and particles are injected when it collapses: as in augmented Monte Carlo
-localisation (Thrun, Burgard and Fox 2005, section 8.3.5), but on calibrated log-likelihood ratios, which have an
-absolute zero (chance) and an absolute worst, log(outlier).
+The unnormalised likelihood is watched. Without penetration maps, particles are injected when it collapses: as in
+augmented Monte Carlo localisation (Thrun, Burgard and Fox 2005, section 8.3.5), but on calibrated log-likelihood
+ratios, which have an absolute zero (chance) and an absolute worst, log(outlier).
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from collections.abc import Callable
 import numpy as np
 
 from .belief import Belief
-from .config import FilterConfig
 from .fingers import Finger
 from .gates import Gates
 from .initialisation import ParticleSource
 
 _COLLAPSE = 0.45  # fraction of log(outlier) beyond which the short average counts as collapsed
+_SLOW = 0.04  # rate of the long average
 
 
 class LikelihoodTrend:
@@ -29,15 +29,15 @@ class LikelihoodTrend:
     poison the averages, and praise from long ago must not delay the alarm.
     """
 
-    def __init__(self, config: FilterConfig, outlier: float):
-        self._config, self._worst = config, math.log(outlier)
+    def __init__(self, outlier: float):
+        self._worst = math.log(outlier)
         self.short = self.long = 0.0
 
     def update(self, log_likelihood: float, tempering: float) -> None:
         """Add one touch, counted as `tempering` of an independent one."""
         value = min(max(log_likelihood, 2 * self._worst), -0.5 * self._worst)
-        self.short += self._config.recovery_alpha_fast * tempering * (value - self.short)
-        self.long += self._config.recovery_alpha_slow * tempering * (value - self.long)
+        self.short += tempering * (value - self.short)
+        self.long += _SLOW * tempering * (value - self.long)
 
     def explained(self) -> None:
         """The penetration map itself fits the belief: whatever the codes say, the particles are not lost."""
@@ -48,33 +48,22 @@ class LikelihoodTrend:
         """Short average as a fraction of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""
         return self.short / self._worst
 
-    @property
-    def injection(self) -> float:
-        """Fraction of particles to inject, in [0, recovery_fraction]: 0 unless the short average has collapsed.
-
-        It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
-        unlike the training's) are no reason to go on guessing.
-        """
-        if not self._config.recovery or self.support < _COLLAPSE or self.short > self.long:
-            return 0.0
-        return self._config.recovery_fraction * (1.0 - math.exp(self.short - self.long))
-
 
 class Reweighting:
     """Weighs particles by what fingers measure, and watches how well that was predicted.
 
-    Args: config; outlier: fraction of touches that match nothing; pool(belief, name, log_ratio): changes what the code
-    of a touching finger says of each particle before it is used.
+    Args: outlier: fraction of touches that match nothing; pool(belief, name, log_ratio): changes what the code of a
+    touching finger says of each particle before it is used.
     Attributes: trend of the likelihood.
     """
 
-    def __init__(self, config: FilterConfig, outlier: float, pool: Callable[[Belief, str, np.ndarray], None]):
-        self._config, self._outlier, self._pool = config, outlier, pool
+    def __init__(self, outlier: float, pool: Callable[[Belief, str, np.ndarray], None]):
+        self._outlier, self._pool = outlier, pool
         self.restart()
 
     def restart(self) -> None:
         """The particles were drawn anew."""
-        self.trend = LikelihoodTrend(self._config, self._outlier)
+        self.trend = LikelihoodTrend(self._outlier)
 
     def __call__(self, belief: Belief, measured: list[Finger], codebook_distance: np.ndarray) -> bool:
         """Multiply the weights by every finger's tempered likelihood ratio; False, with nothing done, if none survives.
@@ -98,11 +87,21 @@ class Reweighting:
 class Recovery:
     """Puts matches of the present touch in place of some particles, once the likelihood has collapsed.
 
-    Args: source of the matches; gates, which counts what is injected.
+    Args: source of the matches; gates, which counts what is injected; largest, fraction of the particles at a time.
     """
 
-    def __init__(self, source: ParticleSource, gates: Gates):
-        self._source, self._gates = source, gates
+    def __init__(self, source: ParticleSource, gates: Gates, largest: float):
+        self._source, self._gates, self._largest = source, gates, largest
+
+    def fraction(self, trend: LikelihoodTrend) -> float:
+        """Of particles to replace: 0 unless the short average has collapsed.
+
+        It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
+        unlike the training's) are no reason to go on guessing.
+        """
+        if trend.support < _COLLAPSE or trend.short > trend.long:
+            return 0.0
+        return self._largest * (1.0 - math.exp(trend.short - trend.long))
 
     def __call__(self, belief: Belief, finger: Finger, fraction: float) -> None:
         """Replace this fraction of equally weighted particles by matches of the finger's touch; 0: none."""

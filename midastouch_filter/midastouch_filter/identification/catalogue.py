@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,34 +15,30 @@ from midastouch_perception.codebook import YAWS, Codebook
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.group import Symmetry
 
-from ..core import workers
 from ..core.alignment import PenetrationAlignment
 from ..core.config import FilterConfig
 from ..core.lookup import NearestEntry
 from ..core.noise_model import NoiseModel
 from ..core.touch import MAP_SCALE
-from ..loaded_object import LoadedObject, object_of
-from .coarse_index import typical_codes
+from ..loaded_object import SIZE, LoadedObject, object_of
 
-FEWEST = 5_000
-"""Poses of each codebook that are compared, at least."""
+FEWEST = SIZE
+"""Poses of each codebook that are compared, at least: as many as are enough to localise by."""
 
 ROOM = 2**20
-"""Poses that a touch is compared with at most: 40 ms of one core, a third more than all YCB scans take."""
+"""Poses of a catalogue, all of which a touch is compared with: 40 ms of one core, a third more than all YCB scans."""
 
 _SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
 
-_PARTS = ("mesh", "codebook", "lookup", "alignment")  # of an entry, as a comparison needs them
-
-_SAME_SIZE = 1e-6  # fraction of its size within which one mesh is another one
+_SAME_SIZE = 8 * np.finfo(np.float32).eps  # fraction of its size within which one mesh is another one, written anew
 
 
 class Entry:
-    """One object of a catalogue. What was forgotten is read again when it is asked for, or InputError raised.
+    """One object of a catalogue, made ready, so that no touch has to wait for it.
 
     Attributes: name; path of the whole codebook, None if there is no more of it; meta, its description; size, poses of
     it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; symmetry, as far as that tells;
-    lookup among them; alignment to the mesh; typical codes, (T, D).
+    lookup among them; alignment to the mesh.
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel):
@@ -54,58 +49,9 @@ class Entry:
             codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
         self.mesh, self.codebook = mesh, codebook
         self.name, self.path, self.meta, self.size = mesh.name, path, codebook.meta, len(codebook.poses)
-        self._noise, self._mesh_path, self._content = noise, mesh.path, mesh.sha256
-        self._form = (mesh.faces.shape, mesh.bounds, mesh.area)
-
-    @cached_property
-    def mesh(self) -> ObjectMesh:
-        mesh = ObjectMesh.load(self._mesh_path)
-        if mesh.sha256 != self._content:
-            raise InputError(f"{self._mesh_path}: the mesh has changed since it was read; start again")
-        return mesh
-
-    @cached_property
-    def codebook(self) -> Codebook:
-        codebook = Codebook.load(self.path, first=self.size)
-        if codebook.meta != self.meta:
-            raise InputError(f"{self.path}: the codebook has changed since it was read; start again")
-        return codebook
-
-    @cached_property
-    def symmetry(self) -> Symmetry:
-        known = self.codebook.symmetry
-        return known.exact if known else Symmetry()
-
-    @cached_property
-    def lookup(self) -> NearestEntry:
-        return NearestEntry(self.codebook.poses)
-
-    @cached_property
-    def alignment(self) -> PenetrationAlignment:
-        sensor = SensorModel.of_codebook(self.meta).scaled(MAP_SCALE)
-        return PenetrationAlignment(self.mesh, sensor, self._noise)
-
-    @cached_property
-    def typical(self) -> np.ndarray:
-        return typical_codes(self.codebook.codes)
-
-    def prepare(self) -> None:
-        """Have all at hand that a comparison asks for."""
-        for part in _PARTS:
-            getattr(self, part)
-
-    @property
-    def prepared(self) -> bool:
-        """Whether that is so."""
-        return all(part in self.__dict__ for part in _PARTS)
-
-    def forget(self) -> None:
-        """Free the memory of all that files hold, but for the typical codes."""
-        if self.path is not None and self._mesh_path is not None:
-            kept = self.typical  # of codes that are still there
-            for part in _PARTS:
-                self.__dict__.pop(part, None)
-            self.typical = kept
+        self.symmetry = codebook.symmetry.exact if codebook.symmetry else Symmetry()
+        self.lookup = NearestEntry(codebook.poses)
+        self.alignment = PenetrationAlignment(mesh, SensorModel.of_codebook(self.meta).scaled(MAP_SCALE), noise)
 
     def load(self, config: FilterConfig, seed: int) -> LoadedObject:
         """The filter on this object, with its whole codebook; InputError as `localiser.object_of`."""
@@ -114,28 +60,26 @@ class Entry:
 
     def is_same_as(self, other: Entry) -> bool:
         """Whether the two meshes are one, be it in other files."""
-        (faces, bounds, area), (their_faces, their_bounds, their_area) = self._form, other._form
-        close = _SAME_SIZE * float(np.linalg.norm(np.ptp(bounds, axis=0)))
-        return self._content == other._content or (
-            faces == their_faces
-            and np.allclose(bounds, their_bounds, rtol=0, atol=close)
-            and bool(np.isclose(area, their_area, rtol=_SAME_SIZE))
+        close = _SAME_SIZE * self.mesh.diagonal
+        return self.mesh.sha256 == other.mesh.sha256 or (
+            self.mesh.faces.shape == other.mesh.faces.shape
+            and np.allclose(self.mesh.bounds, other.mesh.bounds, rtol=0, atol=close)
+            and bool(np.isclose(self.mesh.area, other.mesh.area, rtol=_SAME_SIZE))
         )
 
 
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; room, the number of poses that a touch is compared with at most; rows, of each entry among the
-    poses of all; calibration of the codes; sensor, at map resolution; network_id; duplicates, for each name that stands
-    for the same mesh as another one, that one's.
+    Attributes: entries; rows, of each entry among the poses of all; calibration of the codes; sensor, at map
+    resolution; network_id; duplicates, for each name that stands for the same mesh as another one, that one's.
     Raises InputError: no objects, two of one name, of different networks or sensors.
     """
 
-    def __init__(self, entries: Sequence[Entry], duplicates: dict[str, str] | None = None, room: int = ROOM):
+    def __init__(self, entries: Sequence[Entry], duplicates: dict[str, str] | None = None):
         if not entries:
             raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
-        self.entries, self.duplicates, self.room = list(entries), dict(duplicates or {}), room
+        self.entries, self.duplicates = list(entries), dict(duplicates or {})
         first = self.entries[0].meta
         for entry in self.entries[1:]:
             _require_alike(self.entries[0], entry)
@@ -150,8 +94,7 @@ class Catalogue:
     ) -> Catalogue:
         """Of meshes with their codebooks, and the files of these if an `Entry` is to read them again.
 
-        Meshes that are the same count once, under the first one's name. What has no room is forgotten until it is asked
-        for; all else is made ready, so that no touch has to wait for it.
+        Meshes that are the same count once, under the first one's name. Raises InputError on more than `room` poses.
         """
         entries: list[Entry] = []
         duplicates: dict[str, str] = {}
@@ -167,12 +110,11 @@ class Catalogue:
             entries.append(entry)
             poses += entry.size
             if poses > room:
-                entry.forget()
-            else:
-                entry.prepare()
-        if poses > room:
-            workers.trim()
-        return cls(entries, duplicates, room)
+                raise InputError(
+                    f"{path or mesh.path or mesh.name}: the {len(entries)} objects up to this one have {poses:,} poses "
+                    f"to compare a touch with, {room:,} are allowed; leave objects out of the catalogue"
+                )
+        return cls(entries, duplicates)
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -181,18 +123,9 @@ class Catalogue:
         """Of the object of that name."""
         return [entry.name for entry in self.entries].index(name)
 
-    def only(self, numbers: Sequence[int]) -> Catalogue:
-        """The same with these objects only, in this order."""
-        return Catalogue([self.entries[number] for number in numbers], room=self.room)
-
     def without(self, name: str) -> Catalogue:
         """The same but for one object."""
-        return self.only([number for number, entry in enumerate(self.entries) if entry.name != name])
-
-    def with_room(self, ranked: Sequence[int]) -> list[int]:
-        """The first of `ranked` numbers, in their own order: as many as there is room for, one at least."""
-        poses = np.cumsum([self.entries[number].size for number in ranked])
-        return sorted(ranked[: max(int((poses <= self.room).sum()), 1)])
+        return Catalogue([entry for entry in self.entries if entry.name != name])
 
 
 def poses_worth(mesh: ObjectMesh) -> int:

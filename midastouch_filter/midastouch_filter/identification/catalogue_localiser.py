@@ -26,7 +26,6 @@ from .identification import Identification
 from .identity import Identity
 
 _KEPT_FILTERS = 2  # filters of objects that lead by turns; each has some 100 MiB
-_LEAST_PROBABILITY = 0.02  # probability of a hypothesis
 
 
 class CatalogueLocaliser(Localiser):
@@ -151,7 +150,8 @@ class CatalogueLocaliser(Localiser):
         if self.identity is None:
             return []
         found = [(each.name, pose) for each in self.identity.objects for pose in each.hypotheses]
-        found = [each for each in found if each[1].probability >= _LEAST_PROBABILITY]
+        doubt = 1.0 - self._config.converged_probability  # of a single object as much is left, too
+        found = [each for each in found if each[1].probability >= doubt]
         self._models = {name: self._models[name] for name in self._models.keys() & {name for name, _ in found}}
         return [
             Hypothesis(self._model(name), pose.pose, pose.probability, True, name)

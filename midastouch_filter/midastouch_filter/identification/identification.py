@@ -2,8 +2,7 @@
 
 The best entries of the whole catalogue become the candidates of a touch. The best of these hypotheses are aligned to
 the kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after a few
-maps, so that ten objects take hardly more alignments than one. Of thousands of objects only some are compared:
-`compared_objects.py`.
+maps, so that ten objects take hardly more alignments than one.
 """
 
 from __future__ import annotations
@@ -14,21 +13,21 @@ from dataclasses import replace
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 
 from ..core.alignment import transform_covariance
 from ..core.config import FilterConfig
 from ..core.gates import Gates
 from ..core.keyframes import Keyframe, KeyframeWindow, WeighedWindow
+from ..core.measurement_model import CodeScores
 from ..core.motion_model import Odometry, RestGate
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
 from ..core.touch import Measurement, require_network
+from ..core.workers import Workers
 from ..smoothing.competitor_search import CompetitorSearch, SearchPace
 from ..smoothing.contest import Contest
 from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from .catalogue import Catalogue
-from .compared_objects import ComparedObjects
 from .identity import CandidateObject, Identity
 
 # the shortlist is of the whole catalogue; of an object fewer hypotheses are kept, as some of each are; how probable an
@@ -42,13 +41,14 @@ class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
     Args: catalogue; config; noise.
-    Attributes: compared, the objects that are; window of the kept touches; found, by the last comparison, its
-    hypotheses as they were then; contest, that it comes from, None before the first.
+    Attributes: window of the kept touches; found, by the last comparison, its hypotheses as they were then; contest,
+    that it comes from, None before the first.
     """
 
     def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel):
         self._catalogue, self._config, self._noise = catalogue, config, noise
-        self.compared = ComparedObjects(catalogue, config, noise)
+        codes = np.concatenate([entry.codebook.codes for entry in catalogue.entries])
+        self._scores = CodeScores(codes, catalogue.calibration, config, Workers(config.threads))
         self._pace = SearchPace(_EFFORT.lookups_per_step)
         self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
@@ -77,8 +77,7 @@ class Identification:
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
         """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
 
-        What the filter refuses is passed over; raises InputError if the code comes from another network, or if what is
-        not held in memory cannot be read.
+        What the filter refuses is passed over; raises InputError if the code comes from another network.
         """
         require_network([touch], self._catalogue.network_id)
         self._move(odometry, touch.in_contact)
@@ -86,11 +85,7 @@ class Identification:
             self._keep(touch)
         if self._running is None and self._news >= self._wait and len(self.window) >= _EFFORT.fewest:
             self._news, self._running = 0, self._run()
-        try:
-            found = next(self._running) if self._running else None
-        except InputError:  # a codebook or a mesh that is gone; the touches are half scored
-            self.restart()
-            raise
+        found = next(self._running) if self._running else None
         if found is None:
             return False
         self._running, self.contest = None, found
@@ -110,12 +105,12 @@ class Identification:
             self.window.moved(motion.transform, motion.path, in_contact)
 
     def _is_usable(self, penetration: np.ndarray | None) -> bool:
-        shape = self.compared.catalogue.entries[0].alignment.map_shape
+        shape = self._catalogue.entries[0].alignment.map_shape
         return penetration is not None and penetration.shape == shape and bool(np.isfinite(penetration).all())
 
     def _keep(self, touch: Measurement) -> None:
         try:
-            log_ratio = self.compared.scores.log_ratio_of(touch)
+            log_ratio = self._scores.log_ratio_of(touch)
         except ValueError:
             return
         self.window.keep([touch], [log_ratio])
@@ -141,14 +136,12 @@ class Identification:
 
     def _run(self) -> Iterator[Contest | None]:
         best = self._best_found()
-        yield from self.compared.choose(self.window, [k for k, each in best if each.probability > self.found.unknown])
         window = WeighedWindow.of(list(self.window.keyframes), self._noise)
-        views = {
-            k: replace(window, keyframes=[_seen(each, rows) for each in window.keyframes])
-            for k, rows in zip(self.compared.numbers, self.compared.catalogue.rows, strict=True)
-        }
+        views = [
+            replace(window, keyframes=[_seen(each, rows) for each in window.keyframes]) for rows in self._catalogue.rows
+        ]
         onward = se3.inverse(self._found_at) @ window.keyframes[-1].motion
-        carried = [(k, hypothesis.pose @ onward) for k, hypothesis in best if k in views]
+        carried = [(k, hypothesis.pose @ onward) for k, hypothesis in best]
         ranked = yield from self._ranked(views, carried)
         race, likelihoods = Race(window), {}
         for starts, most in ((carried, np.inf), (ranked, _EFFORT.alignments)):
@@ -156,8 +149,6 @@ class Identification:
                 if race.alignments >= most:
                     break
                 if k not in likelihoods:
-                    if not self._catalogue.entries[k].prepared:
-                        yield None  # to read a mesh takes as long as a step may
                     likelihoods[k] = self._likelihood_of(k, views[k], race)
                 yield from likelihoods[k].follow(pose)
         yield self._contest(window, likelihoods)
@@ -173,11 +164,11 @@ class Identification:
         return [(self._catalogue.number(name), hypothesis) for name, hypothesis in found[:_CARRIED_HYPOTHESES]]
 
     def _ranked(
-        self, views: dict[int, WeighedWindow], carried: list[tuple[int, np.ndarray]]
+        self, views: list[WeighedWindow], carried: list[tuple[int, np.ndarray]]
     ) -> Generator[None, None, list[tuple[int, np.ndarray]]]:
         """Further hypotheses that codes bring up, with the numbers of their objects, best first; views by these."""
         found: list[tuple[float, int, np.ndarray]] = []
-        for k, view in views.items():
+        for k, view in enumerate(views):
             if any(len(each.shortlists[0]) for each in view.sparser(_EFFORT.sieve).keyframes):
                 entry = self._catalogue.entries[k]
                 search = CompetitorSearch(entry.lookup, entry.symmetry, self._noise, _EFFORT, self._pace)

@@ -1,4 +1,4 @@
-"""Parameters of the `particle_filter` node: its own, and one for every field of `FilterConfig`."""
+"""Parameters of the `particle_filter` node: its own, and those settings of the filter that a user can judge."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from midastouch_common import se3
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import QUEUE, Parameter, Parameters
 
+from ..core import config
 from ..core.config import FilterConfig
 from ..core.presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 from ..localiser import Start
@@ -122,23 +123,6 @@ _NODE = (
         read_only=False,
     ),
     Parameter(
-        "suggestion_length",
-        0.0,
-        "Longest way of a suggested motion, if the request names none; 0: the object's diagonal",
-        unit="m",
-        minimum=0.0,
-        maximum=2.0,
-        read_only=False,
-    ),
-    Parameter(
-        "suggestion_count",
-        3,
-        "Suggested motions, if the request does not say how many",
-        minimum=1,
-        maximum=24,
-        read_only=False,
-    ),
-    Parameter(
         "suggestion_rate",
         2.0,
         "The action suggest_motion answers anew at most so often; 0: with every code",
@@ -160,6 +144,30 @@ _NODE = (
 )
 
 
+_SETTINGS = (
+    "min_particles",
+    "max_particles",
+    "refinement",
+    "refined_modes",
+    "smoothing",
+    "unknown_prior",
+    "object_motion",
+    "calibration",
+    "jitter_translation",
+    "jitter_rotation",
+    "mount_translation",
+    "mount_rotation",
+    "clock_offset",
+    "finger_translation",
+    "finger_rotation",
+    "converged_probability",
+    "converged_error",
+    "converged_rotation",
+    "threads",
+)
+"""Fields of `FilterConfig` that are parameters, too."""
+
+
 def _of_field(field: dataclasses.Field) -> Parameter:
     data = field.metadata
     return Parameter(
@@ -173,9 +181,22 @@ def _of_field(field: dataclasses.Field) -> Parameter:
     )
 
 
-_CONFIG = tuple(_of_field(field) for field in dataclasses.fields(FilterConfig))
+_FIELDS = {field.name: field for field in dataclasses.fields(FilterConfig)}
+_CONFIG = tuple(_of_field(_FIELDS[name]) for name in _SETTINGS)
 
 PARAMETERS = _NODE + _CONFIG
+GONE = {
+    **{name: "it is a setting of FilterConfig, in Python, only" for name in _FIELDS if name not in _SETTINGS},
+    **{
+        field.metadata["former"]: f"it is {name}, a setting of FilterConfig, in Python, only"
+        for name, field in _FIELDS.items()
+        if field.metadata["former"] and name not in _SETTINGS
+    },
+    **config.GONE,
+    "suggestion_length": "the request of suggest_motion says max_length",
+    "suggestion_count": "the request of suggest_motion says count",
+}
+"""Parameters that there were, and what is in their place."""
 
 
 def config_of(parameters: Parameters) -> FilterConfig:

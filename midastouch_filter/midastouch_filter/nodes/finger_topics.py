@@ -20,13 +20,13 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..core.touch import Measurement, measurement_from_msg, reduced_penetration
 from ..loaded_object import LoadedObject
-from ..timeline import FingerMemory
+from ..timeline import CODE_TIMEOUT, FingerMemory
 from ..transforms import TransformError
 from ..transforms.queue import Wait
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
-CLOUD_TIMEOUT = 0.25
+CLOUD_TIMEOUT = CODE_TIMEOUT
 """s of waiting where messages may be lost."""
 _RELIABLE_CLOUD_TIMEOUT = 5.0  # s; where none is lost, a busy machine is all that is waited for
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.

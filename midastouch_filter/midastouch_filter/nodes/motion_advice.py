@@ -26,6 +26,7 @@ from . import markers
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 _LONGEST_WAY = 2.0  # m; no object is larger
+_COUNT = 3  # suggestions, if a request does not say how many
 
 
 class MotionAdvice:
@@ -143,10 +144,12 @@ class MotionAdvice:
 
     def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
         """The request with defaults filled in; InputError if its length is out of range."""
-        length = request.max_length or self._parameters["suggestion_length"]
+        length = request.max_length
         if not 0 <= length <= _LONGEST_WAY:
-            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST_WAY:g} m; 0 is the default")
-        return Wanted(length or None, request.lifts, request.count or self._parameters["suggestion_count"])
+            raise InputError(
+                f"max_length {length:g} is not between 0 and {_LONGEST_WAY:g} m; 0 is the object's diagonal"
+            )
+        return Wanted(length or None, request.lifts, request.count or _COUNT)
 
     def _advise(self, wanted: Wanted) -> Advice:
         """InputError saying why there is none."""

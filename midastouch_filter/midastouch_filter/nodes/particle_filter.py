@@ -16,7 +16,7 @@ from ..loaded_object import SIZE, LoadedObject, build_object, load_object
 from ..localiser import Localiser
 from .code_processor import CodeProcessor, NodeClock
 from .estimate_publisher import EstimatePublisher
-from .filter_parameters import PARAMETERS, config_of, start_of
+from .filter_parameters import GONE, PARAMETERS, config_of, start_of
 from .filter_services import FilterServices, StartTopics
 from .finger_topics import fingers_of
 from .motion_advice import MotionAdvice
@@ -42,7 +42,7 @@ class ParticleFilterNode(ManagedNode):
         **node_options,
     ):
         self._localiser: Localiser | None = None  # of the configured node; a node that is refused has none to end
-        super().__init__("particle_filter", PARAMETERS, **node_options)
+        super().__init__("particle_filter", PARAMETERS, GONE, **node_options)
         self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
         self._time, self._codes_from = NodeClock(self), OnlyPublisher(self, "tactile/code")

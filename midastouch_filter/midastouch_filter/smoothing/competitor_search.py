@@ -17,8 +17,9 @@ from ..core.pose_hypothesis import distinct, far_from
 from ..core.touch import Measurement
 
 _OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
-_ENTRIES_AROUND = 8  # entries beside the nearest one
 _BASIN = 0.008  # m: alignment ends at the same optimum from anywhere within; 1 rad counts as 10 mm
+ENTRIES_AROUND = 8
+"""Entries beside the one nearest to a pose, any of which may have the code of a touch there."""
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
@@ -69,7 +70,7 @@ class CompetitorSearch:
         pace: SearchPace | None = None,
     ):
         self._lookup, self._symmetry = lookup, symmetry
-        self._around = lookup.neighbours[:, :_ENTRIES_AROUND] if isinstance(lookup, PoseLookup) else None
+        self._around = lookup.neighbours[:, :ENTRIES_AROUND] if isinstance(lookup, PoseLookup) else None
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or SearchPace(effort.lookups_per_step)
 

@@ -126,7 +126,7 @@ class FixedLagSmoother(FineStage):
         self._gates.count("rivals", new)
         before = belief.modes[0].pose
         belief.hold(particles)
-        self._resample(belief, needed=True)
+        self._resample(belief)
         belief.cluster()
         if pose_distance(before, belief.modes[0].pose) > ANOTHER:
             self.region.restart()  # what maps corrected there says nothing of how they will fit here

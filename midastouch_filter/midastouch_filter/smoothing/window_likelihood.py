@@ -21,8 +21,6 @@ from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import pose_distance
 
-_SAME_DISTANCE = 4e-3  # m, pose distance
-
 
 @dataclass(frozen=True)
 class Followed:
@@ -75,6 +73,8 @@ class WindowLikelihood:
     ):
         self._window, self._alignment = window, alignment
         self._noise, self._effort, self._explains = noise, effort, explains
+        # nearer to each other than entries of the codebook, where they start from, two have become one
+        self._same = float(np.sqrt(noise.between_entries[0, 0]))
         self.followed: list[Followed] = []
         self._race = race
 
@@ -88,7 +88,7 @@ class WindowLikelihood:
         few = max(newest - self._effort.settled_after, 0)
         found = yield from self._back_to(few, start)
         others = np.array([each.poses[few] for each in self.followed if each.at <= few]).reshape(-1, 4, 4)
-        if found.at <= few and (pose_distance(others, found.poses[few]) < _SAME_DISTANCE).any():
+        if found.at <= few and (pose_distance(others, found.poses[few]) < self._same).any():
             return
         if few and found.at == few:
             onward = se3.inverse(self._window.keyframes[few].motion) @ self._window.keyframes[newest].motion

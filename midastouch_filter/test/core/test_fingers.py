@@ -73,7 +73,7 @@ def test_where_the_reference_is_a_finger_weighs_like_it(fingers, parts, cloud, w
     code = world.encode(world.poses[:1])[0]
     (evidence,) = measured(fingers, copy=touch(np.eye(4), code))
     distance = lookup.follow(cloud)
-    model.score_codebook(code)
+    model.score_occupied(code, cloud)
     expected = surface.log_weight(cloud, distance) + model.log_likelihood(cloud)
     alive = np.isfinite(expected) & (distance < 0.9 * surface.reach)
     assert alive.mean() > 0.9

@@ -47,11 +47,11 @@ def test_books_that_do_not_fit_together_are_refused(world, change, said):
 def test_a_book_without_calibration_is_refused(world, key):
     book = some_book(world, world.mesh)
     del book.meta[key]
-    with pytest.raises(InputError, match=f"{key}.*parameter"):
+    with pytest.raises(InputError, match=f"{key}.*build it again"):
         ParticleFilter(world.mesh, book, SMALL, 0)
     for unusable in (np.nan, np.inf, -1.0, "warm"):
         book.meta[key] = unusable
-        with pytest.raises(InputError, match=f"{key}.*parameter"):
+        with pytest.raises(InputError, match=f"{key}.*build it again"):
             ParticleFilter(world.mesh, book, SMALL, 0)
 
 

@@ -71,10 +71,10 @@ def test_suggestions_come_as_they_were_made(graph):
     assert [m.action for m in shown[0].markers[:2]] == [Marker.DELETEALL] * 2
 
 
-def test_parameters_stand_for_what_is_not_said(graph):
-    bench = touched(graph, suggestion_length=0.07, suggestion_count=1)
-    assert len(ask(graph).suggestions) == 1
-    assert bench.filter.wanted[-1].max_length == 0.07
+def test_there_are_defaults_for_what_is_not_said(graph):
+    bench = touched(graph)
+    assert ask(graph).success
+    assert (bench.filter.wanted[-1].max_length, bench.filter.wanted[-1].count) == (None, 3)
 
 
 def test_who_asks_too_early_hears_why(graph):

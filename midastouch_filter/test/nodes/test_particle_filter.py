@@ -106,6 +106,10 @@ def test_code_handed_over_in_one_process(graph):
     ("parameters", "complaint"),
     [
         ({"max_partcles": 10}, "no parameter 'max_partcles'"),
+        ({"recovery": False}, "'recovery' is gone: .*recovery_fraction"),
+        ({"recovery_share": 0.2}, "'recovery_share' is gone: .*recovery_fraction.*FilterConfig"),
+        ({"mode_radius": 0.01}, "'mode_radius' is gone: .*FilterConfig"),
+        ({"suggestion_count": 2}, "'suggestion_count' is gone: .*count"),
         ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
         ({"min_particles": 0}, "min_particles"),
         ({"min_particles": 5000, "max_particles": 1000}, "min_particles"),
@@ -127,5 +131,5 @@ def test_a_preset_gives_defaults_and_what_is_set_goes_over_it(graph):
 
 
 def test_an_unknown_preset_ends_the_node(graph):
-    with pytest.raises(InputError, match=r"'preset'.*fast, balanced, accurate"):
+    with pytest.raises(InputError, match=r"'preset'.*fast, balanced"):
         graph.add(ParticleFilterNode, {"preset": "quick"})

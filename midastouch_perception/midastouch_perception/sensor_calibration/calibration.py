@@ -63,15 +63,13 @@ def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
 class SensorCalibration:
     """The response of one sensor, as `midastouch calibrate` found it.
 
-    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m], 0 without a ball; object_name, of
-    what was slid over instead, empty with a ball; sensor, name of the sensor model;
-    pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
+    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor
+    model; pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
     (`response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date, ISO 8601.
     """
 
     serial: str
     ball_diameter: float
-    object_name: str
     sensor: str
     pixel_size: float
     coefficients: np.ndarray
@@ -87,8 +85,6 @@ class SensorCalibration:
     @property
     def touched(self) -> str:
         """What it was made with, in words."""
-        if self.object_name:
-            return f"{self.presses} touches of {self.object_name}"
         return f"{self.presses} presses of a ball of {1e3 * self.ball_diameter:g} mm"
 
     def standardised(self, change: np.ndarray) -> np.ndarray:
@@ -141,10 +137,11 @@ class SensorCalibration:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != _FORMAT:
                     raise ValueError(f"format {int(file['format'])}")
+                if not float(file["ball_diameter"]):
+                    raise ValueError("made without a ball")
                 return cls(
                     serial=str(file["serial"]),
                     ball_diameter=float(file["ball_diameter"]),
-                    object_name=str(file["object_name"]),
                     sensor=str(file["sensor"]),
                     pixel_size=float(file["pixel_size"]),
                     coefficients=_finite(file["coefficients"], (12, 6, 2)),

@@ -1,7 +1,4 @@
-"""The calibration of a sensor from presses of one ball: which are used, the fit, and how well it does on others.
-
-Fit and cross-validation are the same for touches of another object (`object_fit.py`).
-"""
+"""The calibration of a sensor from presses of one ball: which are used, the fit, and how well it does on others."""
 
 from __future__ import annotations
 
@@ -115,7 +112,7 @@ class Result:
     Attributes: calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less
     beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
     the calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation` and `depth_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
+    (`cross_validation` and `depth_errors`; and the ball's radius [m] by the slopes, felt_radius_before and
     felt_radius_after); doubt, why the confirmed diameter of the ball is improbable, empty if it is plausible.
     """
 
@@ -178,7 +175,7 @@ def calibrate(
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
-    made = made_of(background, sensor, serial, ball_diameter=ball_diameter)
+    made = _made_of(background, sensor, serial, ball_diameter)
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
     # a ball's slopes are position over radius, nearly
@@ -193,14 +190,11 @@ def calibrate(
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 
-def made_of(
-    background: np.ndarray, sensor: SensorModel, serial: str, ball_diameter: float = 0.0, object_name: str = ""
-) -> dict:
-    """What a calibration says of how it was made, but for the number of touches."""
+def _made_of(background: np.ndarray, sensor: SensorModel, serial: str, ball_diameter: float) -> dict:
+    """What a calibration says of how it was made, but for the number of presses."""
     return {
         "serial": serial,
         "ball_diameter": ball_diameter,
-        "object_name": object_name,
         "sensor": sensor.name,
         "pixel_size": sensor.pixel_size,
         "background": background_colours(background),

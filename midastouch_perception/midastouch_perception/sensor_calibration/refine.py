@@ -1,7 +1,4 @@
-"""Contacts, or poses, and the sensor's light in turn: each is moved to where the light of the others explains it best.
-
-A tracked pose is off by tenths of a millimetre and by a degree, which shifts a contact's outline by several pixels.
-"""
+"""Contacts and the sensor's light in turn: each is moved to where the light of the others explains it best."""
 
 from __future__ import annotations
 
@@ -11,9 +8,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from midastouch_common import se3
-
-from ..rendering.renderer import PenetrationRenderer, sunk_in
+from ..rendering.renderer import sunk_in
 from ..sensor_model import SensorModel
 from .ball import BallContact, ball_centre, ball_penetration
 from .response import height_slopes, position_terms
@@ -24,10 +19,6 @@ _REACH, _LENS = 0.3e-3, 0.1e-3  # m, as in `ball.py`
 _RIDGE = 1e-3
 LEVELS = 15.0  # grey levels of a residual from which on it counts less: shadows are not modelled
 _RADII = 0.1, 0.97  # of the ball's
-_POSE_SIGMA = np.array([5e-4] * 3 + [np.radians(1.0)] * 3)
-"""Standard deviations [m, rad] of a tracked pose (paper section 5)."""
-_JACOBIAN_STEP = 0.2  # deviations
-_PIXELS_PER_OBSERVATION = 100.0  # neighbours have shadow and gel in common
 
 
 def refine_contacts(
@@ -101,42 +92,3 @@ def _moved(
     )
     explained = 1 - float((residual(found.x) ** 2).sum()) / max(float((seen**2).sum()), 1e-9)
     return dataclasses.replace(at(found.x), explained=explained)
-
-
-def refine_poses(
-    changes: list[np.ndarray], poses: np.ndarray, renderer: PenetrationRenderer
-) -> tuple[np.ndarray, list[float]]:
-    """The poses T_obj_gel (N, 4, 4) moved within their uncertainty, and the fraction of each change (H, W, 3) grey
-    levels that the joint light then explains. The light is `fit_light`'s, the same for all touches."""
-    poses, fractions = poses.copy(), [0.0] * len(changes)
-    for _ in range(_ROUNDS):
-        factors = fit_light(changes, [_pose_shape(pose, renderer) for pose in poses])
-        for i, change in enumerate(changes):
-            poses[i], fractions[i] = _moved_pose(change, poses[i], factors, renderer)
-    return poses, fractions
-
-
-def _pose_shape(pose: np.ndarray, renderer: PenetrationRenderer) -> np.ndarray:
-    return slope_terms(renderer.render(pose[None])[0], renderer.sensor)
-
-
-def _moved_pose(
-    change: np.ndarray, pose: np.ndarray, factors: np.ndarray, renderer: PenetrationRenderer
-) -> tuple[np.ndarray, float]:
-    seen = looked_at(change)
-    tie = LEVELS * np.sqrt(seen[..., 0].size / _PIXELS_PER_OBSERVATION)  # to the pose as it was tracked
-
-    def unexplained(x: np.ndarray) -> np.ndarray:
-        return (seen - lit(_pose_shape(pose @ se3.exp(_POSE_SIGMA * x), renderer), factors)).ravel()
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([unexplained(x), tie * x])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        # wide steps: a rendered outline moves by whole pixels
-        here = residual(x)
-        return np.stack([residual(x + step) - here for step in _JACOBIAN_STEP * np.eye(6)], axis=1) / _JACOBIAN_STEP
-
-    found = least_squares(residual, np.zeros(6), jacobian, loss="soft_l1", f_scale=LEVELS, max_nfev=6).x
-    explained = 1 - float((unexplained(found) ** 2).sum()) / max(float((seen**2).sum()), 1e-9)
-    return pose @ se3.exp(_POSE_SIGMA * found), explained

@@ -29,7 +29,7 @@ def calibration(real, background):
     coefficients = np.random.default_rng(1).normal(0, 0.1, (12, 6, 2))
     colours = background_colours(background)
     return SensorCalibration(
-        "D20123", 6e-3, "", "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
+        "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
     )
 
 
@@ -62,6 +62,9 @@ def test_files_of_other_content_are_refused(calibration, tmp_path):
     path = tmp_path / "a.npz"
     dataclasses.replace(calibration, coefficients=np.full((12, 6, 2), np.nan)).save(path)
     with pytest.raises(InputError, match="not a calibration"):
+        SensorCalibration.load(path)
+    dataclasses.replace(calibration, ball_diameter=0.0).save(path)  # as from touches of an object, formerly
+    with pytest.raises(InputError, match="made without a ball"):
         SensorCalibration.load(path)
     with pytest.raises(InputError, match="no such calibration file"):
         SensorCalibration.load(tmp_path / "none.npz")

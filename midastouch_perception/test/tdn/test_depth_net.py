@@ -30,7 +30,7 @@ def calibration(real, background):
     coefficients[1, 0] = (0.25, 0.1)
     colours = background_colours(background)
     return SensorCalibration(
-        "D20123", 6e-3, "", "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
+        "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
     )
 
 
