@@ -45,6 +45,7 @@ COMPETITORS = 6
 LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
+MAKERS = random_shape, random_part, random_probe, random_part  # of objects
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,16 +72,16 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
             slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
         except InputError:  # it got stuck
             continue
-        window, truth = _touched(slide, model, simulator, networks, rng)
+        window, truth = touched(slide, model, simulator, networks, rng)
         if len(window.keyframes) < TOUCHES // 2:
             continue
         entry = model.lookup.exact(truth[-1][None])[0]
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
-        competitors = [beside, *_exhaust(search.find(window, taken)).poses]
+        competitors = [beside, *exhaust(search.find(window, taken)).poses]
         likelihood = WindowLikelihood(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
         for start in taken + competitors[: COMPETITORS + 1]:
-            _exhaust(likelihood.follow(start))
+            exhaust(likelihood.follow(start))
         own, *others = [(each.residual_ratio, _distance(each, truth)) for each in likelihood.followed]
         if own[1] < 0.5 * APART:
             for residual, distance in others:
@@ -88,7 +89,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
                     yield Pair(mesh.name, own[0], residual, distance < APART)
 
 
-def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
+def touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
     window, chosen, path = KeyframeWindow(TOUCHES, SPACING, NOISE.touch_correlation, Effort().shortlist), [0], 0.0
@@ -122,7 +123,7 @@ def _distance(place: Followed, truth: list[np.ndarray]) -> float:
     return float(np.median([pose_distance(pose, true) for pose, true in zip(place.poses, truth, strict=True)]))
 
 
-def _exhaust(generator):
+def exhaust(generator):
     """What a generator returns at its end."""
     while True:
         try:
@@ -163,8 +164,7 @@ def main() -> None:
     networks, pairs = Networks.load(), []
     for i in range(args.objects):
         rng = np.random.default_rng([args.seed, i])
-        make = (random_shape, random_part, random_probe, random_part)[i % 4]
-        pairs += window_pairs(make(rng, f"fit_{i}"), networks, args.windows, rng)
+        pairs += window_pairs(MAKERS[i % len(MAKERS)](rng, f"fit_{i}"), networks, args.windows, rng)
         print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of poses", file=sys.stderr, flush=True)
     found = minimize(surprise, [1.0, -6.5, -0.5], args=(pairs,), method="Nelder-Mead", options={"maxiter": 300}).x
     weight = 1 / (1 + np.exp(-found[2]))

@@ -162,8 +162,7 @@ def test_a_pose_closely_beside_a_mode_is_found_as_another(world):
     hypotheses = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
     assert grooved.exhaustive
     fractions = [probability_at(hypotheses, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
-    assert sum(fractions) > 0.95
-    assert min(fractions) > 0.1
+    assert min(fractions) > 0.1  # further along the tube and around it there are more that measure the same
 
 
 def test_copies_are_found_as_copies(symmetric):

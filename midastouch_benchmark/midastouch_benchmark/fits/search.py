@@ -1,0 +1,106 @@
+"""How much of what the true pose is worth the filter's search for hypotheses finds, on windows of simulated touches.
+
+.venv/bin/python -m midastouch_benchmark.fits.search [--objects 18] [--windows 3] [--seed 5]
+
+The windows are those of `fits/evidence.py`. Each is explained once from the true pose, and once as the filter does it
+that knows nothing: from the hypotheses that codes bring up. Printed are the fractions of windows in which one of these
+is at the true pose, and in which it has its evidence up to 3 nats, the nats that are lost, and how many alignments that
+takes: what `code_margin`, `kept` and `_BASIN` are chosen by. No test object is seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+
+import numpy as np
+
+from midastouch_benchmark.single_touch.simulated_touch import Lighting, TouchSimulator
+from midastouch_benchmark.trials.setup import Networks
+from midastouch_common.errors import InputError
+from midastouch_filter.core.keyframes import WeighedWindow
+from midastouch_filter.core.noise_model import Effort
+from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.pose_hypothesis import ANOTHER
+from midastouch_filter.core.workers import Workers
+from midastouch_filter.smoothing.competitor_search import CompetitorSearch
+from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
+from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.simulation.slide import simulate_slide
+
+from .evidence import CONFIG, ENTRIES, MAKERS, NOISE, TOUCHES, exhaust, touched
+
+_AS_GOOD = 3.0  # nats
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Of one window: followed, whether a hypothesis ended at the true pose; lost, nats of the truth's evidence that the
+    best such one lacks, all of it if there is none; alignments that were made."""
+
+    followed: bool
+    lost: float
+    alignments: int
+
+
+def search(window: WeighedWindow, truth: list[np.ndarray], model: ObjectModel) -> Found:
+    """Explain a window from nothing known; truth: poses (4, 4) at its keyframes."""
+    noise = dataclasses.replace(NOISE, refuted=-np.inf)
+    goal = WindowLikelihood(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
+    exhaust(goal.follow(truth[-1]))
+    race = Race(window)
+    likelihood = WindowLikelihood(window, model.alignment, NOISE, Effort(), CONFIG.penetration_fit, race)
+    for pose in exhaust(CompetitorSearch(model.lookup, model.symmetry.exact, NOISE, Effort()).find(window, [])).poses:
+        if race.alignments < Effort().alignments:
+            exhaust(likelihood.follow(pose))
+    right = [each for each in likelihood.followed if each.at == 0 and _is_at(each, truth, model)]
+    worth = _evidence(goal.followed[0], window)
+    lost = worth - max((_evidence(each, window) for each in right), default=0.0)
+    return Found(bool(right), lost, race.alignments)
+
+
+def _evidence(followed: Followed, window: WeighedWindow) -> float:
+    """Nats that its maps speak for a hypothesis, against one that explains none of them."""
+    gained = NOISE.residual_evidence(followed.residual_ratio) - NOISE.residual_evidence(1.0)
+    return float(window.weights @ gained)
+
+
+def _is_at(followed: Followed, truth: list[np.ndarray], model: ObjectModel) -> bool:
+    pairs = zip(followed.poses, truth, strict=True)
+    return np.median([model.symmetry.exact.distance(pose[None], true)[0] for pose, true in pairs]) < ANOTHER
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--objects", type=int, default=18)
+    parser.add_argument("--windows", type=int, default=3, help="on each object")
+    parser.add_argument("--seed", type=int, default=5)
+    args = parser.parse_args()
+    networks, of_kind = Networks.load(), {}
+    for i in range(args.objects):
+        rng, make = np.random.default_rng([args.seed, i]), MAKERS[i % len(MAKERS)]
+        mesh = make(rng, f"search_{i}")
+        book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
+        model = ObjectModel(mesh, book, CONFIG, NOISE, Workers(1))
+        simulator = TouchSimulator(mesh, networks, Lighting("random"))
+        for _ in range(args.windows):
+            try:
+                slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
+            except InputError:  # it got stuck
+                continue
+            window, truth = touched(slide, model, simulator, networks, rng)
+            if len(window.keyframes) >= TOUCHES // 2:
+                of_kind.setdefault(make.__name__, []).append(search(window, truth, model))
+        print(f"{i + 1} of {args.objects} objects", file=sys.stderr, flush=True)
+    for kind, found in of_kind.items():
+        lost = np.array([each.lost for each in found])
+        print(
+            f"{kind}: {len(found)} windows, true pose followed in {np.mean([each.followed for each in found]):.2f}, "
+            f"with its evidence in {np.mean(lost < _AS_GOOD):.2f}; {np.median(lost):.1f} nats lost in the median, "
+            f"{lost.mean():.1f} in the mean; {np.mean([each.alignments for each in found]):.0f} alignments"
+        )
+
+
+if __name__ == "__main__":
+    main()
