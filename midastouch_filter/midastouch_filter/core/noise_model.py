@@ -66,8 +66,8 @@ class NoiseModel:
     between_objects: float = 0.26
     foreign_residual: float = 0.48
     innovation_cost: float = 0.71
-    alone_residual: float = 0.19
-    alone_innovation_cost: float = 0.17
+    alone_residual: float = 0.174
+    alone_innovation_cost: float = 0.085
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
