@@ -118,14 +118,23 @@ def test_there_is_nothing_to_be_done_without_a_start(slide):
     assert running.poses.shape == (0, 4, 4)
 
 
+def with_ridges(touch):
+    """The touch of an object that has grooves across, as wide as the ridges between them."""
+    groove = np.arange(touch.penetration.shape[1]) % 6 < 3
+    return replace(touch, penetration=np.where(groove, 0, touch.penetration).astype(np.float32))
+
+
 @pytest.fixture
 def knows_the_first(shelf):
-    """(object of the shelf that is slid over, push, settings): estimates of a filter that knows the first one only.
+    """(object of the shelf that is slid over, push, ridged, settings): estimates of a filter that knows the first one.
 
-    push (4, 4): by which the object moves in the middle of the slide, unreported."""
+    push (4, 4): by which the object moves in the middle of the slide, unreported; ridged: the object has ridges a
+    millimetre wide, which none of the shelf has, and is slid over for longer."""
 
-    def run(touched: int, push=None, **settings):
-        entry, (_, frames) = shelf.catalogue.entries[0], list(shelf.touches(touched))
+    def run(touched: int, push=None, ridged=False, **settings):
+        entry, (_, frames) = shelf.catalogue.entries[0], shelf.touches(touched, 300 if ridged else 130)
+        if ridged:
+            frames = [(each, with_ridges(touch)) for each, touch in frames]
         if push is not None:
             frames = [(push @ each if k == 65 else each, touch) for k, (each, touch) in enumerate(frames)]
         config = FilterConfig(threads=1, max_particles=2000, **settings)
@@ -137,7 +146,7 @@ def knows_the_first(shelf):
 
 
 def test_touches_of_another_object_are_said_to_be_that_and_those_of_the_own_one_never(knows_the_first):
-    own, other = knows_the_first(0), knows_the_first(1)
+    own, other = knows_the_first(0), knows_the_first(1, ridged=True)
     assert not any(each.status.foreign for each in own)
     assert own[-1].status.state == CONVERGED
     assert CONVERGED not in [each.status.state for each in other]
@@ -147,7 +156,7 @@ def test_touches_of_another_object_are_said_to_be_that_and_those_of_the_own_one_
 
 
 def test_who_is_sure_of_the_object_is_never_told_that_it_is_another_one(knows_the_first):
-    assert not any(each.status.foreign for each in knows_the_first(1, unknown_prior=0.0))
+    assert not any(each.status.foreign for each in knows_the_first(1, ridged=True, unknown_prior=0.0))
 
 
 def test_an_object_that_is_pushed_is_no_other_one(knows_the_first):
