@@ -162,7 +162,9 @@ def test_a_pose_closely_beside_a_mode_is_found_as_another(world):
     hypotheses = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
     assert grooved.exhaustive
     fractions = [probability_at(hypotheses, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
-    assert min(fractions) > 0.1  # further along the tube and around it there are more that measure the same
+    # nothing tells them apart but how well alignment went; further along the tube and around it there are more
+    assert min(fractions) > 0.2 * max(fractions)
+    assert sum(fractions) > 0.3
 
 
 def test_copies_are_found_as_copies(symmetric):
