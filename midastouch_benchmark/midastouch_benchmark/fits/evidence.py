@@ -34,9 +34,8 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.competitor_search import CompetitorSearch
 from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.simulation.procedural import random_probe, random_shape
-from midastouch_perception.simulation.random_parts import random_part
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+from midastouch_perception.training.setting import MAKERS
 
 SPACING = 0.01  # m between touches: less than their correlation
 TOUCHES = 20  # of a window: one imaginary sensor's
@@ -45,7 +44,6 @@ COMPETITORS = 6
 LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
-MAKERS = random_shape, random_part, random_probe, random_part  # of objects
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,20 +59,10 @@ class Pair:
 
 def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.random.Generator) -> Iterator[Pair]:
     """Of `count` windows over one object."""
-    book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
     # every competitor is followed to the end, however bad it is
     noise = dataclasses.replace(NOISE, refuted=-np.inf, code_margin=np.inf)
-    model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
-    simulator = TouchSimulator(mesh, networks, Lighting("random"))
-    search = CompetitorSearch(model.lookup, model.symmetry.exact, noise, Effort())
-    for _ in range(count):
-        try:
-            slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
-        except InputError:  # it got stuck
-            continue
-        window, truth = touched(slide, model, simulator, networks, rng)
-        if len(window.keyframes) < TOUCHES // 2:
-            continue
+    for model, window, truth in windows(mesh, networks, noise, count, rng):
+        search = CompetitorSearch(model.lookup, model.symmetry.exact, noise, Effort())
         entry = model.lookup.exact(truth[-1][None])[0]
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
@@ -89,7 +77,25 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
                     yield Pair(mesh.name, own[0], residual, distance < APART)
 
 
-def touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
+def windows(
+    mesh: ObjectMesh, networks: Networks, noise: NoiseModel, count: int, rng: np.random.Generator
+) -> Iterator[tuple[ObjectModel, WeighedWindow, list[np.ndarray]]]:
+    """The object, and `count` windows of touches over it with the true poses (4, 4) of their keyframes; short ones are
+    left out."""
+    book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
+    model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
+    simulator = TouchSimulator(mesh, networks, Lighting("random"))
+    for _ in range(count):
+        try:
+            slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
+        except InputError:  # it got stuck
+            continue
+        window, truth = _touched(slide, model, simulator, networks, rng)
+        if len(window.keyframes) >= TOUCHES // 2:
+            yield model, window, truth
+
+
+def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
     window, chosen, path = KeyframeWindow(TOUCHES, SPACING, NOISE.touch_correlation, Effort().shortlist), [0], 0.0

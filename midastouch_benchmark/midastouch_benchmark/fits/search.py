@@ -16,20 +16,16 @@ import sys
 
 import numpy as np
 
-from midastouch_benchmark.single_touch.simulated_touch import Lighting, TouchSimulator
 from midastouch_benchmark.trials.setup import Networks
-from midastouch_common.errors import InputError
 from midastouch_filter.core.keyframes import WeighedWindow
 from midastouch_filter.core.noise_model import Effort
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.pose_hypothesis import ANOTHER
-from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.competitor_search import CompetitorSearch
 from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
-from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_perception.training.setting import MAKERS
 
-from .evidence import CONFIG, ENTRIES, MAKERS, NOISE, TOUCHES, exhaust, touched
+from .evidence import CONFIG, NOISE, exhaust, windows
 
 _AS_GOOD = 3.0  # nats
 
@@ -81,17 +77,8 @@ def main() -> None:
     for i in range(args.objects):
         rng, make = np.random.default_rng([args.seed, i]), MAKERS[i % len(MAKERS)]
         mesh = make(rng, f"search_{i}")
-        book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
-        model = ObjectModel(mesh, book, CONFIG, NOISE, Workers(1))
-        simulator = TouchSimulator(mesh, networks, Lighting("random"))
-        for _ in range(args.windows):
-            try:
-                slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
-            except InputError:  # it got stuck
-                continue
-            window, truth = touched(slide, model, simulator, networks, rng)
-            if len(window.keyframes) >= TOUCHES // 2:
-                of_kind.setdefault(make.__name__, []).append(search(window, truth, model))
+        for model, window, truth in windows(mesh, networks, NOISE, args.windows, rng):
+            of_kind.setdefault(make.__name__, []).append(search(window, truth, model))
         print(f"{i + 1} of {args.objects} objects", file=sys.stderr, flush=True)
     for kind, found in of_kind.items():
         lost = np.array([each.lost for each in found])

@@ -13,12 +13,12 @@ from .solids import Layer, Outline, circle, gear_outline, lofted, rectangle, rep
 
 _HALF_WIDTH = 0.01, 0.05  # m
 _THICKNESS = 0.002, 0.03  # m, of a layer
-_TURNED = 0.3  # of the parts are rings joined by walls: bottles, cones, prisms that taper
+_TAPERED = 0.3  # of the parts are rings joined by walls: bottles, cones, prisms that taper
 
 
 def random_part(rng: np.random.Generator, name: str) -> ObjectMesh:
     """A part of 20 ... 100 mm: layers of random outlines with holes and notches, or walls between random rings."""
-    return _tapered(rng, name) if rng.random() < _TURNED else _layered(rng, name)
+    return _tapered(rng, name) if rng.random() < _TAPERED else _layered(rng, name)
 
 
 def _layered(rng: np.random.Generator, name: str) -> ObjectMesh:

@@ -24,6 +24,9 @@ from ..simulation.procedural import random_probe, random_shape
 from ..simulation.random_parts import random_part
 from ..simulation.randomisation import RandomisationRange
 
+MAKERS = random_shape, random_part, random_probe, random_part
+"""Of objects made by code, by turns: half of them have sharp edges."""
+
 PROCEDURAL_OBJECTS = 48
 _HELD_OUT_PARTS = 1 / 16  # of the procedural objects: scans have no sharp edges to validate with
 _OTHER_DESIGNS = 0.2  # of the sensors with relative light: a new gel is to be read before anybody trains for it
@@ -47,8 +50,7 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
     meshes = [ObjectMesh.load(path) for path in paths]
     held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
     rng = np.random.default_rng(seed)
-    makers = (random_shape, random_part, random_probe, random_part)
-    shapes = [makers[i % 4](rng, f"procedural_{i}") for i in range(procedural)]
+    shapes = [MAKERS[i % len(MAKERS)](rng, f"procedural_{i}") for i in range(procedural)]
     held_out_parts = [random_part(rng, f"held_out_{i}") for i in range(int(_HELD_OUT_PARTS * procedural))]
     return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out + held_out_parts
 
