@@ -97,7 +97,7 @@ class StateMachine:
         self._lost = bool(e.restarted) or e.support > (_FOUND_SUPPORT if self._lost else _LOST_SUPPORT)
         self._foreign = e.unknown > (_OWN if self._foreign else _FOREIGN)
         narrow, why_not = self._narrow(e)
-        self._converged = narrow and not self._lost and not self._foreign
+        self._converged = narrow and not self._lost
         if not e.in_contact:
             return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
         if self._foreign:
