@@ -128,7 +128,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     from ..trials.setup import load_filter_config
 
     folder = options.campaign_folder(args)
-    slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
+    slides = dataclasses.replace(protocol.slides, **({"length": args.length, "first": None} if args.length else {}))
     size = args.codebook_size or protocol.codebook_size
     return Plan(
         protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),

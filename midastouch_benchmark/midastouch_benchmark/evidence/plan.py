@@ -17,7 +17,6 @@ KEPT = Path("out/evidence")
 """Folder of reports in the making, and of how long those took that were made here."""
 _SECONDS = KEPT / "seconds.json"
 _OVERHEAD = 1.6  # of a trial's filter time: errors over all particles, reading, disturbing
-_CODEBOOK = 240.0  # s of one core, of 50,000 poses
 _FRAMES_PER_M = 667.0  # of a simulated slide
 _EXPLORED = 0.05  # s of one core a frame that is rendered, perceived and filtered
 _UNKNOWN = 600.0  # s, of what has no trials

@@ -26,8 +26,11 @@ CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if 
 """What is done to the slides, by the name of the protocol and of its report."""
 _MANY = "--slides 10 --seeds 2"
 _LOOKS = "--slides 10 --seeds 1 --looks 3"  # 100 trials, and up to 300 of what these do not tell
-FURTHER = {"held_out": ("ten further objects", 10), "cad": ("CAD parts", 5)}
-"""Sets of objects beside the ten, as `--objects` names them: in words, and slides over each object."""
+FURTHER = {
+    "held_out": ("ten further objects", "--slides 10 --seeds 1"),
+    "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
+}
+"""Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
 _EVIDENCE = "no_surface no_book_constraint no_tempering"
@@ -36,7 +39,7 @@ COMMANDS = {
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
     **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in CONDITIONS},
     **{
-        f"{name}_{objects}": f"{_BENCHMARK} --objects {objects} --protocol {name} --slides {slides} --seeds 1"
+        f"{name}_{objects}": f"{_BENCHMARK} --objects {objects} --protocol {name} {slides}"
         for objects, (_, slides) in FURTHER.items()
         for name in ("plain", "uniform", *CONDITIONS)
         if name != "small_parts"
@@ -44,13 +47,14 @@ COMMANDS = {
     "small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_MANY}",
     **{name: f"{_BENCHMARK} --init paper --beta {beta} --seeds 2" for name, beta in NARROWER.items()},
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
-    "identify_cad": "midastouch identify --objects cad --slides 5",
+    "identify_cad": "midastouch identify --objects cad --slides 4 --codebook-size 10000",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
     "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
-    "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 5 --seeds 1",
+    "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 4 --seeds 1 "
+    "--codebook-size 10000",
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",

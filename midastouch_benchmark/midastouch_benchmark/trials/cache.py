@@ -20,7 +20,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.simulation.slide import Leap
+from midastouch_perception.simulation.slide import STEP, Leap
 from midastouch_perception.symmetry.search import ObjectSymmetry
 
 from .setup import Networks, untouched_of
@@ -120,15 +120,27 @@ LIGHT = "additive"  # of the slides: TACTO's
 
 @dataclass(frozen=True)
 class SlideKind:
-    """length [m]; leap, on the way; grasps: how many, in place of a slide."""
+    """length [m]; leap, on the way; grasps: how many, in place of a slide; first [m]: as much of it is followed, so
+    that protocols that need less share the slides of those that need more (None: all)."""
 
     length: float = 0.5
     leap: Leap | None = None
     grasps: int = 0
+    first: float | None = None
+
+    @property
+    def followed(self) -> float:
+        """Length [m] of what a trial follows."""
+        return self.first or self.length
 
     @property
     def name(self) -> str:
-        """For folders and keys."""
+        """For keys."""
+        return f"{1e3 * self.first:.0f}mm_of_{self.folder}" if self.first else self.folder
+
+    @property
+    def folder(self) -> str:
+        """For folders: of slides that are made alike."""
         if self.grasps:
             return f"{self.grasps}grasps"
         parts = [f"{1e3 * self.length:.0f}mm"]
@@ -193,7 +205,7 @@ class Cache:
 
     @property
     def _kind(self) -> str:
-        return self.slides.name
+        return self.slides.folder
 
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
@@ -234,7 +246,8 @@ class Cache:
     def frames(self, mesh: ObjectMesh, number: int, stride: int = 1) -> list[TrialFrame]:
         """Every `stride`-th frame of slide `number` over the object, as a trial takes them."""
         sequence, touches = self.touches(mesh, number)
-        return touches.frames(sequence, stride)
+        frames, first = touches.frames(sequence, stride), self.slides.first
+        return frames if first is None else [frame for frame in frames if frame.index < round(first / STEP)]
 
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
         return Touches.perceive(sequence, self.networks)

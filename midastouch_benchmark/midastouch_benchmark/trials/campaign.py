@@ -53,7 +53,7 @@ class Plan:
             "seeds": self.seeds,
             "stride": self.stride,
             "protocol": self.protocol,
-            "slide_length_m": self.cache.slides.length,
+            "slide_length_m": self.cache.slides.followed,
             **PROTOCOLS[self.protocol].describe(),
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),

@@ -50,7 +50,7 @@ class IdentityPlan:
         """For the JSON."""
         return {
             "slides": self.slides,
-            "slide_length_m": self.cache.slides.length,
+            "slide_length_m": self.cache.slides.followed,
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),

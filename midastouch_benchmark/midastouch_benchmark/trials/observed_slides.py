@@ -76,7 +76,7 @@ class ObservedPlan:
             "protocol": self.protocol,
             "init": protocol.starts[0],
             "beta": protocol.beta,
-            "slide_length_m": self.cache.slides.length,
+            "slide_length_m": self.cache.slides.followed,
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),

@@ -101,10 +101,10 @@ NEXT = "next"
 PLAIN = "plain"
 PAPER, UNIFORM = "paper", "uniform"
 
-_SHORT = SlideKind(length=0.3)
+_SHORT = SlideKind(first=0.3)
 """Long enough to converge by far: what goes wrong then goes wrong all the time."""
-_EVENT = SlideKind(length=0.27)
-"""60 frames to converge from a narrow start (after 40 half of the filters have not); then the event, and 120 to find
+_EVENT = 0.27
+"""m: 60 frames to converge from a narrow start (after 40 half of the filters have not); then the event, and 120 to find
 back."""
 _NARROW = 0.2  # of the paper's start
 
@@ -134,7 +134,8 @@ class Protocol:
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
     """One that happens at a certain frame to a filter that has converged."""
-    return Protocol(summary, disturb, SlideKind(_EVENT.length, leap), beta=_NARROW, foreign=foreign)
+    slides = SlideKind(first=_EVENT) if leap is None else SlideKind(_EVENT, leap)
+    return Protocol(summary, disturb, slides, beta=_NARROW, foreign=foreign)
 
 
 PROTOCOLS = {
@@ -153,7 +154,7 @@ PROTOCOLS = {
         "another object is touched (always wrong)", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT
     ),
     "other_shape": Protocol(
-        "the object differs a little from its mesh", slides=_SHORT, starts=(UNIFORM,), make_cache=OtherShapeCache
+        "the object differs a little from its mesh", slides=SlideKind(0.3), starts=(UNIFORM,), make_cache=OtherShapeCache
     ),
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
     "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
