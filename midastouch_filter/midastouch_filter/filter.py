@@ -15,7 +15,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from .core.belief import Belief
 from .core.config import FilterConfig
-from .core.estimate import Estimate
+from .core.estimate import Estimate, Mode
 from .core.fingers import Finger, by_name
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
@@ -182,6 +182,11 @@ class ParticleFilter:
     def belief(self) -> Belief | None:
         """The particles and their modes as the last step left them, to be read; None while uninitialised."""
         return self._belief
+
+    @property
+    def modes(self) -> list[Mode]:
+        """What the last touches make possible, heaviest first, as `Estimate.modes`; none while uninitialised."""
+        return self._policies.refine.published(self._belief).modes if self._belief else []
 
     @property
     def measured_gels(self) -> np.ndarray:

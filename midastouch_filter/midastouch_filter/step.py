@@ -7,7 +7,7 @@ find the modes, and let the measured maps refine them. How each part works is sa
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from midastouch_perception.symmetry.search import ObjectSymmetry
 
 from .core.belief import Belief
 from .core.config import FilterConfig
-from .core.estimate import Estimate
+from .core.estimate import Estimate, Mode
 from .core.fingers import FIRST, Finger, count
 from .core.gates import Gates, Stopwatch
 from .core.motion_model import Odometry, OdometryJump
@@ -142,36 +142,42 @@ class Reporter:
 
     def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
         """The estimate after a step."""
-        dominant = belief.modes[0]
+        published = self._policies.refine.published(belief)
+        first = published.modes[0]
+        # else particles follow another hypothesis than the most probable one, or none
+        followed = first.pose is belief.answers[0].pose
+        dominant = belief.modes[0] if followed else first
         self._state.update(
             StateEvidence(
                 initialised=True,
                 in_contact=outcome.in_contact,
                 support=self._policies.reweigh.trend.support,
                 restarted=outcome.restarted,
-                checked=self._policies.refine.checked,
+                checked=followed and self._policies.refine.checked,
+                listed=published.listed,
                 unknown=self._policies.refine.unknown,
-                mode_mass=dominant.weight,
+                mode_mass=first.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
-                error=belief.answers[0].spread_translation,
+                error=first.spread_translation,
                 alike=self._alike,
             )
         )
-        return Estimate(belief.answers, self._status(belief), belief.covariance, self._policies.correct.calibration)
+        status = self._status(belief, published.modes)
+        return Estimate(published.modes, status, published.covariance, self._policies.correct.calibration)
 
-    def _status(self, belief: Belief | None) -> Status:
+    def _status(self, belief: Belief | None, modes: Sequence[Mode] = ()) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
         reason = f"{self._state.reason} ({note})" if note else self._state.reason
         if belief is None:
             return Status(self._state.state, reason, skipped=skipped, symmetry=self._symmetry)
-        dominant = belief.modes[0] if belief.modes else None
+        dominant = modes[0] if modes else None
         return Status(
             state=self._state.state,
             reason=reason,
             n_particles=len(belief.particles),
             ess=effective_size(belief.weights),
-            n_modes=len(belief.modes),
+            n_modes=len(modes),
             mode_mass=dominant.weight if dominant else 0.0,
             spread_t=dominant.spread_translation if dominant else 0.0,
             spread_r=dominant.spread_rotation if dominant else 0.0,

@@ -154,7 +154,10 @@ PROTOCOLS = {
         "another object is touched (always wrong)", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT
     ),
     "other_shape": Protocol(
-        "the object differs a little from its mesh", slides=SlideKind(0.3), starts=(UNIFORM,), make_cache=OtherShapeCache
+        "the object differs a little from its mesh",
+        slides=SlideKind(0.3),
+        starts=(UNIFORM,),
+        make_cache=OtherShapeCache,
     ),
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
     "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import midastouch_kernels as kernels
 
 from ..core.belief import Belief
 from ..core.config import FilterConfig
+from ..core.estimate import Mode
 from ..core.object_model import ObjectModel
 from ..core.pose_hypothesis import ANOTHER
 from ..refinement.refinement import is_narrow
@@ -35,20 +37,22 @@ class Hypothesis:
     residual_ratio: float | None = None
 
 
-def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> list[Hypothesis]:
-    """Hypotheses and draws, most probable first, probabilities of sum 1.
+def hypotheses_of(modes: Sequence[Mode], belief: Belief, model: ObjectModel, config: FilterConfig) -> list[Hypothesis]:
+    """Hypotheses and draws, most probable first, probabilities of sum 1; modes, those that are published.
 
     A hypothesis is a narrow mode. The rest of the particles is represented by draws, unless that is less than the doubt
     that `converged_probability` leaves. A single hypothesis is then doubted that much: it is compared with poses that
     nearly have its surface, of which only a part tells; or with poses all over the object, if it has none of these.
     """
-    modes = [k for k, mode in enumerate(belief.answers[:_MOST_NARROW]) if is_narrow(belief.modes[k], config)]
+    chosen = [mode for mode in modes[:_MOST_NARROW] if is_narrow(mode, config)]
+    taken = {k: mode for mode in chosen for k, own in enumerate(belief.answers) if own.pose is mode.pose}
+    fits = {id(mode): belief.aligned[k].fit for k, mode in taken.items() if k in belief.aligned}
     narrow = [
         Hypothesis(
-            model, belief.answers[k].pose, belief.answers[k].weight, True,
-            residual_ratio=1.0 - belief.aligned[k].fit if k in belief.aligned else None,
+            model, mode.pose, mode.weight, True,
+            residual_ratio=1.0 - fits[id(mode)] if id(mode) in fits else None,
         )
-        for k in modes
+        for mode in chosen
     ]  # fmt: skip
     narrow = [*narrow[:1], *(_as_image(each, narrow[0].pose) for each in narrow[1:])]
     doubt, left = 1.0 - config.converged_probability, 1.0 - sum(each.probability for each in narrow)
@@ -60,7 +64,7 @@ def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> l
         poses = _look_alikes(model, narrow[0].pose, count) if images else _all_over(model, count)
         fraction = doubt
     else:
-        poses, fraction = _spread(belief, modes, count), left
+        poses, fraction = _spread(belief, list(taken), count), left
     draws = [Hypothesis(model, pose, fraction / len(poses), images) for pose in poses]
     total = fraction + sum(each.probability for each in narrow)
     return [replace(each, probability=each.probability / total) for each in [*narrow, *draws]]

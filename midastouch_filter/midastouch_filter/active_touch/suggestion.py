@@ -237,7 +237,9 @@ class Advisor:
     def hypotheses(self) -> list[Hypothesis]:
         """What the belief takes for possible, most probable first; none before something was measured."""
         running, belief = self._running, self._running.belief
-        return hypotheses_of(belief, running.object, running.config) if belief is not None and belief.modes else []
+        if belief is None or not belief.modes:
+            return []
+        return hypotheses_of(running.modes, belief, running.object, running.config)
 
     def advise(self, wanted: Wanted) -> Advice | None:
         """Where to touch next; None before something was measured."""

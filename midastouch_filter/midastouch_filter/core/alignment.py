@@ -159,12 +159,13 @@ def align_until_settled(
     covariance: np.ndarray,
     touches: Sequence[Measurement],
     finger_error: np.ndarray,
+    start: np.ndarray | None = None,
 ) -> tuple[Aligned, int]:
     """As `align_in_turn`, from where it ended as long as that explains more of the maps; and how often.
 
     One descent stops short where a start is some millimetres and a sharp edge away.
     """
-    found = align_in_turn(alignment, pose, covariance, touches, finger_error)
+    found = align_in_turn(alignment, pose, covariance, touches, finger_error, start)
     for count in range(1, _MOST_DESCENTS):
         if found.fit > _EXPLAINED:
             return found, count

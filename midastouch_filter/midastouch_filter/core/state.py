@@ -12,7 +12,8 @@ AMBIGUOUS = "ambiguous"
 CONVERGED = "converged"
 LOST = "lost"
 STALE = "stale"
-STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE)
+SEARCHING = "searching"
+STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE, SEARCHING)
 WAITING = "waiting"
 """Said of a frame whose answer is still to come; no state of the filter."""
 
@@ -20,6 +21,7 @@ WAITING = "waiting"
 _LOST_SUPPORT, _FOUND_SUPPORT = 0.6, 0.3
 # probability of another object: said above the first, taken back below the second, above which nothing is converged
 _FOREIGN, _OWN = 0.95, 0.5
+_LISTED = 0.9  # probability that the truth is among the published modes, from which on they are all that is possible
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ class StateEvidence:
 
     support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
     error [m]: RMS distance of the truth to the published pose, by its covariance, if its hypothesis is the right one;
-    unknown: probability that another object is touched; alike: how many poses feel the same as each one, in words,
-    empty if none do.
+    listed: probability that the truth is among the published modes; unknown: that another object is touched; alike:
+    how many poses feel the same as each one, in words, empty if none do.
     """
 
     initialised: bool = False
@@ -64,6 +66,7 @@ class StateEvidence:
     support: float = 0.0
     restarted: str = ""
     checked: bool = True
+    listed: float = 1.0
     mode_mass: float = 0.0
     spread_t: float = 0.0
     spread_r: float = 0.0
@@ -107,6 +110,8 @@ class StateMachine:
         if self._converged:
             modulo = f", modulo symmetry: {e.alike}" if e.alike else ""
             return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm{modulo}"
+        if e.listed < _LISTED:
+            return SEARCHING, f"with {1 - e.listed:.0%} the pose is none of those that are named"
         return AMBIGUOUS, why_not
 
     def _narrow(self, e: StateEvidence) -> tuple[bool, str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core import resampling
 from ..core.belief import Belief
 from ..core.config import FilterConfig
+from ..core.estimate import Mode
 from ..core.fingers import Finger
 from ..core.gates import Gates, Stopwatch
 from ..core.keyframes import KeyframeWindow
@@ -22,6 +24,15 @@ _FEWEST_PARTICLES = 100  # particles of a new mode
 _LEAST_FRACTION = 0.005  # fraction of the belief below which a hypothesis gets none
 _LARGEST_NEW_FRACTION = 0.5  # of the number of particles, at one hypothesis
 _REFUTED_FRACTION = 1e-9  # fraction that a refuted mode keeps, so that its weight stays finite
+
+
+class Published(NamedTuple):
+    """modes, heaviest first; listed: probability that the truth is among them, as far as that is known; covariance
+    (6, 6), as of `Estimate`."""
+
+    modes: list[Mode]
+    listed: float
+    covariance: np.ndarray
 
 
 class CoarseOnly:
@@ -55,6 +66,10 @@ class CoarseOnly:
 
     def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
         """Correct the belief by the last touches, including the present ones, whose estimate is already given."""
+
+    def published(self, belief: Belief) -> Published:
+        """What is answered."""
+        return Published(belief.answers, 1.0, belief.covariance)
 
     @property
     def measured_gels(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from midastouch_common import se3
 
 from ..core.belief import Belief
 from ..core.config import FilterConfig
-from ..core.estimate import Mode
 from ..core.fingers import Finger
 from ..core.gates import Gates, Stopwatch
 from ..core.initialisation import ParticleSource
@@ -21,8 +20,9 @@ from ..core.particles import Particles
 from ..core.pose_hypothesis import ANOTHER, Prior, pose_distance
 from ..core.resampling import Resampler
 from ..core.touch import Measurement
-from ..refinement.fine_stage import FineStage, impose_fractions, mapped_of
+from ..refinement.fine_stage import FineStage, Published, impose_fractions, mapped_of
 from ..refinement.refinement import Refinement, is_narrow
+from .published_modes import owners_of, published_modes
 from .reevaluation import Comparison, Reevaluation
 
 _NEGLIGIBLE_CHANGE = 0.02  # change of a hypothesis' fraction of the belief
@@ -109,7 +109,7 @@ class FixedLagSmoother(FineStage):
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their hypotheses, and competitors that have no particles some of their
         own."""
-        owners = list(self._modes_at(belief.modes, comparison))
+        owners = list(owners_of(comparison.hypotheses, belief.modes, comparison, self._config))
         fractions = np.array([hypothesis.probability for hypothesis in comparison.hypotheses])
         held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
         if np.abs(held - fractions).max() < _NEGLIGIBLE_CHANGE:
@@ -137,13 +137,13 @@ class FixedLagSmoother(FineStage):
             return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
         return self._source.at(comparison.hypotheses[hypothesis], count)
 
-    def _modes_at(self, modes: list[Mode], comparison: Comparison) -> Iterator[int | None]:
-        """The narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
-        at = np.stack([each.pose for each in comparison.hypotheses])
-        distance = np.stack([comparison.symmetry.distance(at, mode.pose) for mode in modes], axis=1)
-        for i, k in enumerate(distance.argmin(axis=1)):
-            is_at = distance[i, k] < self._config.converged_error and distance[:, k].argmin() == i
-            yield int(k) if is_at and is_narrow(modes[k], self._config) else None
+    def published(self, belief: Belief) -> Published:
+        known, reevaluation = self.comparison, self._reevaluation
+        if known is None:
+            return Published(belief.answers, 0.0, belief.covariance)
+        onward = se3.inverse(self._compared_at) @ reevaluation.motion
+        still = 1.0 - self._noise.change_lifted if reevaluation.lifted else 1.0
+        return published_modes(known, onward, still, belief, self._config)
 
     @property
     def measured_gels(self) -> np.ndarray:

@@ -30,7 +30,7 @@ from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, distinct, far
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .contest import Contest
-from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
+from .window_likelihood import Alignments, Race, WindowLikelihood, hypothesis_posterior
 
 _POSSIBLE = 1e-4  # probability of a hypothesis from which on it is compared again
 _LEADS = 1e-3  # probability of a hypothesis from which on those that look like it are compared, too
@@ -102,6 +102,7 @@ class Reevaluation:
             some = self._lookup.poses[:: max(len(self._lookup) // _SAMPLE, 1)]
             density = prior.log_density(some, self._noise.prior_floor, self._symmetry.exact)
             self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
+        self._alignments = Alignments()  # of the hypotheses of the last comparison
         self._carried: list[np.ndarray] = []  # what was possible by the last comparison, (4, 4) as it was then
         self._carried_at = np.eye(4)
         self._since, self._wait, self.lifted = 0, self._effort.anew, False
@@ -189,7 +190,9 @@ class Reevaluation:
         starts += [pose @ onward for pose in self._carried]
         competitors = yield from self._search.find(window, starts)
         race = Race(window)
-        likelihood = WindowLikelihood(window, self._alignment, self._noise, self._effort, self._explains, race)
+        likelihood = WindowLikelihood(
+            window, self._alignment, self._noise, self._effort, self._explains, race, self._alignments
+        )
         for start in starts:
             yield from likelihood.follow(start)
         asked = yield from self._follow_some(likelihood, race, competitors.poses)
@@ -200,6 +203,7 @@ class Reevaluation:
             asked_images = yield from self._follow_some(likelihood, race, images)
             compared = self._compared(window, likelihood, competitors, asked)
             compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
+        self._alignments = Alignments(likelihood.followed, window.keyframes)
         possible = [each.pose for each in compared.hypotheses if each.probability > _POSSIBLE]
         self._carried, self._carried_at = possible[: self._effort.carried], self._window.motion
         yield compared

@@ -11,15 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from midastouch_common import se3
 
-from ..core.alignment import PenetrationAlignment, align_until_settled, transform_covariance, without_jitter
+from ..core.alignment import Aligned, PenetrationAlignment, align_until_settled, transform_covariance, without_jitter
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import pose_distance
+from ..core.pose_hypothesis import ANOTHER, pose_distance
+from ..core.touch import Measurement
+
+_WORSE = 0.01  # fraction of a map by which a start may explain less than it did, and no other is tried
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,29 @@ class Followed:
         return np.einsum("ki,kij,kj->k", offset, np.linalg.inv(self.priors), offset)
 
 
+class Alignments:
+    """Where hypotheses were aligned to the keyframes of an earlier window."""
+
+    def __init__(self, followed: Sequence[Followed] = (), keyframes: Sequence[Keyframe] = ()):
+        self._of = {
+            id(keyframe): (
+                keyframe,
+                [(1.0 - each.residual_ratio[k], each.aligned[k]) for each in followed if each.at <= k],
+            )
+            for k, keyframe in enumerate(keyframes)
+        }
+
+    def near(self, keyframe: Keyframe, pose: np.ndarray) -> tuple[float, np.ndarray] | None:
+        """Fit and pose (4, 4) of the one that explained this keyframe best among those near `pose` (4, 4), if any."""
+        _, found = self._of.get(id(keyframe), (None, ()))
+        near = [each for each in found if pose_distance(each[1], pose) < ANOTHER]
+        return max(near, key=lambda each: each[0], default=None)
+
+
+def _alignments_to(number: int, followed: Sequence[Followed]) -> list[tuple[float, np.ndarray]]:
+    return [(1.0 - each.residual_ratio[number], each.aligned[number]) for each in followed if each.at <= number]
+
+
 class Race:
     """What the likelihoods of one window share, be it on several objects.
 
@@ -58,7 +85,7 @@ class WindowLikelihood:
     """Aligns hypotheses to all keyframes, from the newest back along the path.
 
     Args: window; alignment; noise; effort; explains: fit from which a map may correct a pose; race, in which hypotheses
-    that fall far behind are given up.
+    that fall far behind are given up; known, alignments to the same keyframes before.
     Attributes: followed, so far.
     """
 
@@ -70,13 +97,14 @@ class WindowLikelihood:
         effort: Effort,
         explains: float,
         race: Race,
+        known: Alignments | None = None,
     ):
         self._window, self._alignment = window, alignment
         self._noise, self._effort, self._explains = noise, effort, explains
         # nearer to each other than entries of the codebook, where they start from, two have become one
         self._same = float(np.sqrt(noise.between_entries[0, 0]))
         self.followed: list[Followed] = []
-        self._race = race
+        self._race, self._known = race, known or Alignments()
 
     def follow(self, start: np.ndarray) -> Iterator[None]:
         """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope.
@@ -103,9 +131,7 @@ class WindowLikelihood:
         priors, posteriors = np.tile(covariance + jitter, (len(keyframes), 1, 1)), poses.copy()
         for k in range(len(keyframes) - 1, oldest - 1, -1):
             maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled_after)
-            aligned, descents = align_until_settled(
-                self._alignment, pose, covariance + jitter, maps, self._noise.finger_error
-            )
+            aligned, descents = self._aligned(keyframes[k], pose, covariance + jitter, maps)
             residual_ratio[k], poses[k] = 1.0 - aligned.fit, pose
             priors[k], posteriors[k] = covariance + jitter, aligned.pose
             total += weights[k] * float(self._noise.residual_evidence(residual_ratio[k]))
@@ -124,6 +150,23 @@ class WindowLikelihood:
             back = se3.inverse(keyframes[k].motion) @ keyframes[k - 1].motion
             pose, covariance = pose @ back, transform_covariance(covariance, back)
         return Followed(pose, covariance, k, residual_ratio, poses, priors, posteriors)
+
+    def _aligned(
+        self, keyframe: Keyframe, pose: np.ndarray, covariance: np.ndarray, maps: list[Measurement]
+    ) -> tuple[Aligned, int]:
+        """The prior's posterior by the maps of a keyframe, and how many descents that took.
+
+        Where a hypothesis was aligned to the keyframe before, that is where the optimum is looked for first.
+        """
+        settle = partial(align_until_settled, self._alignment, pose, covariance, maps, self._noise.finger_error)
+        known = self._known.near(keyframe, pose)
+        if known is None:
+            return settle()
+        warm, descents = settle(known[1])
+        if warm.fit > known[0] - _WORSE:
+            return warm, descents
+        cold, more = settle()
+        return max(warm, cold, key=lambda each: each.fit), descents + more
 
     def evidence(self, code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray]) -> np.ndarray:
         """(P, K) nats of each keyframe for each hypothesis that was followed, against one that was not named.

@@ -1,0 +1,89 @@
+"""The modes that are published: the hypotheses of the last comparison, each where the particles that follow it are.
+
+Particles follow a hypothesis from touch to touch, but do not keep all of them: one that some codes speak against loses
+its particles, and two that are near each other become one mode. The comparison has weighed all of them by the last
+maps, so its probabilities are the weights, and a hypothesis without particles goes on by the odometry alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from midastouch_common import se3
+
+from ..core.belief import Belief, covariance_about
+from ..core.config import FilterConfig
+from ..core.estimate import Mode
+from ..core.pose_hypothesis import ANOTHER, PoseHypothesis
+from ..refinement.fine_stage import Published
+from ..refinement.refinement import is_narrow
+from .reevaluation import Comparison
+
+_NOTHING = 1e-3  # probability that is left to no mode
+
+
+def published_modes(
+    comparison: Comparison, onward: np.ndarray, still: float, belief: Belief, config: FilterConfig
+) -> Published:
+    """The modes of a comparison, heaviest first.
+
+    onward (4, 4): motion of the gel since the comparison; still: probability that the object was not moved meanwhile.
+    What is left goes to the particles that lie elsewhere.
+    """
+    named = [each.moved(onward) for each in comparison.hypotheses if each.probability >= config.min_mode_mass]
+    weights = still * np.array([each.probability for each in named])
+    owners = list(owners_of(named, belief.modes, comparison, config))
+    modes = [
+        _without_particles(hypothesis, weight) if k is None else replace(belief.answers[k], weight=float(weight))
+        for hypothesis, weight, k in zip(named, weights, owners, strict=True)
+    ]
+    listed = float(weights.sum())
+    others = [k for k in range(len(belief.modes)) if k not in owners and _is_apart(belief.modes[k], named, comparison)]
+    taken = sum(belief.modes[k].weight for k in owners if k is not None)
+    for k in others:
+        weight = (1.0 - listed) * belief.modes[k].weight / max(1.0 - taken, belief.modes[k].weight)
+        if weight >= config.min_mode_mass or not modes:
+            modes.append(replace(belief.answers[k], weight=weight))
+    modes.sort(key=lambda mode: -mode.weight)
+    return Published(modes, listed, _covariance(modes, belief))
+
+
+def _covariance(modes: list[Mode], belief: Belief) -> np.ndarray:
+    """Of the whole belief about the pose of the first mode: of the modes and, in so far as their weights leave
+    something, of all particles."""
+    first, named = modes[0], sum(mode.weight for mode in modes)
+    covariance = first.weight * first.covariance
+    for mode in modes[1:]:
+        turned = Rotation.from_matrix(mode.pose[:3, :3] @ first.pose[:3, :3].T).as_rotvec()
+        offset = np.append(mode.pose[:3, 3] - first.pose[:3, 3], turned)
+        covariance = covariance + mode.weight * (mode.covariance + np.outer(offset, offset))
+    if named > 1.0 - _NOTHING:
+        return covariance / named
+    return covariance + (1.0 - named) * covariance_about(first, belief.members, belief.particles, belief.weights)
+
+
+def owners_of(
+    hypotheses: list[PoseHypothesis], modes: list[Mode], comparison: Comparison, config: FilterConfig
+) -> Iterator[int | None]:
+    """The number of the narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
+    if not hypotheses or not modes:
+        return
+    at = np.stack([each.pose for each in hypotheses])
+    distance = np.stack([comparison.symmetry.distance(at, mode.pose) for mode in modes], axis=1)
+    for i, k in enumerate(distance.argmin(axis=1)):
+        is_at = distance[i, k] < config.converged_error and distance[:, k].argmin() == i
+        yield int(k) if is_at and is_narrow(modes[k], config) else None
+
+
+def _without_particles(hypothesis: PoseHypothesis, weight: float) -> Mode:
+    turn = se3.turn(hypothesis.pose[:3, :3])
+    return Mode(float(weight), hypothesis.pose, turn @ hypothesis.covariance @ turn.T, 0)
+
+
+def _is_apart(mode: Mode, hypotheses: list[PoseHypothesis], comparison: Comparison) -> bool:
+    at = np.stack([each.pose for each in hypotheses]) if hypotheses else np.empty((0, 4, 4))
+    return not (comparison.symmetry.distance(at, mode.pose) < ANOTHER).any() if len(at) else True
