@@ -52,7 +52,7 @@ class NoiseModel:
     map_correlation: float
     between_entries: np.ndarray
     mode_floor: np.ndarray
-    map_patches: float = 2.6
+    map_patches: float = 5.0
     residual_floor: float = 0.024
     touch_correlation: float = 0.02
     change: float = 1e-3
