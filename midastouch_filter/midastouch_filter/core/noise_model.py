@@ -63,11 +63,11 @@ class NoiseModel:
     code_margin: float = 6.0
     elsewhere: float = 22.5
     decisive: float = math.log(999.0)
-    between_objects: float = 0.26
+    between_objects: float = 0.135
     foreign_residual: float = 0.48
-    innovation_cost: float = 0.71
-    alone_residual: float = 0.174
-    alone_innovation_cost: float = 0.085
+    innovation_cost: float = 1.37
+    alone_residual: float = 0.186
+    alone_innovation_cost: float = 0.255
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
