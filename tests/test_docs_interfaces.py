@@ -9,6 +9,7 @@ from every_node import make_node
 from rclpy.action import get_action_server_names_and_types_by_node
 
 from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_bringup.export.recording import FILTER_STATES
 from midastouch_bringup.ros.parameter_tables import TABLES
 
 NODES = {row[0].strip("`"): row[1:] for row in table("docs/interfaces.md", "## Topics and services")}
@@ -39,6 +40,11 @@ def test_states_are_those_of_the_message():
     states = set(re.findall(r'STATE_\w+ = "(\w+)"', message)) - {"waiting"}
     for document, heading in (("docs/interfaces.md", "## States"), ("docs/trust.md", "## What each state promises")):
         assert {row[0].strip("`") for row in table(document, heading)} == states
+
+
+def test_states_have_the_numbers_of_an_export():
+    (row,) = (row for row in table("docs/exports.md", "## Columns") if row[0] == "`filter_state`")
+    assert row[2] == ", ".join(f"{number} {name}" for number, name in enumerate(FILTER_STATES))
 
 
 def interfaces(node, listed) -> set[tuple[str, str]]:

@@ -111,7 +111,7 @@ def test_fields(message):
 def test_states_are_those_of_the_filter():
     names = [name for name in dir(FilterStatus) if name.startswith("STATE_")]
     values = {getattr(FilterStatus, name) for name in names}
-    assert values == {"uninitialised", "no_contact", "ambiguous", "converged", "lost", "stale", "waiting"}
+    assert values == {"uninitialised", "no_contact", "ambiguous", "converged", "lost", "stale", "searching", "waiting"}
     assert all(name == "STATE_" + getattr(FilterStatus, name).upper() for name in names)
 
 

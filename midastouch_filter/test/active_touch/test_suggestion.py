@@ -15,6 +15,7 @@ from midastouch_filter.active_touch.slide_prediction import independence_on_the_
 from midastouch_filter.active_touch.suggestion import Wanted, advise, mixture_information
 from midastouch_filter.core.belief import Belief
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Mode
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.particles import Particles
@@ -83,9 +84,14 @@ def believed_at(model, *centres) -> Belief:
     return belief
 
 
+def possible(belief, model) -> list[Hypothesis]:
+    """Where the modes of the particles are what is published."""
+    return hypotheses_of(belief.answers, belief, model, CONFIG)
+
+
 def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, handed):
     pose = copies(world, handed)[0].pose
-    found, image = hypotheses_of(believed_at(handed, pose), handed, CONFIG)
+    found, image = possible(believed_at(handed, pose), handed)
     assert found.probability == pytest.approx(CONFIG.converged_probability, abs=0.001)
     assert np.linalg.norm(image.pose[:3, 3] - (HALF_TURN @ pose)[:3, 3]) < 1e-3
     advice = advise([found, image], NOTHING_MEASURED, Wanted(), NOISE)
@@ -98,7 +104,7 @@ def test_a_mode_beside_a_near_image_is_taken_for_it(world, handed):
     """Two poses that are known to a millimetre or two would else seem to differ wherever there is an edge."""
     pose = copies(world, handed)[0].pose
     beside = HALF_TURN @ pose @ se3.exp([0.002, -0.001, 0, 0, 0, 0.03])
-    found, image = hypotheses_of(believed_at(handed, pose, pose, beside), handed, CONFIG)
+    found, image = possible(believed_at(handed, pose, pose, beside), handed)
     assert 0.3 < image.probability < found.probability
     (motion,) = handed.symmetry.look_alikes
     np.testing.assert_allclose(image.pose, motion @ found.pose, atol=1e-6)
@@ -107,16 +113,27 @@ def test_a_mode_beside_a_near_image_is_taken_for_it(world, handed):
 def test_a_mode_that_is_no_image_stays_where_it_is(world, handed):
     here = copies(world, handed)[0].pose
     there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
-    other = hypotheses_of(believed_at(handed, here, here, there), handed, CONFIG)[1]
+    other = possible(believed_at(handed, here, here, there), handed)[1]
     assert np.linalg.norm(other.pose[:3, 3] - there[:3, 3]) < 1e-4
 
 
 def test_exact_images_are_no_other_hypotheses(world, alike):
     pose = copies(world, alike)[0].pose
-    _, *others = hypotheses_of(believed_at(alike, pose), alike, CONFIG)
+    _, *others = possible(believed_at(alike, pose), alike)
     assert len(alike.symmetry.exact.transforms) == 2
     assert len(others) == MOST - 1
     assert not any(each.narrow for each in others)
+
+
+def test_a_published_mode_without_particles_is_a_hypothesis(world, handed):
+    here = copies(world, handed)[0].pose
+    there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
+    belief = believed_at(handed, here)
+    (followed,) = belief.answers
+    published = [replace(followed, weight=0.6), Mode(0.4, there, followed.covariance, 0)]
+    found = hypotheses_of(published, belief, handed, CONFIG)
+    assert [each.probability for each in found] == pytest.approx([0.6, 0.4])
+    np.testing.assert_array_equal(found[1].pose, there)
 
 
 def test_what_is_out_of_reach_does_not_count(world, handed):

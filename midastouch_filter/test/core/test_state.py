@@ -40,6 +40,11 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(unknown=0.97), state.LOST, "these touches are not of this mesh"),
         (narrow(unknown=0.97, in_contact=False), state.NO_CONTACT, "touches nothing"),
         (narrow(support=0.9, in_contact=False), state.NO_CONTACT, "touches nothing"),
+        (narrow(mode_mass=0.5, listed=0.85), state.SEARCHING, "with 15% the pose is none"),
+        (narrow(mode_mass=0.5, listed=0.95), state.AMBIGUOUS, "50%"),
+        (narrow(listed=0.85), state.CONVERGED, "95%"),
+        (narrow(listed=0.5, support=0.9), state.LOST, "contradict"),
+        (narrow(listed=0.5, in_contact=False), state.NO_CONTACT, "touches nothing"),
     ],
 )
 def test_each_state_has_its_evidence_and_reason(machine, evidence, expected, reason):

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.smoothing.window_likelihood import hypothesis_posterior
+from midastouch_common import se3
+from midastouch_filter.core.keyframes import Keyframe
+from midastouch_filter.smoothing.window_likelihood import Alignments, Followed, hypothesis_posterior
 
 HYPOTHESES = 1000.0
 
@@ -62,3 +64,42 @@ def test_touches_that_say_nothing_leave_what_was_believed_however_often_it_is_li
     likely = np.log([0.1, 0.2, 0.05, 0.65])
     fraction, elsewhere = hypothesis_posterior(np.zeros((3, 20)), likely, likely, np.full(20, 0.2))
     assert [*fraction, elsewhere] == pytest.approx(np.exp(likely))
+
+
+def beside(x):
+    """A pose (4, 4) so far along x [m]."""
+    return se3.make(np.eye(3), np.array([x, 0.0, 0.0]))
+
+
+def followed(fits, xs, at=0):
+    """A hypothesis that explained these parts of the maps of each keyframe, aligned so far along x [m]."""
+    poses = np.stack([beside(x) for x in xs])
+    return Followed(poses[-1], np.eye(6), at, 1.0 - np.array(fits), poses, np.tile(np.eye(6), (len(xs), 1, 1)), poses)
+
+
+@pytest.fixture
+def keyframes():
+    return [Keyframe(np.eye(4), [], [], [], 0) for _ in range(3)]
+
+
+def test_an_alignment_is_found_again_at_its_own_keyframe_only(keyframes):
+    known = Alignments([followed([0.7, 0.8], [0.0, 0.05])], keyframes[:2])
+    fit, pose = known.near(keyframes[0], beside(0.003))
+    assert fit == pytest.approx(0.7)
+    np.testing.assert_array_equal(pose, np.eye(4))
+    assert known.near(keyframes[1], beside(0.003)) is None, "there it was elsewhere"
+    assert known.near(keyframes[2], beside(0.003)) is None, "that one is new"
+    assert Alignments().near(keyframes[0], np.eye(4)) is None
+
+
+def test_only_alignments_near_by_count_and_of_these_the_one_that_explained_most(keyframes):
+    several = [followed([fit], [x]) for fit, x in ((0.5, 0.001), (0.8, 0.006), (0.99, 0.02))]
+    fit, pose = Alignments(several, keyframes[:1]).near(keyframes[0], np.eye(4))
+    assert fit == pytest.approx(0.8)
+    np.testing.assert_array_equal(pose, beside(0.006))
+
+
+def test_keyframes_that_a_hypothesis_was_not_followed_to_know_nothing_of_it(keyframes):
+    known = Alignments([followed([0.0, 0.9], [0.0, 0.0], at=1)], keyframes[:2])
+    assert known.near(keyframes[0], np.eye(4)) is None
+    assert known.near(keyframes[1], np.eye(4)) is not None
