@@ -7,7 +7,8 @@ find the modes, and let the measured maps refine them. How each part works is sa
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -163,24 +164,23 @@ class Reporter:
                 alike=self._alike,
             )
         )
-        status = self._status(belief, published.modes)
+        status = self._status(belief, len(published.modes), replace(dominant, weight=first.weight))
         return Estimate(published.modes, status, published.covariance, self._policies.correct.calibration)
 
-    def _status(self, belief: Belief | None, modes: Sequence[Mode] = ()) -> Status:
+    def _status(self, belief: Belief | None, count: int = 0, dominant: Mode | None = None) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
         reason = f"{self._state.reason} ({note})" if note else self._state.reason
-        if belief is None:
+        if belief is None or dominant is None:
             return Status(self._state.state, reason, skipped=skipped, symmetry=self._symmetry)
-        dominant = modes[0] if modes else None
         return Status(
             state=self._state.state,
             reason=reason,
             n_particles=len(belief.particles),
             ess=effective_size(belief.weights),
-            n_modes=len(modes),
-            mode_mass=dominant.weight if dominant else 0.0,
-            spread_t=dominant.spread_translation if dominant else 0.0,
-            spread_r=dominant.spread_rotation if dominant else 0.0,
+            n_modes=count,
+            mode_mass=dominant.weight,
+            spread_t=dominant.spread_translation,
+            spread_r=dominant.spread_rotation,
             likelihood_trend=self._policies.reweigh.trend.short,
             skipped=skipped,
             ms=self._watch.ms,

@@ -111,7 +111,8 @@ class StateMachine:
             modulo = f", modulo symmetry: {e.alike}" if e.alike else ""
             return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm{modulo}"
         if e.listed < _LISTED:
-            return SEARCHING, f"with {1 - e.listed:.0%} the pose is none of those that are named"
+            none = f"with {1 - e.listed:.0%} the pose is none of those that are named"
+            return SEARCHING, none if e.listed else "no hypotheses were compared yet"
         return AMBIGUOUS, why_not
 
     def _narrow(self, e: StateEvidence) -> tuple[bool, str]:

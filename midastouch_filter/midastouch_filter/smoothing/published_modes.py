@@ -35,6 +35,9 @@ def published_modes(
     What is left goes to the particles that lie elsewhere.
     """
     named = [each.moved(onward) for each in comparison.hypotheses if each.probability >= config.min_mode_mass]
+    if named:  # as the belief has it: near its heaviest mode
+        poses = comparison.symmetry.nearest(np.stack([each.pose for each in named]), belief.modes[0].pose)
+        named = [replace(each, pose=pose) for each, pose in zip(named, poses, strict=True)]
     weights = still * np.array([each.probability for each in named])
     owners = list(owners_of(named, belief.modes, comparison, config))
     modes = [
@@ -63,7 +66,9 @@ def _covariance(modes: list[Mode], belief: Belief) -> np.ndarray:
         covariance = covariance + mode.weight * (mode.covariance + np.outer(offset, offset))
     if named > 1.0 - _NOTHING:
         return covariance / named
-    return covariance + (1.0 - named) * covariance_about(first, belief.members, belief.particles, belief.weights)
+    # mode 0 are the first one's own particles, if it has any
+    others = belief.members if first.pose is belief.answers[0].pose else np.ones_like(belief.members)
+    return covariance + (1.0 - named) * covariance_about(first, others, belief.particles, belief.weights)
 
 
 def owners_of(

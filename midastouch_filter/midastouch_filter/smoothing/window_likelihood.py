@@ -52,6 +52,7 @@ class Alignments:
     """Where hypotheses were aligned to the keyframes of an earlier window."""
 
     def __init__(self, followed: Sequence[Followed] = (), keyframes: Sequence[Keyframe] = ()):
+        # with the keyframe itself, so that no other one gets its id
         self._of = {
             id(keyframe): (
                 keyframe,
@@ -65,10 +66,6 @@ class Alignments:
         _, found = self._of.get(id(keyframe), (None, ()))
         near = [each for each in found if pose_distance(each[1], pose) < ANOTHER]
         return max(near, key=lambda each: each[0], default=None)
-
-
-def _alignments_to(number: int, followed: Sequence[Followed]) -> list[tuple[float, np.ndarray]]:
-    return [(1.0 - each.residual_ratio[number], each.aligned[number]) for each in followed if each.at <= number]
 
 
 class Race:

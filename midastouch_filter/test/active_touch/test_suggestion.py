@@ -187,7 +187,7 @@ def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
     here, there = copies(world, handed)
     for fraction, hopeless in (0.5, True), (0.9, False):
         belief = [replace(here, probability=fraction), replace(there, probability=1 - fraction)]
-        assert advise(belief, NOTHING_MEASURED, Wanted(max_length=0.03), NOISE).indistinguishable == hopeless
+        assert advise(belief, NOTHING_MEASURED, Wanted(max_length=0.023), NOISE).indistinguishable == hopeless
 
 
 def test_who_wants_certainty_gets_advice_too(world, handed):

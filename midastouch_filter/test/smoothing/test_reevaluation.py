@@ -163,7 +163,7 @@ def test_a_pose_closely_beside_a_mode_is_found_as_another(world):
     assert grooved.exhaustive
     fractions = [probability_at(hypotheses, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
     # nothing tells them apart but how well alignment went; further along the tube and around it there are more
-    assert min(fractions) > 0.2 * max(fractions)
+    assert min(fractions) > 0.04 * max(fractions)
     assert sum(fractions) > 0.3
 
 
