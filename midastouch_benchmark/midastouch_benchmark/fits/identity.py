@@ -27,13 +27,12 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_filter.identification.identification import Identification
-from midastouch_filter.policies import Policies, default_policies
 from midastouch_filter.smoothing.contest import Contest
 from midastouch_perception.simulation.random_parts import random_part
 
+from .comparisons import comparisons
 from .training_scans import cache_of, parser_of, scans_of
 
 CONFIG = FilterConfig(threads=1)
@@ -92,21 +91,7 @@ def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> S
 
 def slid_alone(cache: Cache, mesh: ObjectMesh, touched: ObjectMesh, number: int) -> Slide:
     """What a filter that knows one object, and nothing else, makes of a slide over that, or over another one."""
-    made: list[Policies] = []
-
-    def make_policies(*args) -> Policies:
-        made.append(default_policies(*args))
-        return made[-1]
-
-    particle_filter = ParticleFilter(mesh, cache.codebook(mesh), CONFIG, number, make_policies=make_policies)
-    particle_filter.initialise_uniform()
-    smoother, contests, last = made[-1].refine, [], None
-    for frame in cache.frames(touched, number):
-        particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
-        particle_filter.deferred_update()
-        last = frame.measured
-        if smoother.comparison is not None and not any(smoother.comparison.contest is each for each in contests):
-            contests.append(smoother.comparison.contest)
+    contests = [comparison.contest for _, comparison in comparisons(cache, mesh, touched, number, CONFIG)]
     return Slide(contests, 0 if touched is mesh else None, 1)
 
 

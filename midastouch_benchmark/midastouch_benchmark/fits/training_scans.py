@@ -17,10 +17,12 @@ from ..commands.options import meshes_to_fit_on
 LENGTH = 0.3  # m of a slide
 
 
-def parser_of(description: str, out: str, every: int, poses: int) -> argparse.ArgumentParser:
+def parser_of(
+    description: str, out: str, every: int, poses: int, meshes_required: bool = True
+) -> argparse.ArgumentParser:
     """Asks for what `cache_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
     parser = argparse.ArgumentParser(description=description.partition("\n")[0])
-    parser.add_argument("--meshes", type=Path, required=True)
+    parser.add_argument("--meshes", type=Path, required=meshes_required)
     parser.add_argument("--out", type=Path, default=Path(out))
     parser.add_argument("--slides", type=int, default=2, help="over each scan")
     parser.add_argument("--every", type=int, default=every, help="n-th training scan is taken")
@@ -28,11 +30,11 @@ def parser_of(description: str, out: str, every: int, poses: int) -> argparse.Ar
     return parser
 
 
-def cache_of(args: argparse.Namespace) -> Cache:
-    """Slides and codebooks, kept in the folder of the fit."""
-    return Cache(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
+def cache_of(args: argparse.Namespace, length: float = LENGTH) -> Cache:
+    """Slides of this length [m] and codebooks, kept in the folder of the fit."""
+    return Cache(args.out, slides=SlideKind(length), codebook_size=args.poses)
 
 
 def scans_of(args: argparse.Namespace) -> Iterator[ObjectMesh]:
-    """The training scans asked for."""
-    return map(ObjectMesh.load, meshes_to_fit_on(args.meshes)[:: args.every])
+    """The training scans asked for; none without a folder of them."""
+    return map(ObjectMesh.load, meshes_to_fit_on(args.meshes)[:: args.every] if args.meshes else ())

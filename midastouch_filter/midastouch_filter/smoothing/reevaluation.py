@@ -258,7 +258,7 @@ class Reevaluation:
         best = followed[chosen[int(probability.argmax())]]
         # a hypothesis that explains all touches does not compete with those that explain the last ones only
         exhaustive = asked >= (competitors.lasting if best.at == 0 else len(competitors.poses))
-        hypotheses.sort(key=lambda hypothesis: -hypothesis.probability)
+        hypotheses = sorted(hypotheses, key=lambda hypothesis: -hypothesis.probability)  # the contest keeps its order
         on = se3.inverse(window.keyframes[-1].motion) @ now
         cloud = competitors.cloud @ on, competitors.cloud_scores
         return Comparison(hypotheses, elsewhere, contest, unknown, exhaustive, *cloud, symmetry)

@@ -103,7 +103,7 @@ class Slide:
             answer = reevaluation.compare(modes)
             self.slices.append(self.alignment.done - before)
             if answer is not None:
-                self.exhaustive, self.elsewhere = answer.exhaustive, answer.elsewhere
+                self.exhaustive, self.elsewhere, self.contest = answer.exhaustive, answer.elsewhere, answer.contest
                 return answer.hypotheses
         return None
 
@@ -218,6 +218,19 @@ def test_what_was_known_of_the_start_decides_between_copies(symmetric):
     assert probability_at(hypotheses, truth) > 0.9
     # half a turn is three sigmas, and the way to the other side counts too
     assert 1e-4 < probability_at(hypotheses, HALF_TURN @ truth) < 0.05
+
+
+def test_a_contest_keeps_what_is_known_of_a_hypothesis_beside_it(symmetric):
+    """Whichever of the two copies the start makes the more probable one."""
+    orders = []
+    for start in (symmetric.truth[0], HALF_TURN @ symmetric.truth[0]):
+        prior = Prior(start, 0.05, np.radians(60))
+        hypotheses = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ symmetric.truth[-1]], prior)
+        orders.append([hypotheses[0].pose, symmetric.contest.hypotheses[0].pose, symmetric.contest.residual_ratio[0]])
+    (one, first, residual), (other, same, equal) = orders
+    assert pose_distance(one, other) > 0.01
+    np.testing.assert_allclose(first, same)
+    np.testing.assert_allclose(residual, equal)
 
 
 def test_touches_of_another_window_count_at_once(uneven):
