@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.cache import Cache
+from midastouch_benchmark.trials.disturbances import Disturbance, Scene
 from midastouch_benchmark.trials.sequence_trials import start_filter
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -17,9 +19,14 @@ from midastouch_filter.smoothing.reevaluation import Comparison
 
 
 def comparisons(
-    cache: Cache, mesh: ObjectMesh, touched: ObjectMesh, number: int, config: FilterConfig
+    cache: Cache,
+    mesh: ObjectMesh,
+    touched: ObjectMesh,
+    number: int,
+    config: FilterConfig,
+    disturb: Disturbance = disturbances.plain,
 ) -> Iterator[tuple[np.ndarray, Comparison]]:
-    """Of a filter that knows one object, on slide `number` over that or another one.
+    """Of a filter that knows one object, on slide `number` over that or another one; disturb, what happens to it.
 
     Each with the true pose (4, 4) of the sensor on the touched object, of the frame it belongs to.
     """
@@ -30,11 +37,12 @@ def comparisons(
         return made[-1]
 
     particle_filter = ParticleFilter(mesh, cache.codebook(mesh), config, number, make_policies=make_policies)
-    frames = cache.frames(touched, number)
+    frames = disturb(Scene(cache.frames(touched, number), np.random.default_rng(number), [], None)).frames
     start_filter(particle_filter, mesh, frames[0].truth, "uniform", 1.0)
     smoother, known, last = made[-1].refine, None, None
     for frame in frames:
-        particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
+        moved = None if last is None else se3.inverse(last) @ frame.measured
+        particle_filter.step(moved, frame.measurement, elapsed=frame.seconds)
         particle_filter.deferred_update()  # else the comparison would be complete only in the next step
         last = frame.measured
         if smoother.comparison is not None and smoother.comparison is not known:

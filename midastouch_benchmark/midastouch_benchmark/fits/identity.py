@@ -22,7 +22,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize
 
+from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.cache import Cache
+from midastouch_benchmark.trials.disturbances import Disturbance
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -40,7 +42,17 @@ NOISE = NoiseModel.of(CONFIG)
 FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
 HALF = 0.5  # of the slides are over an object that is not in the catalogue
 FITTED = ("between_objects", "foreign_residual", "innovation_cost")
+DISTURBED = (
+    disturbances.plain,
+    disturbances.tool_bias,
+    disturbances.late,
+    disturbances.push,
+    disturbances.slow_camera,
+)
+"""What happens on slides over a single object, by turns, where that is asked for: an arm or an object that moves
+otherwise than it is said to must not be taken for another object."""
 ALONE = ("alone_residual", "alone_innovation_cost")  # of a catalogue of one
+REFUSED = 0.95  # probability of another object from which on the state says so
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 
@@ -66,6 +78,10 @@ class Slide:
             of_truth.append(unknown if self.truth is None else probabilities[self.truth])
         return float(-np.log(np.maximum(of_truth, _IMPOSSIBLE)).mean())
 
+    def unknown(self, noise: NoiseModel) -> float:
+        """Probability at the end that it is none of the objects."""
+        return self.probabilities(self.contests[-1], noise)[1]
+
     def is_right(self, noise: NoiseModel) -> bool:
         """Whether the most probable answer at the end is."""
         probabilities, unknown = self.probabilities(self.contests[-1], noise)
@@ -89,9 +105,9 @@ def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> S
     return Slide(contests, names.index(mesh.name) if mesh.name in names else None, len(names))
 
 
-def slid_alone(cache: Cache, mesh: ObjectMesh, touched: ObjectMesh, number: int) -> Slide:
+def slid_alone(cache: Cache, mesh: ObjectMesh, touched: ObjectMesh, number: int, disturb: Disturbance) -> Slide:
     """What a filter that knows one object, and nothing else, makes of a slide over that, or over another one."""
-    contests = [comparison.contest for _, comparison in comparisons(cache, mesh, touched, number, CONFIG)]
+    contests = [each.contest for _, each in comparisons(cache, mesh, touched, number, CONFIG, disturb)]
     return Slide(contests, 0 if touched is mesh else None, 1)
 
 
@@ -113,7 +129,10 @@ def fit(names: Sequence[str], slides: list[Slide]) -> None:
     for what, some in (("in", [s for s in slides if s.truth is not None]),
                        ("left out of", [s for s in slides if s.truth is None])):  # fmt: skip
         right = np.mean([slide.is_right(assumed(found.x)) for slide in some])
-        print(f"object {what} the catalogue: {right:.0%} of {len(some)} slides right at the end")
+        refused = np.mean([slide.unknown(assumed(found.x)) > REFUSED for slide in some])
+        print(
+            f"object {what} the catalogue: {right:.0%} of {len(some)} slides right at the end, {refused:.1%} say none"
+        )
     print(f"{found.fun:.3f} nats of surprise")
 
 
@@ -121,6 +140,7 @@ def main() -> None:
     parser = parser_of(__doc__, "out/fit_identity", every=1, poses=10_000)
     parser.add_argument("--catalogues", type=int, nargs="+", default=[1, 10, 58], help="objects in each")
     parser.add_argument("--parts", type=int, default=30, help="random parts, each for a catalogue of one")
+    parser.add_argument("--disturbed", action="store_true", help="arm and object move otherwise than they are said to")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     meshes, cache, slides = list(scans_of(args)), cache_of(args), []
@@ -131,7 +151,8 @@ def main() -> None:
         alone = [meshes[i] for i in order] + parts
         for k, mesh in enumerate(alone):
             for touched, number in itertools.product((mesh, alone[k - 1]), numbers):
-                slides.append(slid_alone(cache, mesh, touched, number))
+                disturb = DISTURBED[(k + number) % len(DISTURBED)] if args.disturbed else disturbances.plain
+                slides.append(slid_alone(cache, mesh, touched, number, disturb))
         print(f"{len(slides)} slides", file=sys.stderr, flush=True)
     groups = [np.array_split(order, max(round(len(meshes) / size), 1)) for size in args.catalogues if size > 1]
     for group in itertools.chain(*groups):
