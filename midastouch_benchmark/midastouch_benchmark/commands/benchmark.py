@@ -122,13 +122,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
     """The options, and what the protocol has where they say nothing."""
-    import dataclasses
-
     from ..trials.campaign import Plan
     from ..trials.setup import load_filter_config
 
     folder = options.campaign_folder(args)
-    slides = dataclasses.replace(protocol.slides, **({"length": args.length, "first": None} if args.length else {}))
+    slides = protocol.slides.of_length(args.length)
     size = args.codebook_size or protocol.codebook_size
     return Plan(
         protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),

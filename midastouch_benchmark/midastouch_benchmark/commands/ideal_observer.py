@@ -50,9 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.trial_log import TrialLog
 
     protocol = chosen_observed(args.protocol)
-    slides = dataclasses.replace(
-        PROTOCOLS[protocol].slides, **({"length": args.length, "first": None} if args.length else {})
-    )
+    slides = PROTOCOLS[protocol].slides.of_length(args.length)
     folder = options.campaign_folder(args)
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)

@@ -133,6 +133,10 @@ class SlideKind:
         """Length [m] of what a trial follows."""
         return self.first or self.length
 
+    def of_length(self, length: float | None) -> SlideKind:
+        """The same of another length [m], all of it followed; as it is for None."""
+        return dataclasses.replace(self, length=length, first=None) if length else self
+
     @property
     def name(self) -> str:
         """For keys."""

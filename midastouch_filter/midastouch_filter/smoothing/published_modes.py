@@ -18,7 +18,7 @@ from midastouch_common import se3
 from ..core.belief import Belief, covariance_about
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
-from ..core.pose_hypothesis import ANOTHER, PoseHypothesis
+from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, far_from
 from ..refinement.fine_stage import Published
 from ..refinement.refinement import is_narrow
 from .reevaluation import Comparison
@@ -45,7 +45,9 @@ def published_modes(
         for hypothesis, weight, k in zip(named, weights, owners, strict=True)
     ]
     listed = float(weights.sum())
-    others = [k for k in range(len(belief.modes)) if k not in owners and _is_apart(belief.modes[k], named, comparison)]
+    at = np.stack([mode.pose for mode in belief.modes])
+    apart = far_from([each.pose for each in named], at, ANOTHER, comparison.symmetry)
+    others = [k for k in np.flatnonzero(apart) if k not in owners]
     taken = sum(belief.modes[k].weight for k in owners if k is not None)
     for k in others:
         weight = (1.0 - listed) * belief.modes[k].weight / max(1.0 - taken, belief.modes[k].weight)
@@ -87,8 +89,3 @@ def owners_of(
 def _without_particles(hypothesis: PoseHypothesis, weight: float) -> Mode:
     turn = se3.turn(hypothesis.pose[:3, :3])
     return Mode(float(weight), hypothesis.pose, turn @ hypothesis.covariance @ turn.T, 0)
-
-
-def _is_apart(mode: Mode, hypotheses: list[PoseHypothesis], comparison: Comparison) -> bool:
-    at = np.stack([each.pose for each in hypotheses]) if hypotheses else np.empty((0, 4, 4))
-    return not (comparison.symmetry.distance(at, mode.pose) < ANOTHER).any() if len(at) else True
