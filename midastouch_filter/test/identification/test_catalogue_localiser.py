@@ -9,6 +9,7 @@ from midastouch_filter.identification.catalogue_localiser import CatalogueLocali
 from midastouch_filter.identification.identity import UNKNOWN
 
 CONFIG = FilterConfig(threads=1, max_particles=3000)
+FRAME = 50_000_000  # ns; at an unlikely speed a clock that is 50 ms off would explain any motion of the object
 
 
 class Run:
@@ -22,7 +23,7 @@ class Run:
             CONFIG,
             seed=0,
             on_object=lambda entry: self.led.append(entry.name),
-            on_identity=lambda identity, T_base_gel, stamp: self.told.append((identity, T_base_gel, stamp)),
+            on_identity=lambda identity, T_base_gel, stamp: self.told.append((identity, T_base_gel, stamp // FRAME)),
         )
         self.estimates = []
 
@@ -31,7 +32,7 @@ class Run:
         noise = np.random.default_rng(0).standard_normal((len(truth), 6)) * np.repeat([2e-4, 5e-3], 3)
         measured = BASE @ truth @ se3.exp(noise)
         for k, (pose, (_, touch)) in enumerate(zip(measured, frames, strict=True)):
-            self.estimates.append(self.localiser.process(pose, touch, stamp=k))
+            self.estimates.append(self.localiser.process(pose, touch, stamp=k * FRAME))
         return self
 
 
