@@ -5,7 +5,7 @@
 It has two parts, `perception` (simulator, networks, renderer, codebook) and `estimates` (these and the filter), each
 made of numbers that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today
 under their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
-times as far as inputs that are off in the sixth digit have moved it.
+times as far as inputs that are off in the sixth digit have moved it, and three times that on another machine.
 """
 
 from __future__ import annotations
@@ -131,15 +131,18 @@ def ids(fingerprint: Fingerprint) -> dict[str, str]:
 
 def write(path: Path = COMMITTED) -> dict[str, list[str]]:
     """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
-    found, named = steady(), {}
-    names = ids(found)
-    changed = {part: ["there was none"] for part in found}
-    if path.is_file():
-        old, named = read(path)
-        changed = differences(old, found)
+    old, named = read(path) if path.is_file() else ({}, {})
+    changed = {part: ["there was none"] for part in (PERCEPTION, ESTIMATES)}
+    if old:
+        runs = [measure()]
+        changed = differences(old, *runs)
         if any(changed.values()):
-            changed = differences(old, found, *(measure(seed=seed) for seed in _REPEATS))
-        found = {part: one if changed[part] else old[part] for part, one in found.items()}
+            changed = differences(old, *runs, *(measure(seed=seed) for seed in _REPEATS))
+        if not any(changed.values()):
+            return changed
+    found = steady()
+    names = ids(found)
+    found = {part: one if changed[part] else old[part] for part, one in found.items()}
     content = {
         part: {"id": names[part] if changed[part] else named[part]} | one.to_json() for part, one in found.items()
     }

@@ -24,14 +24,19 @@ from .reports import (
     further,
     ids_of_today,
     names_read,
+    only_of_today,
     report,
     report_path,
     reported,
     stale,
 )
-from .table import listed, markdown
+from .table import UNMEASURED, listed, markdown
 
-DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md", "reports/README.md")
+HEADLINE = ("README.md", "docs/evaluation.md", "docs/trust.md")
+"""The pages that a user reads: their tables have figures of today's code only."""
+ARCHIVE = "reports/README.md"
+"""Shows every report; figures of earlier code are marked."""
+DOCUMENTS = (*HEADLINE, ARCHIVE)
 """Every document with generated tables; a table may stand in several."""
 
 
@@ -72,7 +77,7 @@ def filled(document: str) -> str:
     up = "../" * (len((ROOT / document).relative_to(ROOT).parts) - 1)
 
     def table(match: re.Match) -> str:
-        text, names = marked(TABLES[match[2]])
+        text, names = (marked if document == ARCHIVE else of_today)(TABLES[match[2]])
         for name in names:
             text = text.replace(f"[{name}]", f"[{name}]({up}{report_path(name).relative_to(ROOT).as_posix()})")
         return f"{match[1]}{text}\n{match[3]}"
@@ -102,6 +107,21 @@ def marked(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
     return (f"{text}\n\n{_footnote(names, old)}" if old else text), names
 
 
+def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
+    """A table's text from the reports of today's code, and a line on what they do not have yet; names of its reports."""
+    names = marked(make)[1]
+    try:
+        with only_of_today():
+            text = markdown(make())
+    except FileNotFoundError:  # all of it is of that report
+        text = UNMEASURED
+    now = ", ".join(f"`{each}`" for each in ids_of_today().values())
+    left = [f"[{name}]" for name in stale(names)]
+    if not left:
+        return f"{text}\n\nFingerprint {now}.", names
+    return f"{text}\n\nFingerprint {now}; not measured with it yet, last figures by earlier code: {', '.join(left)}.", names
+
+
 def _footnote(names: list[str], old: list[str]) -> str:
     """On a table of these reports, some of them stale."""
     of_old = sorted({fingerprint_of(name) or "unknown" for name in old})
@@ -115,7 +135,7 @@ def headline() -> list[str]:
     """Names of the reports whose figures stand, or will stand, on the pages that a user reads: all documents but that
     of the reports themselves."""
     names = {*STARTS, *CONDITIONS, *further()}
-    for document in set(DOCUMENTS) - {"reports/README.md"}:
+    for document in HEADLINE:
         for match in _TABLE.finditer((ROOT / document).read_text()):
             names.update(marked(TABLES[match[2]])[1])
     return [name for name in COMMANDS if name in names]

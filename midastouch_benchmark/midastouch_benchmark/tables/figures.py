@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pandas as pd
 
 from . import accuracy, comparisons, exploring, perception, speed, trust
-from .table import listed
+from .reports import reported
+from .table import UNMEASURED, listed
 
 FIGURES = (
     ("error of the particles, start as the paper's", accuracy.localisation, "accuracy", "particles, mean"),
@@ -65,6 +66,11 @@ def _report(table: Callable[[], pd.DataFrame], row: str) -> str:
 
 
 def _cell(table: Callable[[], pd.DataFrame], row: str, column: str) -> str:
-    words = table()
+    if _report(table, row) not in reported():
+        return UNMEASURED
+    try:
+        words = table()
+    except FileNotFoundError:  # another report that the table needs beside it
+        return UNMEASURED
     named = (words.iloc[:, -1] == f"[{row}]") | words.iloc[:, 0].astype(str).str.startswith(row)
     return words.loc[named, next(label for label in words.columns if label.startswith(column))].iloc[0]

@@ -58,7 +58,7 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 {_LOOKS} --variant no_refinement no_hindsight no_kld "
+    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
     "no_surface no_book_constraint no_tempering no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     **{
@@ -119,18 +119,33 @@ def report_path(name: str) -> Path:
 
 
 def reported() -> list[str]:
-    """Names of the reports that there are."""
-    return [name for name in COMMANDS if any((ROOT / "reports").glob(f"*/{name}.json"))]
+    """Names of the reports that there are; within `only_of_today`, of those that today's code made."""
+    there = [name for name in COMMANDS if any((ROOT / "reports").glob(f"*/{name}.json"))]
+    old = set(stale(there)) if _only_of_today else set()
+    return [name for name in there if name not in old]
 
 
 def report(name: str) -> dict:
-    """Its content."""
+    """Its content; FileNotFoundError where `reported` does not name it."""
     for names in _readers:
         names.add(name)
+    if _only_of_today and stale([name]):
+        raise FileNotFoundError(f"reports/*/{name}.json: of earlier code; made by: {COMMANDS[name]}")
     return json.loads(report_path(name).read_text())
 
 
 _readers: list[set[str]] = []
+_only_of_today: list[bool] = []
+
+
+@contextlib.contextmanager
+def only_of_today() -> Iterator[None]:
+    """Meanwhile a report of earlier code counts as not there."""
+    _only_of_today.append(True)
+    try:
+        yield
+    finally:
+        _only_of_today.pop()
 
 
 @contextlib.contextmanager
@@ -152,7 +167,10 @@ def ids_of_today() -> dict[str, str]:
 
 def fingerprint_of(name: str) -> str | None:
     """What a report says of the code that made it; None for one that says nothing, or is not there."""
-    return json.loads(report_path(name).read_text()).get("fingerprint") if name in reported() else None
+    try:
+        return json.loads(report_path(name).read_text()).get("fingerprint")
+    except FileNotFoundError:
+        return None
 
 
 def stale(names: Iterable[str]) -> list[str]:

@@ -11,8 +11,17 @@ def probe() -> Probe:
 
 
 def test_what_differs_by_less_than_matters_agrees(probe):
-    assert probe.agrees(Probe(probe.values + np.array([9e-4, 9e-3]), [0, 0]))
-    assert not probe.agrees(Probe(probe.values + np.array([0, 1.1e-2]), [0, 0]))
+    assert probe.agrees(Probe(probe.values + np.array([2.9e-3, 2.9e-2]), [0, 0]))
+    assert not probe.agrees(Probe(probe.values + np.array([0, 3.1e-2]), [0, 0]))
+
+
+def test_few_numbers_of_many_may_be_off():
+    probe = Probe(np.zeros((10, 10)), [1e-3] * 10)
+    off = np.zeros((10, 10))
+    off[0, :2] = 1.0
+    assert probe.agrees(Probe(off, [0] * 10))
+    off[0, 2] = 1.0
+    assert not probe.agrees(Probe(off, [0] * 10))
 
 
 def test_another_shape_does_not_agree(probe):
