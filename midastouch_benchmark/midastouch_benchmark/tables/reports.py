@@ -168,9 +168,16 @@ def ids_of_today() -> dict[str, str]:
 def fingerprint_of(name: str) -> str | None:
     """What a report says of the code that made it; None for one that says nothing, or is not there."""
     try:
-        return json.loads(report_path(name).read_text()).get("fingerprint")
+        path = report_path(name)
     except FileNotFoundError:
         return None
+    return _fingerprint_in(path, path.stat().st_mtime_ns)
+
+
+@cache
+def _fingerprint_in(path: Path, written_ns: int) -> str | None:
+    """Of a file as it was written then: each table asks for that of every report."""
+    return json.loads(path.read_text()).get("fingerprint")
 
 
 def stale(names: Iterable[str]) -> list[str]:
