@@ -108,7 +108,7 @@ def marked(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
 
 
 def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
-    """A table's text from the reports of today's code, and a line on what they do not have yet; names of its reports."""
+    """A table's text from the reports of today's code, and a line on what these do not have; names of its reports."""
     names = marked(make)[1]
     try:
         with only_of_today():
@@ -117,9 +117,8 @@ def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
         text = UNMEASURED
     now = ", ".join(f"`{each}`" for each in ids_of_today().values())
     left = [f"[{name}]" for name in stale(names)]
-    if not left:
-        return f"{text}\n\nFingerprint {now}.", names
-    return f"{text}\n\nFingerprint {now}; not measured with it yet, last figures by earlier code: {', '.join(left)}.", names
+    rest = f"; not measured with it yet, last figures by earlier code: {', '.join(left)}" if left else ""
+    return f"{text}\n\nFingerprint {now}{rest}.", names
 
 
 def _footnote(names: list[str], old: list[str]) -> str:

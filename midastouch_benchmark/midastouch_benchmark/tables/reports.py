@@ -25,7 +25,7 @@ _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibr
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """What is done to the slides, by the name of the protocol and of its report."""
 _MANY = "--slides 10 --seeds 2"
-_LOOKS = "--slides 10 --seeds 1 --looks 3"  # 100 trials, and up to 300 of what these do not tell
+_PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant
 FURTHER = {
     "held_out": ("ten further objects", "--slides 10 --seeds 1"),
     "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
@@ -58,18 +58,18 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
+    "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_hindsight no_kld "
     "no_surface no_book_constraint no_tempering no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     **{
-        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_LOOKS} --variant {_EVIDENCE}"
+        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_PAIRED} --variant {_EVIDENCE}"
         for name in ("kidnap", "tool_bias", "rest", "slow_camera")
     },
-    "ablation_rest": f"{_BENCHMARK} --protocol rest {_LOOKS} --variant gates",
-    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_LOOKS} --variant gates",
-    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_LOOKS} --variant no_refinement codes_no_recovery",
-    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_LOOKS} --variant no_arm_errors",
-    "ablation_push": f"{_BENCHMARK} --protocol push {_LOOKS} --variant no_object_motion",
+    "ablation_rest": f"{_BENCHMARK} --protocol rest {_PAIRED} --variant gates",
+    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_PAIRED} --variant gates",
+    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_PAIRED} --variant no_refinement codes_no_recovery",
+    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_PAIRED} --variant no_arm_errors",
+    "ablation_push": f"{_BENCHMARK} --protocol push {_PAIRED} --variant no_object_motion",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
