@@ -138,7 +138,7 @@ class Effort:
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     carried: int = 16
-    lookups_per_step: int = 2500
+    lookups_per_step: int = 7500
     alignments: int = 1500
-    alignments_per_step: int = 30
+    alignments_per_step: int = 90
     settled_after: int = 3
