@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -129,15 +129,26 @@ def ids(fingerprint: Fingerprint) -> dict[str, str]:
     return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in texts.items()}
 
 
+def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tuple[Fingerprint, dict[str, list[str]]]:
+    """Today's fingerprint, and what has changed since an old one; run: measures, with nudges of this seed, if any.
+
+    It is measured again, with nudged inputs, as long as something seems to have changed.
+    """
+    runs = [run(None)]
+    changed = differences(old, *runs)
+    for seed in _REPEATS:
+        if any(changed.values()):
+            runs.append(run(seed))
+            changed = differences(old, *runs)
+    return runs[0], changed
+
+
 def write(path: Path = COMMITTED) -> dict[str, list[str]]:
     """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
     old, named = read(path) if path.is_file() else ({}, {})
     changed = {part: ["there was none"] for part in (PERCEPTION, ESTIMATES)}
     if old:
-        runs = [measure()]
-        changed = differences(old, *runs)
-        if any(changed.values()):
-            changed = differences(old, *runs, *(measure(seed=seed) for seed in _REPEATS))
+        _, changed = _compared(old, lambda seed: measure(seed=seed))
         if not any(changed.values()):
             return changed
     found = steady()
@@ -178,16 +189,10 @@ def today() -> dict[str, str]:
 
     Measured once for each state of the sources, networks and models: kept in out/cache.
     """
-    now = _measured()
     if not COMMITTED.is_file():
-        return ids(now)
+        return ids(_measured())
     old, names = read()
-    runs = [now]
-    changed = differences(old, *runs)
-    for seed in _REPEATS:
-        if any(changed.values()):
-            runs.append(_measured(seed))
-            changed = differences(old, *runs)
+    now, changed = _compared(old, _measured)
     new = ids(now)
     return {part: new[part] if changed[part] else names[part] for part in names}
 
