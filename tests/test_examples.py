@@ -37,19 +37,24 @@ ENGINES = {"simulated_finger": "rclpy", "mujoco_arm": "mujoco"}
 """Those that move a simulated sensor, beside the nodes that look for it, and what they need."""
 
 
-def run_to_its_end(name, arguments, folder):
+def lines_of(name, arguments, folder):
+    """What the example prints, until it ends."""
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    last = done.stdout.splitlines()[-1]
-    assert float(re.search(r"([\d.]+) mm", last)[1]) < 5
-    return last
+    return done.stdout.splitlines()
+
+
+def error_mm(line):
+    return float(re.search(r"([\d.]+|nan) mm", line)[1])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_an_example_finds_the_sensor(name, folder):
-    assert "converged" in run_to_its_end(name, ARGUMENTS[name], folder)
+    last = lines_of(name, ARGUMENTS[name], folder)[-1]
+    assert "converged" in last
+    assert error_mm(last) < 5
 
 
 @pytest.fixture
@@ -69,8 +74,12 @@ def nodes(name, folder):
 @pytest.mark.usefixtures("nodes")
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engine_moves_a_sensor_that_is_found(name, folder):
-    # where the live path ends, other places may still be under comparison
-    assert run_to_its_end(name, [], folder).startswith(("converged", "ambiguous"))
+    # where a live path ends depends on the load; there, other places may be under comparison again
+    lines = lines_of(name, [], folder)
+    sure = [error_mm(line) for line in lines if line.startswith("converged")]
+    assert sure, lines
+    assert max(sure) < 5, lines
+    assert lines[-1].startswith(("converged", "ambiguous")), lines
 
 
 def test_every_example_is_run():
