@@ -33,7 +33,7 @@ FIELDS = {
         "code": "sequence<float>",
         "network_id": "string",
     },
-    TactileContact: {"header": "std_msgs/Header", "in_contact": "boolean", "area": "float"},
+    TactileContact: {"header": "std_msgs/Header", "in_contact": "boolean", "area": "float", "depth": "float"},
     PoseMode: {"weight": "double", "pose": "geometry_msgs/PoseWithCovariance"},
     PoseModes: {
         "header": "std_msgs/Header",

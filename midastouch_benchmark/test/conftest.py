@@ -49,7 +49,7 @@ class PosePipeline:
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
         code = self._codes[int(image[0, 0, 0])]
-        return Touch(Contact(np.zeros((160, 120), np.float32), 1e-4), code, NETWORK)
+        return Touch(Contact(np.zeros((160, 120), np.float32), 1e-4, 0.0), code, NETWORK)
 
 
 class StubSequence(SimpleNamespace):

@@ -92,3 +92,48 @@ def test_change_beside_each_colours_gain(shape):
 def test_planes():
     images = np.random.default_rng(6).standard_normal((2, 5, 4, 3)).astype(np.float32)
     np.testing.assert_array_equal(kernels.planes(images, 0.25), np.moveaxis(images / 4, -1, 1))
+
+
+def heights_of(slopes, region, pixel):
+    """The same by dense least squares: a row for every pair of neighbours of which one is in the region."""
+    index = np.full(region.shape, -1)
+    index[region > 0] = np.arange(np.count_nonzero(region))
+    rows, steps = [], []
+    for axis, part in ((1, 0), (0, 1)):
+        for here in np.ndindex(*(np.array(region.shape) - (axis == np.arange(2)))):
+            there = (here[0] + (axis == 0), here[1] + (axis == 1))
+            row = np.zeros(np.count_nonzero(region) + 1)
+            row[index[there]] += 1
+            row[index[here]] -= 1
+            rows.append(row[:-1])
+            steps.append(pixel * (slopes[here][part] + slopes[there][part]) / 2)
+    out = np.zeros(region.shape)
+    out[region > 0] = np.linalg.lstsq(np.array(rows), np.array(steps), rcond=None)[0]
+    return out
+
+
+@pytest.mark.parametrize("at_the_edge", [False, True])
+def test_heights_are_those_with_the_nearest_slopes(at_the_edge):
+    rng = np.random.default_rng(5)
+    rows, columns = np.mgrid[:26, :21]
+    region = (np.hypot(rows - 12, columns - (3 if at_the_edge else 10)) < 8) & (np.hypot(rows - 10, columns - 8) > 2)
+    slopes = rng.normal(0.2, 0.5, (26, 21, 2)).astype(np.float32)
+    found = kernels.integrate_slopes(slopes, region.astype(np.uint8), 1e-4)
+    expected = heights_of(slopes, region, 1e-4)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+    assert not found[~region].any()
+
+
+def test_heights_without_anything_beside_them_begin_at_nothing():
+    rows, columns = np.mgrid[:30, :20] * 1e-4
+    slopes = np.broadcast_to(np.float32([0.3, -0.2]), (30, 20, 2)).copy()
+    found = kernels.integrate_slopes(slopes, np.ones((30, 20), np.uint8), 1e-4)
+    plane = 0.3 * columns - 0.2 * rows
+    np.testing.assert_allclose(found, plane - plane.min(), atol=5e-6)
+
+
+def test_heights_of_slopes_that_are_no_numbers_are_finite():
+    slopes, region = np.full((20, 20, 2), np.nan, np.float32), np.zeros((20, 20), np.uint8)
+    assert not kernels.integrate_slopes(slopes, region, 1e-4).any()
+    region[5:9, 5:9] = 1
+    assert not kernels.integrate_slopes(slopes, region, 1e-4).any()

@@ -1,4 +1,9 @@
-"""What touches the sensor, decided on the penetration map, with hysteresis."""
+"""What touches the sensor, decided on the penetration map, with hysteresis.
+
+Two depths are told apart. *Penetration* is the shape within the contact: how far the object reaches above the contact's
+own outline; codes and alignment compare it with what is rendered. *Depth* is how far the gel's deepest point lies below
+the untouched gel, as an arm was commanded: soft gel sinks in beside a contact, so it is larger.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +30,17 @@ def in_steps(penetration: np.ndarray) -> np.ndarray:
 @dataclasses.dataclass(frozen=True)
 class Contact:
     """Attributes: penetration (H, W) float32 m in steps of 1 um, 0 where nothing touches; area_m2, of the touched gel,
-    0 without contact."""
+    and depth_m, of its deepest point below the untouched gel, both 0 without contact."""
 
     penetration: np.ndarray
     area_m2: float
+    depth_m: float
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
-        """The contact with this penetration map (H, W) m; sensor: at the map's resolution."""
-        return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area))
+        """The contact with this penetration map (H, W) m on gel that does not sink in beside it; sensor: at the map's
+        resolution."""
+        return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area), float(penetration.max()))
 
     @property
     def in_contact(self) -> bool:
@@ -66,4 +73,4 @@ class ContactDetector:
         return self._nothing()
 
     def _nothing(self) -> Contact:
-        return Contact(np.zeros((self._sensor.height, self._sensor.width), np.float32), 0.0)
+        return Contact(np.zeros((self._sensor.height, self._sensor.width), np.float32), 0.0, 0.0)

@@ -1,5 +1,6 @@
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 
@@ -9,6 +10,10 @@ from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn
@@ -76,6 +81,40 @@ def test_an_unchanged_image_reuses_the_contact(touches):
     assert stage.process(images[1], background) is not first
     assert stage.process(images[1], background.copy()) is not first
     assert stage.skipped["image_unchanged"] == 1, "another image or another background is computed"
+
+
+def lamps(n, strength):
+    """Light (n, 160, 120, 3) of lamps that change slowly, each by `strength` in the end, seen at half the size."""
+    rng = np.random.default_rng(3)
+    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
+    middles, amounts = rng.uniform(-1, 1, (3, 2)), strength * rng.choice([-1, 1], 3)
+    lobes = np.stack([np.exp(-((columns - x) ** 2) - (rows - y) ** 2) for x, y in middles], axis=-1)
+    return (1 + fraction * amounts * lobes for fraction in np.linspace(0, 1, n))
+
+
+def lit(image, light, rng):
+    return np.clip(np.rint(image * light + rng.normal(0, 1, image.shape)), 0, 255).astype(np.uint8)
+
+
+def test_light_that_changes_slowly_is_no_contact():
+    mini, rng = SensorModel.load("gelsight_mini"), np.random.default_rng(0)
+    background = cv2.resize(SensorCalibration.default(mini).background, (240, 320), interpolation=cv2.INTER_CUBIC)
+    background = np.clip(np.rint(background), 0, 255).astype(np.uint8)
+    stage = DepthStage(load_tdn("fast", mini))
+    images = [lit(background, light, rng) for light in lamps(60, 0.3)]
+    assert not any(stage.process(image, background).in_contact for image in images)
+
+
+def test_a_light_touch_begins_while_the_light_changes():
+    real, rng = SensorModel.load("digit_real"), np.random.default_rng(0)
+    half, radius = real.for_maps, 3e-3
+    maps = np.zeros((60, half.height, half.width), np.float32)
+    maps[30:] = np.maximum(ball_penetration(ball_centre(60, 80, 1.2e-3, radius, half), radius, half), 0)
+    for name in measured_sensors():
+        camera, stage = MeasuredSensor(MeasuredOptics.load(name), real, rng), DepthStage(load_tdn("fast", real))
+        images = [lit(*each, rng) for each in zip(camera.images(maps), lamps(60, 0.15), strict=True)]
+        touched = [stage.process(image, camera.background).in_contact for image in images]
+        assert touched == [False] * 30 + [True] * 30
 
 
 class Watcher:

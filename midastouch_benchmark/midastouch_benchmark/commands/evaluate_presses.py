@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
     from midastouch_bringup.result_file import to_json
+    from midastouch_perception.sensor_calibration.calibration import SensorCalibration
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
@@ -92,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
             "tdn": args.tdn,
             "network": tdn.network_id,
             "sensor": args.sensor,
+            "model_calibration": SensorCalibration.default(sensor) is not None,
             "machine": machine_info(),
             "unusable": _listed(unusable),
             "unfitted": _listed(known.unfitted),

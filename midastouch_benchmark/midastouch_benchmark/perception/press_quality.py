@@ -47,14 +47,16 @@ _LARGEST_BALL = 0.1  # m
 @dataclasses.dataclass(frozen=True)
 class MeasuredPress:
     """One press as measured. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; measured
-    and ideal (h, w) m; ideal is None where neither a circle nor an outline tells it; found, the pipeline's contact
-    decision; truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the measured map, or None.
+    and ideal (h, w) m; ideal is None where neither a circle nor an outline tells it; depth m, of the deepest point
+    below the untouched gel; found, the pipeline's contact decision; truth and nearest, centres (3,) m of the ideal ball
+    and of the one nearest to the measured map, or None.
     """
 
     name: str
     image: np.ndarray
     difference: np.ndarray
     measured: np.ndarray
+    depth: float
     found: bool
     ideal: np.ndarray | None
     truth: np.ndarray | None
@@ -85,7 +87,8 @@ def as_measured(
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(measured, region, radius, tdn.sensor) if region.any() else None
         found = ContactDetector(tdn.sensor).update(measured).in_contact and bool(region.any())
-        yield MeasuredPress(name, image, difference, measured, found, ideal, truth, nearest)
+        depth = tdn.depth(difference, measured)
+        yield MeasuredPress(name, image, difference, measured, depth, found, ideal, truth, nearest)
 
 
 def measure_presses(
@@ -148,6 +151,7 @@ def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:
         "found": press.found,
         "bulges": bulges,
         "felt_peak_mm": 1e3 * float(press.measured.max()),
+        "depth_below_gel_mm": 1e3 * press.depth,
         "felt_radius_mm": None if measured_radius is None else 1e3 * measured_radius,
         "roundness": _roundness(contact),
         "outside_share": float(press.measured[~visible].sum()) / total if total else 0.0,

@@ -56,6 +56,10 @@ class FittedBall:
         """Penetration (H, W) m of the ball."""
         return np.maximum(self._fitted[image.tobytes()][1], 0)
 
+    def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
+        """The deepest penetration [m]: how far the gel sinks in beside the ball is not known."""
+        return float(penetration.max())
+
 
 def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
     """Column, row and radius of a press's contact in pixels of the full image."""

@@ -18,7 +18,10 @@ _WANTED = {
 }
 """Of presses: deepest over deepest, correlation at least, radius measured [mm], IoU at least, RMSE inside [mm] at
 most."""
-_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
+_DIGIT_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
+_MINI_PRESSES = (
+    "presses_mini_6310", "presses_mini_6310_calibrated", "presses_mini_9500", "presses_mini_9500_calibrated"
+)  # fmt: skip
 DEPTH: dict[str, Form] = {
     "RMSE, all pixels": text("rmse_mm", "{:.3f} mm"),
     "in contact": text("contact_rmse_mm", "{:.3f} mm"),
@@ -122,7 +125,8 @@ def labels() -> pd.DataFrame:
 
 def _press_row(content: dict) -> dict:
     others, calibration = content.get("calibrated_with"), content.get("calibration")
-    how = f"with {others} others" if others else Path(calibration).name if calibration else "without"
+    without = "the model's" if content.get("model_calibration") else "without"
+    how = f"with {others} others" if others else Path(calibration).name if calibration else without
     summary = content["summary"]
     judged = {} if summary.get("truth") != "felt outline" else dict.fromkeys(
         ("rmse_in_circle_mm", "peak_ratio", "depth_correlation", "iou_ideal", "centre_mm")
@@ -132,8 +136,8 @@ def _press_row(content: dict) -> dict:
 
 
 def presses() -> pd.DataFrame:
-    """The depth network on two real sensors, against the ball under the labelled outline."""
-    frame = frame_of(dict.fromkeys(_PRESSES, "-"), lambda name: _press_row(report(name)))
+    """Depth on two DIGITs and a GelSight Mini, against the ball under the labelled outline."""
+    frame = frame_of(dict.fromkeys((*_DIGIT_PRESSES, *_MINI_PRESSES), "-"), lambda name: _press_row(report(name)))
     return written(frame, {"ball": text("ball"), "calibration": text("how")} | PRESSES, {}, "report")
 
 
@@ -164,7 +168,7 @@ def wanted() -> pd.DataFrame:
                 (f"{ball}, {how}: IoU", one["iou"], 2, iou, None),
                 (f"{ball}, {how}: RMSE inside, mm", one["rmse_in_circle_mm"], 2, None, rmse),
             ]
-    unsteady = max(report(name)["summary"]["brightness_mm"] for name in _PRESSES)
+    unsteady = max(report(name)["summary"]["brightness_mm"] for name in _DIGIT_PRESSES)
     rows.append(("the most by 10 % of light, mm", unsteady, 3, None, 0.01))
     tacto = report("evaluate_tdn")["summary"]
     rows.append(("slides of another renderer: RMSE, mm", tacto["rmse_mm"], 3, None, 0.059))

@@ -82,6 +82,12 @@ COMMANDS = {
     "--ball-diameter 0.006 --check-labels",
     "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
     "--ball-diameter 0.006 --calibrate-with 10 --check-labels",
+    **{
+        f"presses_mini_{ball}{name}": f"midastouch evaluate-presses ../shared/data/gelsight_mini/presses_{ball} "
+        f"--sensor gelsight_mini --ball-diameter {1e-6 * int(ball):g}{how}"
+        for ball in ("6310", "9500")
+        for name, how in (("", ""), ("_calibrated", " --calibrate-with 10"))
+    },
     "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds --sensors 100 "
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "

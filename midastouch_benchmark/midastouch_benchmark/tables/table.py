@@ -42,7 +42,7 @@ def written(
     for row in frame.to_dict("records"):
         line = [form(row) for form in about.values()]
         if not row.get("measured", True):
-            line += [UNMEASURED, *["-"] * (len(claims) - 1)]
+            line += [UNMEASURED, *["-"] * (len(claims) - 1)][: len(claims)]
         elif claims and row["trials"] < ENOUGH:
             line += [f"too few ({row['trials']:.0f})"] * len(claims)
         else:

@@ -33,12 +33,20 @@ class SlopeTdn:
     def __init__(self):
         self.sensor = SensorModel.load("digit_tacto").scaled(0.5)
 
-    def difference(self, image, background):
+    def change(self, image, background):
         return image.astype(np.float32) - background
+
+    def shown(self, change):
+        return change
+
+    difference = change
 
     def predict(self, image, background, difference=None):
         change = self.difference(image, background) if difference is None else difference
         return np.where(change[..., 2] > 4, change[..., 2], 0) * np.float32(2e-5)
+
+    def depth(self, difference, penetration):
+        return float(penetration.max())
 
 
 def sensor_at(level: int) -> ImaginarySensor:

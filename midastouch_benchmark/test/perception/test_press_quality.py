@@ -32,6 +32,9 @@ class FakeTdn:
     def predict(self, image, background, difference=None):
         return self._measured(self.difference(image, background)[..., 0] * np.float32(1e-5))
 
+    def depth(self, difference, penetration):
+        return float(penetration.max())
+
 
 @pytest.fixture(scope="module")
 def presses(sensor):

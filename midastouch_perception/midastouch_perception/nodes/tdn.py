@@ -164,7 +164,10 @@ class TdnNode(ManagedNode):
         return "the sensor is touching something; lift the finger off and try again"
 
     def _publish(self, header: Header, contact: Contact) -> None:
-        self._contact.publish(TactileContact(header=header, in_contact=contact.in_contact, area=contact.area_m2))
+        message = TactileContact(
+            header=header, in_contact=contact.in_contact, area=contact.area_m2, depth=contact.depth_m
+        )
+        self._contact.publish(message)
         if self._sink is None or self._points.get_subscription_count() > 0:
             points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._map_sensor)
             self._points.publish(points_to_msg(points, header))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import zipfile
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import cv2
@@ -26,6 +26,7 @@ _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come fro
 _STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
 _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
 _FORMAT = 2
+_DEFAULTS = Path(__file__).parent / "defaults"
 _GRID = (16, 12)  # rows, columns
 _OTHER_SCALE = 0.02  # by which the pixels' size may differ
 _OTHER_GEL = 0.1  # fraction by which three quarters of a no-contact image may differ, its brightness aside
@@ -128,6 +129,15 @@ class SensorCalibration:
             raise InputError(f"{path}: {error.strerror or error}; the calibration was not kept") from error
 
     @classmethod
+    def default(cls, sensor: SensorModel) -> SensorCalibration | None:
+        """That which comes with a sensor model, for sensors without one of their own; None if none does.
+
+        It was made with one sensor of the kind. Colours mean slopes, so it holds at any scale.
+        """
+        path = _DEFAULTS / f"{sensor.name}.npz"
+        return _kept(path) if path.is_file() else None
+
+    @classmethod
     def load(cls, path: str | Path) -> SensorCalibration:
         """Read a calibration. Raises InputError if there is none or it is not one."""
         require_file(path, "calibration")
@@ -151,6 +161,11 @@ class SensorCalibration:
                 )
         except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen kinds, by which byte is wrong
             raise InputError(f"{path}: not a calibration ({error}); make one with midastouch calibrate") from error
+
+
+@lru_cache
+def _kept(path: Path) -> SensorCalibration:
+    return SensorCalibration.load(path)
 
 
 def _finite(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -18,7 +18,8 @@ class DepthNet(ABC):
 
     Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew. Raises
     InputError if the calibration is another sensor model's.
-    Attributes: network_id; sensor, the map-resolution sensor model.
+    Attributes: network_id; sensor, the map-resolution sensor model; calibration_in_use, that of the sensor, else the
+    one that comes with its model, or None.
     """
 
     _threads = 1
@@ -35,7 +36,12 @@ class DepthNet(ABC):
         self._background: tuple[np.ndarray, ContactLight] | None = None
         if calibration is not None:
             calibration.check_sensor(self._image_sensor)
+        self._default = SensorCalibration.default(self._image_sensor)
         self.calibration = calibration
+
+    @property
+    def calibration_in_use(self) -> SensorCalibration | None:
+        return self.calibration or self._default
 
     @property
     def network_id(self) -> str:
@@ -47,18 +53,25 @@ class DepthNet(ABC):
         """Whether the network also gives its bottleneck."""
 
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
+        """What the network is shown of image and background: `shown` of their `change`."""
+        return self.shown(self.change(image, background))
 
-        The frame's own brightness is taken off; relative light is scaled to a background of 100 (`ContactLight`). With
-        a calibration it is the difference that a standard sensor would show. Raises InputError on wrong size or type.
-        The last background is kept reduced: do not write into it.
+    def shown(self, change: np.ndarray) -> np.ndarray:
+        """What the network is shown of a change (160, 120, 3) grey levels: with a calibration, that of a standard
+        sensor."""
+        return self.calibration_in_use.standardised(change) if self.calibration_in_use else change
+
+    def change(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
+        """Change (160, 120, 3) float32 grey levels from background to image, both (320, 240, 3) uint8 RGB.
+
+        The frame's own brightness is taken off; relative light is scaled to a background of 100 (`ContactLight`).
+        Raises InputError on wrong size or type. The last background is kept reduced: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
             self._background = background, ContactLight(reduce_image(background), self.sensor.light)
         reduced = reduce_image(check_image(image, self._image_sensor, "tactile image"))
-        change = self._background[1].difference(reduced)
-        return self.calibration.standardised(change) if self.calibration else change
+        return self._background[1].difference(reduced)
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
@@ -66,6 +79,14 @@ class DepthNet(ABC):
 
         difference: `difference(image, background)`, if at hand.
         """
+
+    def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
+        """Depth [m] of a contact's deepest point below the untouched gel; at least the deepest penetration.
+
+        difference (160, 120, 3), as `difference` gives it; penetration (160, 120) m of the contact. Without a
+        calibration nobody knows how far the gel sinks in beside a contact: it is the deepest penetration.
+        """
+        return float(penetration.max())
 
 
 class CalibrationInUse:
@@ -76,7 +97,7 @@ class CalibrationInUse:
     """
 
     def __init__(self, tdn: DepthNet | None, calibration: SensorCalibration | None, sensor: SensorModel):
-        self._tdn, self._calibration = tdn, calibration
+        self._tdn, self._calibration, self._sensor = tdn, calibration, sensor
         self._other_scale = scale_problem(sensor, calibration.pixel_size) if calibration else ""
         self._decide(self._other_scale)
 
@@ -92,8 +113,8 @@ class CalibrationInUse:
 
     def __str__(self) -> str:
         """What is in use, in words."""
-        if self._calibration is None:
-            return "none"
-        if self.problem:
-            return "refused"
-        return f"{self._calibration.touched}, {self._calibration.date}"
+        if self._calibration is not None and not self.problem:
+            return f"{self._calibration.touched}, {self._calibration.date}"
+        words = ["refused"] if self.problem else []
+        words += [f"that of the model {self._sensor.name}"] if SensorCalibration.default(self._sensor) else []
+        return ", ".join(words) or "none"

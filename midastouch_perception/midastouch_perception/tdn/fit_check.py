@@ -32,18 +32,21 @@ _GELS = GelShape(0.3e-3, 0.0, 0.1e-3), GelShape(0.5e-3, 1.0, 0.25e-3), GelShape(
 """From one that follows every edge to one that sinks in far around it."""
 
 
-def explained_fraction(difference: np.ndarray, penetration: np.ndarray, pixel: float) -> float | None:
+def explained_fraction(
+    difference: np.ndarray, penetration: np.ndarray, pixel: float, least_change: float = _LEAST_CHANGE
+) -> float | None:
     """Fraction (0 ... 1) of a difference image's energy that its penetration map explains; None without a visible
     change.
 
-    difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel. The optics fitted to each image: every
+    difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel; least_change, grey levels, root mean
+    square over blocks, that is visible. The optics fitted to each image: every
     channel is linear in the slopes of the gel around the contact, with factors linear in the position, plus a quadratic
     in the slopes. The gel is the one of a few that explains most. What is quadratic in the position does not count.
     """
     slow = np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
     seen = _without(slow, _blocks(difference).reshape(-1, 3))
     energy = float((seen**2).sum())
-    if energy < _LEAST_CHANGE**2 * seen.size:
+    if energy <= least_change**2 * seen.size:
         return None
     left = []
     for gel in _GELS:

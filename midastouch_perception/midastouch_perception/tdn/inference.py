@@ -7,17 +7,24 @@ from pathlib import Path
 import numpy as np
 
 from ..onnx_network import WEIGHTS, network_path, read_card
-from ..sensor_calibration.calibration import SensorCalibration
+from ..sensor_calibration.calibration import SensorCalibration, plain_slopes
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .fcrn import FcrnDepthNet
 from .inputs import difference_input, geometry_input
+from .slope_fusion import depth_below_gel, joined_depth
 
 EMBEDDING = "embedding"  # name of the network's second output
+_LEARNT_ON = {"additive": "digit_tacto", "relative": "digit_real"}
+"""By `SensorModel.light`, the sensor in the middle of those that the network was trained for."""
 
 
 class TactileDepthNet(DepthNet):
-    """Our depth network, which sees differences from the no-contact image."""
+    """Our depth network, which sees differences from the no-contact image.
+
+    Its depths are slopes in disguise: it hardly looks at the scale. So a depth counts as so many of the pixels that it
+    learnt with, and of a calibrated sensor its slopes are joined with those by the colours (`slope_fusion`).
+    """
 
     _threads = 2  # a frame takes three quarters of one thread's time, the second core being idle meanwhile
 
@@ -30,15 +37,32 @@ class TactileDepthNet(DepthNet):
         super().__init__(name_or_path, sensor, calibration)
         self._network.require_inputs("difference", "geometry")
         self._geometry = geometry_input(self.sensor)[None]
+        learnt = SensorModel.load(_LEARNT_ON[self.sensor.light]).for_maps
+        self._metres = np.float32(1e-3 * self.sensor.pixel_size / learnt.pixel_size)  # a millimetre of the network's
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
         return self.penetration(self.difference(image, background) if difference is None else difference)
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
         """Penetration of difference images (160, 120, 3) or (N, 160, 120, 3): (160, 120) or (N, 160, 120) m."""
+        penetration = self.network_penetration(difference)
+        return penetration if self.calibration_in_use is None else self._joined(difference, penetration)
+
+    def network_penetration(self, difference: np.ndarray) -> np.ndarray:
+        """The same by the network alone."""
         out = self._network.run(*self._batch(difference))
-        penetration = np.where(out[:, 1] > 0, np.maximum(out[:, 0], 0), 0) * np.float32(1e-3)
+        penetration = np.where(out[:, 1] > 0, np.maximum(out[:, 0], 0), 0) * self._metres
         return penetration.reshape(difference.shape[:-1])
+
+    def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
+        if self.calibration_in_use is None:
+            return super().depth(difference, penetration)
+        return depth_below_gel(plain_slopes(difference), penetration, self.sensor.pixel_size)
+
+    def _joined(self, difference: np.ndarray, penetration: np.ndarray) -> np.ndarray:
+        if difference.ndim == 3:
+            return joined_depth(plain_slopes(difference), penetration, self.sensor.pixel_size)
+        return np.stack([self._joined(*each) for each in zip(difference, penetration, strict=True)])
 
     @property
     def has_embedding(self) -> bool:

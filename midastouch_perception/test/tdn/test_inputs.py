@@ -76,11 +76,12 @@ class Watched:
     """The depth network, with the last difference that it was shown."""
 
     def __init__(self):
-        self._tdn = load_tdn("fast")
-        self.sensor, self.difference, self.shown = self._tdn.sensor, self._tdn.difference, None
+        self._tdn = tdn = load_tdn("fast")
+        self.sensor, self.change, self.shown, self.depth = tdn.sensor, tdn.change, tdn.shown, tdn.depth
+        self.last = None
 
     def predict(self, image, background, difference):
-        self.shown = difference
+        self.last = difference
         return self._tdn.predict(image, background, difference)
 
 
@@ -99,6 +100,6 @@ def test_warm_up_is_no_contact():
     in_contact = [stage.process(frame(3e-4 * i), background).in_contact for i in range(200)]
     assert np.mean(in_contact) < 0.05
     stage.process(frame(0.06), background)
-    learned = np.abs(tdn.shown).mean()
+    learned = np.abs(tdn.last).mean()
     stage.process(frame(0.06), background.copy())
-    assert np.abs(tdn.shown).mean() > 1.5 * learned, "another background: what was learned is forgotten"
+    assert np.abs(tdn.last).mean() > 1.5 * learned, "another background: what was learned is forgotten"
