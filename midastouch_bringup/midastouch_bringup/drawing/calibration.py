@@ -101,6 +101,7 @@ def figure_rows(result: Result) -> list[list[str]]:
     ]
     if diameter:
         rows.insert(0, _row(lengths, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
+        rows.insert(1, _row(lengths, "depth_radius", "radius of the ball by the depth, mm", 500 * diameter))
     return rows
 
 

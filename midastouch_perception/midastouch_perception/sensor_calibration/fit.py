@@ -113,7 +113,8 @@ class Result:
     beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
     the calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `depth_errors`; and the ball's radius [m] by the slopes, felt_radius_before and
-    felt_radius_after); doubt, why the confirmed diameter of the ball is improbable, empty if it is plausible.
+    felt_radius_after, and by the depth, depth_radius_before and depth_radius_after); doubt, why the confirmed diameter
+    of the ball is improbable, empty if it is plausible.
     """
 
     calibration: SensorCalibration
@@ -187,6 +188,7 @@ def calibrate(
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
+    figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 

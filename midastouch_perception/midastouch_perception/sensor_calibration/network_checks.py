@@ -68,21 +68,30 @@ def depth_errors(
     background: np.ndarray,
     sensor: SensorModel,
 ) -> dict[str, float]:
-    """felt_error_before, felt_error_after: root mean square error [m] of the depth in a touch's contact, median.
+    """How depth is measured in touches, medians: felt_error_before, felt_error_after, root mean square error [m] in the
+    contact; curvature_before, curvature_after, how curved its core is, 1 in truth.
 
     Without calibration, and with the touch's own one of `held_out`, which has not seen it. images (320, 240, 3) uint8
     RGB; penetrations (H, W) m of what touches, None, as in held_out, for a touch that is not used; sensor: full size.
     """
-    tdn, rows = load_tdn("fast", sensor), []
+    tdn, rows, curvatures = load_tdn("fast", sensor), [], []
     for image, penetration, calibration in zip(images, penetrations, held_out, strict=True):
         if calibration is None:
             continue
         inside, row = penetration > 0, []
+        true, curved = _curvature(np.maximum(penetration, 0), tdn.sensor.pixel_size), []
         for tdn.calibration in (None, calibration):
-            error = (tdn.predict(image, background) - penetration)[inside]
-            row.append(float(np.sqrt((error**2).mean())))
+            measured = tdn.predict(image, background)
+            row.append(float(np.sqrt(((measured - penetration)[inside] ** 2).mean())))
+            core = _curvature(measured, tdn.sensor.pixel_size)
+            curved.append(np.nan if core is None or true is None else core / true)
         rows.append(row)
-    return dict(zip(("felt_error_before", "felt_error_after"), np.median(rows, axis=0).tolist(), strict=True))
+        curvatures.append(curved)
+    known = [row for row in curvatures if np.isfinite(row).all()] or [(np.nan, np.nan)]
+    values = *np.median(rows, axis=0).tolist(), *np.median(known, axis=0).tolist()
+    return dict(
+        zip(("felt_error_before", "felt_error_after", "curvature_before", "curvature_after"), values, strict=True)
+    )
 
 
 def gain_doubt(figures: dict[str, float]) -> str:
