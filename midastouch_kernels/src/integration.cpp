@@ -24,11 +24,11 @@ struct Level {
     std::vector<float> inside;   // 1 in the region, else 0
     std::vector<float> weight;   // number of neighbours, inside the region or not
     std::vector<float> inverse;  // kDamping over it in the region, else 0
-    std::vector<float> value, wanted, left, scratch;
+    std::vector<float> value, wanted, left;
 
     Level(std::size_t h, std::size_t w)
         : height(h), width(w), stride(w + 2), inside(stride * (h + 2)), weight(inside), inverse(inside), value(inside),
-          wanted(inside), left(inside), scratch(inside) {}
+          wanted(inside), left(inside) {}
 
     std::size_t at(std::size_t v, std::size_t u) const { return (v + 1) * stride + u + 1; }
 
@@ -125,7 +125,8 @@ class Multigrid {
 // Heights on the finest level for what it wants.
 std::vector<float> solve(Multigrid& grid) {
     Level& finest = grid.finest();
-    std::vector<float> residual = finest.wanted, height(residual.size()), direction(residual.size());
+    std::vector<float> residual = finest.wanted, height(residual.size()), direction(height),
+                       applied(height);
     const float enough = kAccuracy * kAccuracy * dot(residual, residual);
     float last = 0;
     for (int step = 0; step < kMostSteps && dot(residual, residual) > enough; ++step) {
@@ -134,12 +135,12 @@ std::vector<float> solve(Multigrid& grid) {
         const float now = dot(residual, finest.value), part = step ? now / last : 0.0f;
         last = now;
         for (std::size_t i = 0; i < direction.size(); ++i) direction[i] = finest.value[i] + part * direction[i];
-        finest.apply(direction, finest.scratch);
-        const float length = now / dot(direction, finest.scratch);
+        finest.apply(direction, applied);
+        const float length = now / dot(direction, applied);
         if (!std::isfinite(length)) break;
         for (std::size_t i = 0; i < height.size(); ++i) {
             height[i] += length * direction[i];
-            residual[i] -= length * finest.scratch[i];
+            residual[i] -= length * applied[i];
         }
     }
     return height;

@@ -97,9 +97,9 @@ class DepthStage:
         return dataclasses.replace(contact, depth_m=self._tdn.depth(difference, contact.penetration))
 
     def _is_light(self, difference: np.ndarray, penetration: np.ndarray) -> bool:
-        """Whether the change is one of the lamps, which no shape explains: asked as a contact begins, and now and then.
+        """Whether the lamps changed and nothing touches: no shape explains the change, or it has no outline in view.
 
-        Nor is it a shape that has no outline in view. A simulator's lamps do not change.
+        Asked as a contact begins, and now and then. A simulator's lamps do not change.
         """
         self._asked = (self._asked + 1) % _ASKED_EVERY if self._last is not None and self._last.in_contact else 0
         if self._asked or self._tdn.sensor.light != "relative":
