@@ -98,7 +98,9 @@ class PenetrationAlignment:
         information of the maps.
         """
         touched = sum(np.count_nonzero(each.penetration > 0) for each in maps)
-        factor = min(evidence_slope / (self._pixel * max(touched, 1)), 1.0)
+        factor = evidence_slope / (self._pixel * max(touched, 1))
+        if factor >= 1.0:
+            return posterior
         prior, total = np.linalg.inv(covariance), np.linalg.inv(posterior.covariance)
         wider = np.linalg.inv(prior + factor * (total - prior))
         offset = wider @ (factor * total @ se3.log(se3.inverse(pose) @ posterior.pose))

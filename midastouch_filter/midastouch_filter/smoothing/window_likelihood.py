@@ -56,16 +56,22 @@ class Alignments:
         self._of = {
             id(keyframe): (
                 keyframe,
-                [(1.0 - each.residual_ratio[k], each.aligned[k]) for each in followed if each.at <= k],
+                np.array([1.0 - each.residual_ratio[k] for each in followed if each.at <= k]),
+                np.array([each.aligned[k] for each in followed if each.at <= k]).reshape(-1, 4, 4),
             )
             for k, keyframe in enumerate(keyframes)
         }
 
     def near(self, keyframe: Keyframe, pose: np.ndarray) -> tuple[float, np.ndarray] | None:
         """Fit and pose (4, 4) of the one that explained this keyframe best among those near `pose` (4, 4), if any."""
-        _, found = self._of.get(id(keyframe), (None, ()))
-        near = [each for each in found if pose_distance(each[1], pose) < ANOTHER]
-        return max(near, key=lambda each: each[0], default=None)
+        if id(keyframe) not in self._of:
+            return None
+        _, fits, poses = self._of[id(keyframe)]
+        near = np.flatnonzero(pose_distance(poses, pose) < ANOTHER)
+        if not len(near):
+            return None
+        best = near[fits[near].argmax()]
+        return float(fits[best]), poses[best]
 
 
 class Race:
