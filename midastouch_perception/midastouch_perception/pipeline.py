@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from .contact import Contact, ContactDetector
+from .gel_texture import GelCheck
 from .tcn.inference import TactileCodeNet
 from .tdn.background import TouchedBackground, shows_contact
 from .tdn.depth_net import DepthNet
@@ -46,12 +47,18 @@ class DepthStage:
     An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
     teaches the stage how the light drifts.
 
-    Args: tdn; fit and touched, the checks that `deferred_update` shows the images to, or None.
+    Args: tdn; fit, touched and gel, the checks that `deferred_update` shows the images to, or None.
     Attributes: skipped, frames by the gate that spared them the network.
     """
 
-    def __init__(self, tdn: DepthNet, fit: FitCheck | None = None, touched: TouchedBackground | None = None):
-        self._tdn, self._fit, self._touched = tdn, fit, touched
+    def __init__(
+        self,
+        tdn: DepthNet,
+        fit: FitCheck | None = None,
+        touched: TouchedBackground | None = None,
+        gel: GelCheck | None = None,
+    ):
+        self._tdn, self._fit, self._touched, self._gel = tdn, fit, touched, gel
         self._detector = ContactDetector(tdn.sensor)
         self._drift = LightDrift()
         self._image: np.ndarray | None = None
@@ -79,8 +86,8 @@ class DepthStage:
         self._image, self._background, self._last = image, background, contact
         return contact
 
-    def _contact(self, image: np.ndarray, background: np.ndarray, changed: np.ndarray) -> Contact:
-        changed = self._drift.correct(changed)
+    def _contact(self, image: np.ndarray, background: np.ndarray, seen: np.ndarray) -> Contact:
+        changed = self._drift.correct(seen)
         height, width = changed.shape[:2]
         blocks = cv2.resize(changed, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
         if np.abs(blocks).max() < _QUIET_LEVEL:
@@ -88,7 +95,7 @@ class DepthStage:
             return self._detector.free()
         difference = self._tdn.shown(changed)
         penetration = self._tdn.predict(image, background, difference)
-        self._unchecked = difference, penetration, image, background
+        self._unchecked = seen, difference, penetration, image, background
         contact = self._detector.update(penetration)
         if not contact.in_contact:
             return contact
@@ -116,11 +123,13 @@ class DepthStage:
         """
         if self._unchecked is None:
             return
-        (difference, penetration, image, background), self._unchecked = self._unchecked, None
+        (change, difference, penetration, image, background), self._unchecked = self._unchecked, None
         if self._fit is not None:
-            self._fit.observe(difference, penetration)
+            self._fit.observe(change, difference, penetration)
         if self._touched is not None:
             self._touched.observe(image, background)
+        if self._gel is not None:
+            self._gel.observe(image, background, penetration)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
         """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""

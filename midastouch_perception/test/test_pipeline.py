@@ -127,20 +127,20 @@ class Watcher:
 
 def test_checks_see_each_frame_of_the_network_once_after_its_contact_is_out(touches):
     images, background, _ = touches
-    fit, touched = Watcher(), Watcher()
-    stage = DepthStage(load_tdn("fast"), fit, touched)
+    checks = fit, touched, gel = Watcher(), Watcher(), Watcher()
+    stage = DepthStage(load_tdn("fast"), *checks)
     stage.deferred_update()
     contact = stage.process(images[0], background)
-    assert fit.frames == touched.frames == []
+    assert fit.frames == touched.frames == gel.frames == []
     stage.deferred_update()
-    assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
-    assert touched.frames[0][0] is images[0]
+    assert [len(watcher.frames) for watcher in checks] == [1, 1, 1]
+    assert touched.frames[0][0] is gel.frames[0][0] is images[0]
     for unseen in (images[0].copy(), background.copy()):  # an unchanged image, and no contact
         stage.process(unseen, background)
         stage.deferred_update()
-    assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
+    assert [len(watcher.frames) for watcher in checks] == [1, 1, 1]
     touched = contact.penetration > 0
-    np.testing.assert_array_equal(in_steps(fit.frames[0][1])[touched], contact.penetration[touched])
+    np.testing.assert_array_equal(in_steps(fit.frames[0][2])[touched], contact.penetration[touched])
 
 
 def test_the_way_through_a_cloud_changes_no_bit(touches, sensor):

@@ -65,6 +65,7 @@ def _measured(args: argparse.Namespace) -> dict:
         layout_quality,
         real_checks,
     )
+    from ..perception.gel_quality import gels_known, slow_light
 
     sensor = SensorModel.load(args.sensor)
     presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
@@ -93,6 +94,8 @@ def _measured(args: argparse.Namespace) -> dict:
             "capture": quality.capture(),
             "contact": quality.contact(),
             "real_sensors": {name: real_checks(tdn_of_real, each, rng) for name, each in presses.items()},
+            "gels": gels_known(tdn_of_real, presses, large, rng),
+            "slow_light": slow_light(tdn_of_real, large, real, rng),
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )

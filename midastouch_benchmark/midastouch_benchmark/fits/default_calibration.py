@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 from midastouch_bringup.datasets.ball_presses import load_ball_presses
@@ -32,7 +33,9 @@ def main() -> None:
         penetrations += results[-1].penetrations
     first = results[0].calibration
     made = {
-        name: getattr(first, name) for name in ("serial", "ball_diameter", "sensor", "pixel_size", "background", "date")
+        field.name: getattr(first, field.name)
+        for field in dataclasses.fields(first)
+        if field.name not in ("coefficients", "presses")
     }
     calibration, _ = fitted(changes, penetrations, sensor.for_maps.pixel_size, made)
     args.out.parent.mkdir(parents=True, exist_ok=True)

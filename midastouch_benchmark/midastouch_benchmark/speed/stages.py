@@ -69,7 +69,7 @@ class SpeedMeasurement:
                 self._networks.tcn.encode(penetration)
             difference = self._networks.tdn.difference(image, self._background)
             with fit:
-                check.observe(difference, penetration)
+                check.observe(difference, difference, penetration)
         for stopwatch in (tdn, tcn, fit):
             stopwatch.drop(2)
         return {"tdn_ms": tdn.summary(), "tcn_ms": tcn.summary(), "fit_check_ms": fit.summary()}

@@ -51,6 +51,29 @@ def _brightness(content: dict) -> pd.DataFrame:
     return written(tidy(content["contact"]["false"]), about, {})
 
 
+def _gels(content: dict) -> pd.DataFrame:
+    about = {"texture of real gels": text("what"), "trials": text("trials"), "said": percent("said")}
+    return written(tidy({"what": what} | one for what, one in content["gels"].items()), about, {})
+
+
+def _slow_light(content: dict) -> pd.DataFrame:
+    def light(row: Row) -> str:
+        return f"up to {100 * row['change']:.0f} %"
+
+    about = {"light that changes slowly, unevenly": light, "frames": text("frames")}
+    return written(tidy(content["slow_light"]), about | {"taken for contact": percent("false_contacts")}, {})
+
+
+def gels() -> pd.DataFrame:
+    """How reliably a gel is known by its texture."""
+    return _gels(report("checks"))
+
+
+def slow_light() -> pd.DataFrame:
+    """How often a slow change of the light is taken for a contact."""
+    return _slow_light(report("checks"))
+
+
 def diameters() -> pd.DataFrame:
     """What becomes of a wrong diameter of the ball."""
     return _diameters(report("checks"))
@@ -99,4 +122,6 @@ def check_tables(content: dict) -> list[pd.DataFrame]:
         listed(("capture of a background", "cases"), ((k, f"{100 * v:.0f} %") for k, v in content["capture"].items())),
         _contacts(content),
         light,
+        _slow_light(content),
+        _gels(content),
     ]

@@ -19,6 +19,7 @@ from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileContact
 
 from ..contact import Contact
+from ..gel_texture import GelCheck
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
@@ -111,7 +112,8 @@ class TdnNode(ManagedNode):
         kept = store.load_calibration(self._sensor) if store and tdn else None
         self._calibration = CalibrationInUse(tdn, kept, self._sensor)
         self._touched = TouchedBackground(tdn)
-        self._stage = self._given or DepthStage(tdn, self._fit, self._touched)
+        self._gel = GelCheck(self._sensor)
+        self._stage = self._given or DepthStage(tdn, self._fit, self._touched, self._gel)
         self.say(f"loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
         self._background = SensorBackground(self._sensor, self.parameters["background"], store, frames)
@@ -155,6 +157,7 @@ class TdnNode(ManagedNode):
         if self._background.image is not former:
             self._fit.reset()
             self._touched.reset()
+            self._gel.reset()
             self._calibration.check(self._background.image)
 
     def _contact_in(self, image: np.ndarray) -> str:
@@ -188,11 +191,12 @@ class TdnNode(ManagedNode):
         """Level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
-        values |= {**self._fit.values, "calibration": str(self._calibration)}
+        values |= {**self._fit.values, **self._gel.values, "calibration": str(self._calibration)}
         if (
             problem := self._images_from.problem
             or self._background.problem
             or self._fit_problem()
+            or self._gel.problem
             or self._calibration.problem
         ):
             return diagnostics.WARN, problem, values

@@ -18,6 +18,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
+from ..gel_texture import CLEAR, gel_texture, likeness
 from ..sensor_model import SensorModel
 from .response import ColourResponse
 
@@ -25,7 +26,7 @@ _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come fro
 # change of the colours by a slope to the right and a slope downwards, as rows: bright where it falls towards the lamp
 _STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
 _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
-_FORMAT = 2
+_FORMAT = 3
 _DEFAULTS = Path(__file__).parent / "defaults"
 _GRID = (16, 12)  # rows, columns
 _OTHER_SCALE = 0.02  # by which the pixels' size may differ
@@ -66,7 +67,8 @@ class SensorCalibration:
 
     Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor
     model; pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
-    (`response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date, ISO 8601.
+    (`response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date, ISO 8601;
+    texture (H, W) int8, of its gel, and texture_sigmas, how well that was found in the presses.
     """
 
     serial: str
@@ -77,6 +79,8 @@ class SensorCalibration:
     background: np.ndarray
     presses: int
     date: str
+    texture: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.int8))
+    texture_sigmas: float = 0.0
 
     @cached_property
     def response(self) -> ColourResponse:
@@ -109,14 +113,26 @@ class SensorCalibration:
             raise InputError(problem)
 
     def background_problem(self, background: np.ndarray) -> str:
-        """Why a no-contact image (H, W, 3) is of another gel or another sensor; empty if it is not."""
+        """Why a no-contact image (H, W, 3) is of another gel or another sensor; empty if it is not.
+
+        A gel without a clear texture is only known by its colours.
+        """
+        again = "press the ball again and run midastouch calibrate"
+        texture = gel_texture(background)
+        if self.texture_sigmas >= CLEAR and not (
+            texture.shape == self.texture.shape and likeness(self.texture, texture).same
+        ):
+            return (
+                f"the calibration of {self.date} was made with another gel (whose fine texture the no-contact image "
+                f"does not have); {again}"
+            )
         ratio = (background_colours(background) + 1) / (self.background + 1)
         ratio /= np.median(ratio, axis=(0, 1))
         if (off := float(np.quantile(np.abs(ratio - 1), 0.75))) <= _OTHER_GEL:
             return ""
         return (
             f"the calibration of {self.date} was made with another gel or another sensor (the no-contact image differs "
-            f"by {100 * off:.0f} %); press the ball again and run midastouch calibrate"
+            f"by {100 * off:.0f} %); {again}"
         )
 
     def save(self, path: str | Path) -> None:
@@ -146,7 +162,7 @@ class SensorCalibration:
                 raise ValueError("no NPZ file")
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != _FORMAT:
-                    raise ValueError(f"format {int(file['format'])}")
+                    raise ValueError(f"of format {int(file['format'])}, that of this version is {_FORMAT}")
                 if not float(file["ball_diameter"]):
                     raise ValueError("made without a ball")
                 return cls(
@@ -158,14 +174,24 @@ class SensorCalibration:
                     background=_finite(file["background"], (*_GRID, 3)),
                     presses=int(file["presses"]),
                     date=str(file["date"]),
+                    texture=_texture(file["texture"]),
+                    texture_sigmas=float(_finite(file["texture_sigmas"], ())),
                 )
         except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen kinds, by which byte is wrong
-            raise InputError(f"{path}: not a calibration ({error}); make one with midastouch calibrate") from error
+            raise InputError(
+                f"{path}: not a calibration ({error}); make it again from its presses with midastouch calibrate"
+            ) from error
 
 
 @lru_cache
 def _kept(path: Path) -> SensorCalibration:
     return SensorCalibration.load(path)
+
+
+def _texture(values: np.ndarray) -> np.ndarray:
+    if values.ndim != 2 or values.dtype != np.int8:
+        raise ValueError(f"texture of shape {values.shape}, type {values.dtype}")
+    return values
 
 
 def _finite(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -15,7 +15,15 @@ from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .calibration import SensorCalibration, background_colours, plain_slopes
 from .network_checks import depth_errors, diameter_doubt, gain_doubt, measured_radius
-from .presses import Press, background_behind, look_at, reasons, require_no_contact, visible_fraction
+from .presses import (
+    Press,
+    background_behind,
+    look_at,
+    reasons,
+    require_no_contact,
+    texture_behind,
+    visible_fraction,
+)
 from .refine import refine_contacts
 from .response import NormalEquations, height_slopes, press_equations, well_inside
 
@@ -176,7 +184,8 @@ def calibrate(
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
-    made = _made_of(background, sensor, serial, ball_diameter)
+    texture, sigmas = texture_behind(background, images, presses, half)
+    made = _made_of(background, sensor, serial, ball_diameter) | {"texture": texture, "texture_sigmas": sigmas}
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
     # a ball's slopes are position over radius, nearly

@@ -11,6 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
+from ..gel_texture import gel_texture, likeness
 from ..sensor_model import SensorModel
 from ..tdn.background import estimate_background, shows_contact
 from ..tdn.colour_layout import exposure_problem, image_problem
@@ -150,3 +151,17 @@ def background_behind(images: list[np.ndarray], ball_radius: float, sensor: Sens
             "image; put one beside them as background.png"
         )
     return background
+
+
+def texture_behind(
+    background: np.ndarray, images: dict[str, np.ndarray], presses: list[Press], sensor: SensorModel
+) -> tuple[np.ndarray, float]:
+    """Texture of a gel in its no-contact image, and in how many standard deviations it is found beside the ball in all
+    presses that are used; sensor at the map's resolution."""
+    texture, found = gel_texture(background), 0.0
+    for press in presses:
+        if not press.problem:
+            pressed = circle(press.contact, _MASK_RADII, sensor).astype(np.uint8)
+            pressed = cv2.resize(pressed, background.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+            found = found + gel_texture(images[press.name], pressed)
+    return texture, likeness(texture, found).sigmas

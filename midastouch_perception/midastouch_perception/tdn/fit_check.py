@@ -1,9 +1,11 @@
 """Fit check: do this sensor's images look like what the depth network was trained for?
 
-Two figures of each difference image, both cheap:
+Three figures of each image, all cheap:
 
 - *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact, but for the
   frame's brightness, which the difference is free of. If not, the background is another sensor's or turned.
+- *far change*: what differs from the no-contact image far from all that touches is no contact, and more than a drift
+  of the light that is learned and taken off (`LightDrift`) is a no-contact image that no longer fits.
 - *explained fraction*: light falls on a bump as the bump's slopes say. If the slopes of the measured penetration map do
   not explain the image by some linear optics, the network has measured something that is not there. What lamps and
   exposure change from frame to frame varies slowly over the image and needs no explanation.
@@ -22,8 +24,11 @@ import numpy as np
 from ..rendering.renderer import GelShape
 from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
+from .inputs import DRIFT_GRID, LARGEST_DRIFT
 
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
+_FAR = 1.6e-3  # m from a contact, beyond which gel is seen as it was
+_LEAST_FAR = 0.8  # of a region
 _LEAST_CHANGE = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
 QUIET_LIMIT = 5.0  # grey levels
 EXPLAINED_LIMIT = {"additive": 0.5, "relative": 0.75}
@@ -80,6 +85,23 @@ def quietest_tenth(difference: np.ndarray) -> float:
     return float(np.partition(change, len(change) // 10)[len(change) // 10])
 
 
+def far_change(change: np.ndarray, penetration: np.ndarray, pixel: float) -> float:
+    """Largest mean change [grey levels] of any twentieth of the image that lies far from all that touches; 0 if none
+    does.
+
+    change (H, W, 3) grey levels from the no-contact image, before the drift of the light is taken off; penetration
+    (H, W) m; pixel, m per pixel.
+    """
+    reach = 2 * round(_FAR / pixel) + 1
+    far = 1.0 - cv2.dilate((penetration > 0).astype(np.float32), np.ones((reach, reach), np.uint8))
+    free, seen = (
+        cv2.resize(each, DRIFT_GRID[::-1], interpolation=cv2.INTER_AREA) for each in (far, change * far[..., None])
+    )
+    free = free.reshape(-1)
+    mean = np.abs(seen.reshape(-1, 3)[free > _LEAST_FAR] / free[free > _LEAST_FAR, None])
+    return float(mean.max(initial=0.0))
+
+
 def _blocks(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, _BLOCKS[::-1], interpolation=cv2.INTER_AREA)
 
@@ -97,13 +119,16 @@ class FitCheck:
         self._frames = 0
         self._quiet: collections.deque[float] = collections.deque(maxlen=window)
         self._explained: collections.deque[float] = collections.deque(maxlen=window)
+        self._far: collections.deque[float] = collections.deque(maxlen=window)
 
-    def observe(self, difference: np.ndarray, penetration: np.ndarray) -> None:
-        """One frame: difference (H, W, 3) grey levels, penetration (H, W) m that the network made of it."""
+    def observe(self, change: np.ndarray, difference: np.ndarray, penetration: np.ndarray) -> None:
+        """One frame: its change and the difference that the network was shown (H, W, 3) grey levels, and the
+        penetration (H, W) m that it made of it."""
         self._frames += 1
         if (self._frames - 1) % self._every:
             return
         self._quiet.append(quietest_tenth(difference))
+        self._far.append(far_change(change, penetration, self._pixel))
         explained = explained_fraction(difference, penetration, self._pixel)
         if explained is not None:
             self._explained.append(explained)
@@ -112,11 +137,17 @@ class FitCheck:
         """Forget what was seen: the background is another one."""
         self._quiet.clear()
         self._explained.clear()
+        self._far.clear()
 
     @property
     def quiet(self) -> float | None:
         """Median quietest tenth [grey levels]; None before enough frames."""
         return self._median(self._quiet)
+
+    @property
+    def far(self) -> float | None:
+        """Median far change [grey levels]; None before enough frames."""
+        return self._median(self._far)
 
     @property
     def explained(self) -> float | None:
@@ -125,8 +156,8 @@ class FitCheck:
 
     @property
     def values(self) -> dict[str, str]:
-        """Both figures for the diagnostics."""
-        figures = {"quietest_tenth": self.quiet, "explained_share": self.explained}
+        """The figures for the diagnostics."""
+        figures = {"quietest_tenth": self.quiet, "far_change": self.far, "explained_share": self.explained}
         return {name: "" if value is None else f"{value:.2f}" for name, value in figures.items()}
 
     def _median(self, values: collections.deque) -> float | None:
@@ -139,6 +170,12 @@ class FitCheck:
             return (
                 f"no part of the image is as in the no-contact image (off by {self.quiet:.0f} grey levels): it is "
                 "another sensor's or another gel's, or light falls in from outside; lift the finger and call "
+                "capture_background"
+            )
+        if self.far is not None and self.far > LARGEST_DRIFT:
+            return (
+                f"the image is off by {self.far:.0f} grey levels far from all that touches: the light has changed "
+                "since the no-contact image, or falls in from outside; shield the sensor, lift the finger and call "
                 "capture_background"
             )
         if self.explained is not None and self.explained < self._limit:

@@ -21,12 +21,14 @@ _GAIN_STEP = 4  # px; every fourth pixel is enough to measure the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
-_DRIFT_GRID = (5, 4)  # rows, columns: far coarser than a contact, whose bright and dark sides cancel
+DRIFT_GRID = (5, 4)
+"""Rows, columns: far coarser than a contact, whose bright and dark sides cancel."""
+LARGEST_DRIFT = 15.0
+"""Grey levels: what differs more is another sensor or another light, which the fit check reports."""
 _DRIFT_RATE = 0.1  # per frame without contact
 _BLOCK = 8  # px
 _DRIFT_ROUNDS = 6
 _QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
-_LARGEST_DRIFT = 15.0  # grey levels: what differs more is another sensor or another light, which the fit check reports
 
 
 def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
@@ -89,12 +91,12 @@ class LightDrift:
     """What the no-contact image has become, learned while nothing is touched and taken off while something is."""
 
     def __init__(self) -> None:
-        self._offset = np.zeros((*_DRIFT_GRID, 3), np.float32)
+        self._offset = np.zeros((*DRIFT_GRID, 3), np.float32)
 
     def learn(self, difference: np.ndarray) -> None:
         """One frame without contact: its difference (H, W, 3), grey levels, to the stored no-contact image."""
-        now = cv2.resize(difference, _DRIFT_GRID[::-1], interpolation=cv2.INTER_AREA)
-        self._offset += _DRIFT_RATE * (np.clip(now, -_LARGEST_DRIFT, _LARGEST_DRIFT) - self._offset)
+        now = cv2.resize(difference, DRIFT_GRID[::-1], interpolation=cv2.INTER_AREA)
+        self._offset += _DRIFT_RATE * (np.clip(now, -LARGEST_DRIFT, LARGEST_DRIFT) - self._offset)
 
     def correct(self, difference: np.ndarray) -> np.ndarray:
         """Difference (H, W, 3) to the no-contact image of today."""

@@ -131,6 +131,24 @@ def test_a_touched_background_is_named_until_another_one_is_captured(graph, tmp_
     graph.spin_until(lambda: any(s.level == b"\x00" for m in statuses for s in m.status), "a status without alarm")
 
 
+def test_a_background_of_another_gel_is_named_in_the_diagnostics(graph, tmp_path):
+    """A gel was changed: the light is as it was, the grains are not. Of 301 images of touches 16 are compared."""
+    rng = np.random.default_rng(4)
+    digit = PressedSensor(SensorModel.load("digit_real"), lit_gel()[None], 3e-3, rng)
+    own, other = (2 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240, 1)), (0, 0), 1.5)[..., None] for _ in range(2))
+    path = tmp_path / "background.png"
+    cv2.imwrite(str(path), np.clip(digit.background + other, 0, 255).astype(np.uint8)[:, :, ::-1])
+    presses = [digit.image([(60 + 40 * k, 160, 1.0e-3)]) for k in range(4)]
+    touches = [np.clip(each + own, 0, 255).astype(np.uint8) for each in presses]
+    graph.add(TdnNode, {**REPLAY, "sensor_model": "digit_real", "background": str(path)})
+    images, contacts = graph.publisher(Image, "image_raw"), graph.listen(TactileContact, "tactile/contact")
+    warned = warnings_of(graph)
+    for stamp in range(301):
+        images.publish(image_msg(touches[stamp % 4], stamp + 1))
+        graph.spin_until(lambda stamp=stamp: len(contacts) > stamp)
+    graph.spin_until(lambda: any("of another gel: the fine texture" in text for text in warned()), "the alarm")
+
+
 def test_images_turned_since_the_background_are_named_in_the_diagnostics(graph, tmp_path):
     path = tmp_path / "background.png"
     cv2.imwrite(str(path), lit_gel()[:, :, ::-1])

@@ -8,6 +8,7 @@ from midastouch_perception.tdn.fit_check import (
     QUIET_LIMIT,
     FitCheck,
     explained_fraction,
+    far_change,
     quietest_tenth,
 )
 
@@ -26,6 +27,11 @@ def lit(penetration: np.ndarray, gain: float = 5e5) -> np.ndarray:
     down, right = np.gradient(penetration)
     angles = np.radians([150.0, 30.0, 270.0])
     return np.stack([gain * (right * np.cos(a) - down * np.sin(a)) for a in angles], axis=-1).astype(np.float32)
+
+
+def show(check: FitCheck, difference: np.ndarray, penetration: np.ndarray) -> None:
+    """One frame of a sensor without calibration and drift."""
+    check.observe(difference, difference, penetration)
 
 
 @pytest.fixture
@@ -70,7 +76,7 @@ def test_a_contact_leaves_a_tenth_of_the_image_alone(noise):
 def test_verdict_needs_several_frames_and_looks_at_every_nth(noise):
     check = FitCheck(REAL, every=2, window=6)
     for frames in range(1, 9):
-        check.observe(lit(bump()) + noise, bump(110, 90))
+        show(check, lit(bump()) + noise, bump(110, 90))
         assert bool(check.problem) == (frames >= 3), "two of a window of six are a third"
     assert check.explained < EXPLAINED_LIMIT[REAL.light]
     assert "explains" in check.problem
@@ -80,7 +86,7 @@ def test_verdict_needs_several_frames_and_looks_at_every_nth(noise):
 def test_one_odd_frame_is_no_misfit(noise):
     check = FitCheck(REAL, every=1, window=6)
     for k in range(6):
-        check.observe(lit(bump()) + noise, bump(110, 90) if k == 2 else bump())
+        show(check, lit(bump()) + noise, bump(110, 90) if k == 2 else bump())
     assert check.problem == ""
     assert float(check.values["explained_share"]) > 0.9
 
@@ -88,9 +94,19 @@ def test_one_odd_frame_is_no_misfit(noise):
 def test_a_background_that_is_off_everywhere_comes_first(noise):
     check = FitCheck(REAL, every=1, window=3)
     for _ in range(3):
-        check.observe(lit(bump()) + noise + 20, bump())
+        show(check, lit(bump()) + noise + 20, bump())
     assert "off by 20 grey levels" in check.problem
     assert "capture_background" in check.problem
     check.reset()
     assert check.problem == ""
-    assert check.values == {"quietest_tenth": "", "explained_share": ""}
+    assert check.values == {"quietest_tenth": "", "far_change": "", "explained_share": ""}
+
+
+def test_a_tint_far_from_the_contact_is_said_and_what_is_beside_it_is_not(noise):
+    check, tint = FitCheck(REAL, every=1, window=3), np.zeros((160, 120, 3), np.float32)
+    tint[:70, :50] = 20
+    for _ in range(3):
+        show(check, lit(bump(110, 80)) + noise + tint, bump(110, 80))
+    assert "off by 20 grey levels far from all that touches" in check.problem
+    assert far_change(lit(bump()) + noise, bump(), REAL.pixel_size) < 1
+    assert far_change(lit(bump(radius=200)) + noise, bump(radius=200), REAL.pixel_size) == 0

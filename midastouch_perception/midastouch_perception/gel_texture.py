@@ -1,0 +1,171 @@
+"""The fine texture of a gel: whether two images are of the same gel, and lie upon each other.
+
+Paint, grains and dust leave a pattern in every gel that brightness, light and a touch elsewhere leave as it is, as the
+pattern of its pixels identifies a camera (Lukas, Fridrich and Goljan 2006). Images of one gel correlate where they lie
+upon each other, those of two gels nowhere. How much they do by chance is known from all other shifts, so that a
+likeness counts in standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .sensor_model import SensorModel
+
+_FINEST, _COARSEST, _CONTRAST = 1.5, 4.0, 8.0  # px: noise below, light and shapes above, region of equal contrast
+_BORDER = 8  # px that the filters spoil
+_LEAST_CONTRAST = 0.1  # grey levels: a smooth image in whole grey levels has 0.07, real gels have 0.2 or more
+_MOST, _STEPS = 3.0, 40  # times the contrast around it that a pixel counts, and steps of one such unit
+_FARTHEST = 8  # px by which a gel may have moved
+_BESIDE = 20  # px around no shift that the pattern itself may correlate over
+_NEAR = 21  # px of a map: a contact and what its shape changes beside it
+_REGION = 40  # px in which a texture is compared on its own
+_FAINTEST = 6.0  # standard deviations of a region, median: less is too faint to tell of single ones
+_LOST = 1 / 3  # of the median: less is another texture
+_LEAST_WORN = 0.005  # of the image
+_ELSEWHERE = [(down, right) for down in (-60, 0, 60) for right in (-60, 0, 60) if down or right]
+SAME_GEL = 6.0
+"""Standard deviations from which on two images are of the same gel: of normal numbers one in a billion is as large, and
+there are some hundred shifts."""
+CLEAR = 2 * SAME_GEL
+"""Standard deviations from which on a gel has a texture by which it would be known again."""
+MOVED = 2.0
+"""Pixels by which a gel lies elsewhere than it did."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """sigmas, how much two textures correlate, in standard deviations of what is chance; shift, pixels (right, down)
+    by which the second lies beside the first."""
+
+    sigmas: float
+    shift: tuple[int, int]
+
+    @property
+    def same(self) -> bool:
+        """Whether they are of the same gel."""
+        return self.sigmas >= SAME_GEL
+
+    @property
+    def moved(self) -> float:
+        """Pixels."""
+        return float(np.hypot(*self.shift))
+
+
+def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndarray:
+    """Texture (H - 16, W - 16) int8 of an image (H, W, 3) uint8, in fortieths of the contrast around each pixel.
+
+    0 where `touched` (H, W) bool, and where there is none.
+    """
+    grey = image.astype(np.float32).mean(axis=2)
+    band = cv2.GaussianBlur(grey, (0, 0), _FINEST) - cv2.GaussianBlur(grey, (0, 0), _COARSEST)
+    contrast = np.sqrt(cv2.GaussianBlur(band * band, (0, 0), _CONTRAST))
+    texture = np.clip(band / np.maximum(contrast, _LEAST_CONTRAST), -_MOST, _MOST)
+    texture[contrast < _LEAST_CONTRAST] = 0.0
+    if touched is not None:
+        texture[touched] = 0.0
+    return np.rint(_STEPS * texture[_BORDER:-_BORDER, _BORDER:-_BORDER]).astype(np.int8)
+
+
+def likeness(first: np.ndarray, second: np.ndarray) -> Likeness:
+    """Of two textures, or sums of them, of the same size; 0 sigmas where one is empty."""
+    one, two = (np.fft.rfft2(each - each.mean()) for each in (first, second))
+    surface = np.fft.irfft2(np.conj(one) * two, s=first.shape)
+    surface = np.roll(surface, (_BESIDE, _BESIDE), axis=(0, 1))
+    reach = slice(_BESIDE - _FARTHEST, _BESIDE + _FARTHEST + 1)
+    near = surface[reach, reach]
+    spread = float(surface[2 * _BESIDE :].std())
+    if not spread > 0:
+        return Likeness(0.0, (0, 0))
+    down, right = np.unravel_index(near.argmax(), near.shape)
+    return Likeness(float(near[down, right]) / spread, (int(right) - _FARTHEST, int(down) - _FARTHEST))
+
+
+def worn_gel(first: np.ndarray, second: np.ndarray, shift: tuple[int, int]) -> np.ndarray:
+    """Pixels (H, W) bool where a gel with the texture `first` (H, W) has another one in `second`, `shift` pixels beside
+    the first: something lies there, or the paint is gone.
+
+    Nowhere, where the textures are too faint to tell of single regions.
+    """
+    first, second = first.astype(np.float32), np.roll(second, (-shift[1], -shift[0]), axis=(0, 1)).astype(np.float32)
+    known = cv2.blur((second != 0).astype(np.float32), (_REGION, _REGION)) > 0.5
+    chance = [_correlation(first, np.roll(second, far, axis=(0, 1)))[known] for far in _ELSEWHERE]
+    sigmas = _correlation(first, second) / max(float(np.std(chance)), 1e-9)
+    typical = float(np.median(sigmas[known])) if known.any() else 0.0
+    return known & (sigmas < _LOST * typical) if typical >= _FAINTEST else np.zeros_like(known)
+
+
+def _correlation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Of the regions around each pixel."""
+    pairs = (first, second), (first, first), (second, second)
+    both, one, two = (cv2.blur(a * b, (_REGION, _REGION)) for a, b in pairs)
+    return both / np.sqrt(one * two + 1e-9)
+
+
+class GelCheck:
+    """Watches whether a sensor's images are of the gel in its no-contact image, and where that was.
+
+    Two means over every other image looked at say how well the gel would be known again; their sum is compared with the
+    no-contact image.
+
+    Args: sensor, at image resolution; every: one of so many images is looked at; window, how many of these a verdict is
+    of.
+    Attributes: sigmas, likeness at the last verdict, None before the first; problem, why the no-contact image is not
+    right, in words, "" if it is.
+    """
+
+    def __init__(self, sensor: SensorModel, every: int = 20, window: int = 16):
+        self._pixel = sensor.pixel_size
+        self._every, self._window = every, window
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen: the no-contact image is another one."""
+        self._images = self._looked_at = 0
+        self._sums: list[np.ndarray | float] = [0.0, 0.0]
+        self.sigmas: float | None = None
+        self.problem = ""
+
+    @property
+    def values(self) -> dict[str, str]:
+        """For the diagnostics."""
+        return {"gel_likeness": "" if self.sigmas is None else f"{self.sigmas:.0f}"}
+
+    def observe(self, image: np.ndarray, background: np.ndarray, penetration: np.ndarray) -> None:
+        """One image and the no-contact image (H, W, 3) uint8, penetration (h, w) m measured in it."""
+        self._images += 1
+        if (self._images - 1) % self._every:
+            return
+        touched = cv2.dilate((penetration > 0).astype(np.uint8), np.ones((_NEAR, _NEAR), np.uint8))
+        touched = cv2.resize(touched, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+        self._sums[self._looked_at % 2] = self._sums[self._looked_at % 2] + gel_texture(image, touched)
+        self._looked_at += 1
+        if self._looked_at == self._window:
+            self._judge(background)
+            self._looked_at, self._sums = 0, [0.0, 0.0]
+
+    def _judge(self, background: np.ndarray) -> None:
+        (first, second), reference = self._sums, gel_texture(background)
+        found = likeness(reference, first + second)
+        self.sigmas, self.problem = found.sigmas, ""
+        worn = worn_gel(reference, first + second, found.shift) if found.same else np.zeros(1, bool)
+        if not found.same and likeness(first, second).sigmas >= CLEAR:
+            self.problem = (
+                "the no-contact image is of another gel: the fine texture of the images is not found in it; lift the "
+                "finger and call capture_background, and if the gel was changed, run midastouch calibrate again"
+            )
+        elif found.same and found.moved >= MOVED:
+            self.problem = (
+                f"the gel has moved by {1e3 * self._pixel * found.moved:.2f} mm since the no-contact image; see that "
+                "it is fixed, lift the finger and call capture_background"
+            )
+        elif worn.mean() > _LEAST_WORN:
+            down, right = 1e3 * self._pixel * (np.argwhere(worn).mean(axis=0) + _BORDER)
+            self.problem = (
+                f"the gel is dirty or worn on {100 * worn.mean():.0f} % of the image, {right:.0f} mm from its left and "
+                f"{down:.0f} mm from its top: its texture has changed there since the no-contact image; clean it, and "
+                "call capture_background, or change the gel and calibrate"
+            )
