@@ -28,7 +28,7 @@ from .refine import refine_contacts
 from .response import NormalEquations, height_slopes, press_equations, well_inside
 
 MOST = 40
-_LARGEST_BALL = 0.1  # m
+_LEAST_SPREAD = 1 / 16  # of the image: a quarter of its width and of its height
 _LEAST_EXPLAINED = 0.3  # of a press, by the light of all
 _LEAST_VISIBLE = 0.7
 _WIDEST_CONTACT = 0.93  # median contact radius, of the ball's: the search ends there
@@ -154,8 +154,12 @@ def calibrate(
     diameter_is_right: accept the diameter even where the depth network measures another one.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
-    if not 0 < ball_diameter <= _LARGEST_BALL:
-        raise InputError(f"ball of {ball_diameter:g} m diameter: give it in metres, 0.006 for 6 mm")
+    gel = sensor.width * sensor.pixel_size
+    if not 0 < ball_diameter <= gel:
+        raise InputError(
+            f"ball of {ball_diameter:g} m diameter: the gel in view is {1e3 * gel:.0f} mm wide, and a larger ball is "
+            "hardly curved on it; give the diameter in metres, 0.006 for 6 mm, or take a smaller ball"
+        )
     if not FEWEST <= len(images) <= MOST:
         fix = "press the ball at more positions" if len(images) < FEWEST else "leave some of them out"
         raise InputError(
@@ -174,6 +178,7 @@ def calibrate(
     _require_enough(presses, given)
     presses = _once_each(_refined(presses, radius, half), half)
     _require_enough(presses, given)
+    _require_spread(presses, half)
     _require_one_ball(presses, ball_diameter, half)
     doubt = _doubt([images[press.name] for press in presses if not press.problem], background, ball_diameter, sensor)
     if doubt and not diameter_is_right:
@@ -266,6 +271,17 @@ def _require_enough(presses: list[Press], given: bool) -> None:
     if given and 2 * usable < len(presses):
         said += "; or the no-contact image is of another time or place: capture it anew"
     raise InputError(said)
+
+
+def _require_spread(presses: list[Press], sensor: SensorModel) -> None:
+    """From presses in one corner the light elsewhere is guessed, and depth there is worse than without calibration."""
+    centres = np.array([(press.contact.u, press.contact.v) for press in presses if not press.problem])
+    spanned = np.ptp(centres, axis=0) / (sensor.width, sensor.height)
+    if spanned.prod() < _LEAST_SPREAD:
+        raise InputError(
+            f"the presses span {100 * spanned[0]:.0f} % of the gel's width and {100 * spanned[1]:.0f} % of its height, "
+            "and the light elsewhere is unknown; press all over the gel, near its corners too"
+        )
 
 
 def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:

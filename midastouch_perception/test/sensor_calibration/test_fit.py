@@ -1,5 +1,6 @@
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 
@@ -100,6 +101,31 @@ def test_a_press_that_is_saved_again_counts_once(digit, real):
     }
     with pytest.raises(InputError, match=r"1 of 6 .*again_1\.png"):
         calibrate(again, digit.background, DIAMETER, real)
+
+
+def test_presses_in_one_corner_are_refused_with_the_mend(digit, real):
+    rng = np.random.default_rng(0)
+    corner = {f"{k}.png": digit.image([(*rng.uniform(45, 105, 2), 1.3e-3)]) for k in range(8)}
+    with pytest.raises(InputError, match=r"span .* % of its height.*press all over the gel"):
+        calibrate(corner, digit.background, DIAMETER, real)
+
+
+def test_a_ball_larger_than_the_gel_is_refused(digit, five, real):
+    with pytest.raises(InputError, match=r"13 mm wide.*take a smaller ball"):
+        calibrate(five, digit.background, 0.02, real)
+
+
+def test_a_calibration_knows_its_gel_among_others_under_the_same_light(result, digit, real):
+    rng = np.random.default_rng(0)
+    grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
+    own, other = (np.clip(digit.background + each, 0, 255).astype(np.uint8) for each in grains)
+    presses = {
+        name: np.clip(image + grains[0], 0, 255).astype(np.uint8) for name, image in digit.presses(PRESSES).items()
+    }
+    made = calibrate(presses, own, DIAMETER, real).calibration
+    assert not made.background_problem((0.9 * own).astype(np.uint8))
+    assert "made with another gel (whose fine texture" in made.background_problem(other)
+    assert not result.calibration.background_problem(digit.background)  # of a gel without grains
 
 
 def test_another_ball_is_refused(digit, five, real):
