@@ -1,10 +1,7 @@
 """A simulated DIGIT in place of the driver."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
@@ -13,55 +10,22 @@ from midastouch_bringup.ros.launch_parts import (
     UseRespawn,
     bound_to_launch,
     check_arguments,
+    declared,
 )
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = [
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
-    ),
-    DeclareLaunchArgument(
-        "params_file", default_value=str(SHARE / "config" / "midastouch.yaml"), description="Parameters of all nodes"
-    ),
-    DeclareLaunchArgument(
-        "params_overlay",
-        default_value="",
-        description="Parameter file of yours, over all others; it may hold only what differs",
-    ),
-    DeclareLaunchArgument(
-        "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
-    ),
-    DeclareLaunchArgument(
-        "use_respawn", default_value="false", choices=["true", "false"], description="Start a node again after it died"
-    ),
-    DeclareLaunchArgument(
-        "log_level",
-        default_value="info",
-        choices=["debug", "info", "warn", "error", "fatal"],
-        description="What the nodes log",
-    ),
-    DeclareLaunchArgument(
-        "autostart",
-        default_value="",
-        choices=["", "true", "false"],
-        description="Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
-    ),
-    DeclareLaunchArgument(
-        "object",
-        default_value="",
-        description="Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)",
-    ),
-    DeclareLaunchArgument("mesh", default_value="", description="Mesh of the object, metres: a path or package://..."),
-    DeclareLaunchArgument(
-        "sensor_model",
-        default_value="",
-        description="Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; "
-        "empty: as in the parameter files",
-    ),
-    DeclareLaunchArgument(
-        "sensor_prefix", default_value="", description="Put before the sensor's frames; for several sensors, e.g. left_"
-    ),
-]
+ARGUMENTS = declared(
+    "namespace",
+    "params_file",
+    "params_overlay",
+    "use_sim_time",
+    "use_respawn",
+    "log_level",
+    "autostart",
+    "object",
+    "mesh",
+    "sensor_model",
+    "sensor_prefix",
+)
 
 
 def generate_launch_description() -> LaunchDescription:

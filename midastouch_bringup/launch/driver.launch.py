@@ -1,10 +1,7 @@
 """The DIGIT's driver."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
@@ -13,48 +10,20 @@ from midastouch_bringup.ros.launch_parts import (
     UseRespawn,
     bound_to_launch,
     check_arguments,
+    declared,
 )
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = [
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
-    ),
-    DeclareLaunchArgument(
-        "params_file", default_value=str(SHARE / "config" / "midastouch.yaml"), description="Parameters of all nodes"
-    ),
-    DeclareLaunchArgument(
-        "params_overlay",
-        default_value="",
-        description="Parameter file of yours, over all others; it may hold only what differs",
-    ),
-    DeclareLaunchArgument(
-        "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
-    ),
-    DeclareLaunchArgument(
-        "use_respawn", default_value="false", choices=["true", "false"], description="Start a node again after it died"
-    ),
-    DeclareLaunchArgument(
-        "log_level",
-        default_value="info",
-        choices=["debug", "info", "warn", "error", "fatal"],
-        description="What the nodes log",
-    ),
-    DeclareLaunchArgument(
-        "autostart",
-        default_value="",
-        choices=["", "true", "false"],
-        description="Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
-    ),
-    DeclareLaunchArgument(
-        "serial",
-        default_value="",
-        description="Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
-    ),
-    DeclareLaunchArgument(
-        "sensor_prefix", default_value="", description="Put before the sensor's frames; for several sensors, e.g. left_"
-    ),
-]
+ARGUMENTS = declared(
+    "namespace",
+    "params_file",
+    "params_overlay",
+    "use_sim_time",
+    "use_respawn",
+    "log_level",
+    "autostart",
+    "serial",
+    "sensor_prefix",
+)
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -9,7 +9,6 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
-    DeclareLaunchArgument,
     ExecuteProcess,
     IncludeLaunchDescription,
     OpaqueFunction,
@@ -28,6 +27,7 @@ from midastouch_bringup.ros.launch_parts import (
     bound_to_launch,
     check_arguments,
     check_rviz,
+    declared,
     end_launch_if_failed,
     once_done,
 )
@@ -35,107 +35,31 @@ from midastouch_perception.objects import bundled_objects
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-ARGUMENTS = [
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
-    ),
-    DeclareLaunchArgument(
-        "params_file", default_value=str(SHARE / "config" / "midastouch.yaml"), description="Parameters of all nodes"
-    ),
-    DeclareLaunchArgument(
-        "params_overlay",
-        default_value="",
-        description="Parameter file of yours, over all others; it may hold only what differs",
-    ),
-    DeclareLaunchArgument(
-        "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
-    ),
-    DeclareLaunchArgument(
-        "use_respawn", default_value="false", choices=["true", "false"], description="Start a node again after it died"
-    ),
-    DeclareLaunchArgument(
-        "log_level",
-        default_value="info",
-        choices=["debug", "info", "warn", "error", "fatal"],
-        description="What the nodes log",
-    ),
-    DeclareLaunchArgument(
-        "autostart",
-        default_value="",
-        choices=["", "true", "false"],
-        description="Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
-    ),
-    DeclareLaunchArgument(
-        "setup_file",
-        default_value=str(SHARE / "config" / "explore.yaml"),
-        description="What this launch file itself changes in params_file",
-    ),
-    DeclareLaunchArgument(
-        "composed",
-        default_value="false",
-        choices=["true", "false"],
-        description="Run perception and filter in one process",
-    ),
-    DeclareLaunchArgument(
-        "serial",
-        default_value="",
-        description="Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
-    ),
-    DeclareLaunchArgument(
-        "background",
-        default_value="",
-        description="No-contact image of this sensor, or a folder of its images; empty: from the first images, or "
-        "from bag",
-    ),
-    DeclareLaunchArgument(
-        "object",
-        default_value="handle_tool",
-        description="Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)",
-    ),
-    DeclareLaunchArgument("mesh", default_value="", description="Mesh of the object, metres: a path or package://..."),
-    DeclareLaunchArgument(
-        "codebook", default_value="", description="Codebook of that mesh; empty: a coarse one is built"
-    ),
-    DeclareLaunchArgument(
-        "objects",
-        default_value=",".join(bundled_objects()),
-        description="In place of object, where nobody knows which one it is: names of bundled objects, codebooks, "
-        "folders of codebooks and meshes, separated by ','; an exploration adds the object that is "
-        "touched",
-    ),
-    DeclareLaunchArgument(
-        "init_mode",
-        default_value="",
-        choices=["", "uniform", "pose", "wait"],
-        description="Start: over the whole surface, at initial_pose, or once a pose is given",
-    ),
-    DeclareLaunchArgument(
-        "preset",
-        default_value="",
-        choices=["", "fast", "balanced"],
-        description="Filter settings between run time and error (fast: max_particles 1000, refined_modes 1; "
-        "balanced: the defaults); those in a parameter file go over them",
-    ),
-    DeclareLaunchArgument(
-        "fingers",
-        default_value="",
-        description="Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',', e.g. "
-        "/right:right_digit_gel_frame",
-    ),
-    DeclareLaunchArgument(
-        "seed", default_value="2", description="Seed of the filter; in an exploration also of sensor and finger"
-    ),
-    DeclareLaunchArgument(
-        "tf_prefix", default_value="", description="Put before the arm's frames and joints, as in the UR driver"
-    ),
-    DeclareLaunchArgument(
-        "sensor_prefix", default_value="", description="Put before the sensor's frames; for several sensors, e.g. left_"
-    ),
-    DeclareLaunchArgument("use_rviz", default_value="true", choices=["true", "false"], description="Start RViz"),
-    DeclareLaunchArgument(
-        "rviz_config", default_value=str(SHARE / "rviz" / "explore.rviz"), description="RViz configuration"
-    ),
-]
+ARGUMENTS = declared(
+    "namespace",
+    "params_file",
+    "params_overlay",
+    "use_sim_time",
+    "use_respawn",
+    "log_level",
+    "autostart",
+    "composed",
+    "serial",
+    "background",
+    "mesh",
+    "codebook",
+    "init_mode",
+    "preset",
+    "fingers",
+    "tf_prefix",
+    "sensor_prefix",
+    "use_rviz",
+    setup_file=str(SHARE / "config" / "explore.yaml"),
+    object="handle_tool",
+    objects=",".join(bundled_objects()),
+    seed="2",
+    rviz_config=str(SHARE / "rviz" / "explore.rviz"),
+)
 
 
 def generate_launch_description() -> LaunchDescription:

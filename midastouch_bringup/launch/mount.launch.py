@@ -1,45 +1,21 @@
 """Static TF from the arm's tool to the DIGIT's frames, and the sensor's shape for RViz."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import UseRespawn, bound_to_launch, mount_description
+from midastouch_bringup.ros.launch_parts import UseRespawn, bound_to_launch, declared, mount_description
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = [
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
-    ),
-    DeclareLaunchArgument(
-        "use_respawn", default_value="false", choices=["true", "false"], description="Start a node again after it died"
-    ),
-    DeclareLaunchArgument(
-        "log_level",
-        default_value="info",
-        choices=["debug", "info", "warn", "error", "fatal"],
-        description="What the nodes log",
-    ),
-    DeclareLaunchArgument(
-        "frames_file", default_value=str(SHARE / "config" / "frames.yaml"), description="Hand-eye calibration and mount"
-    ),
-    DeclareLaunchArgument(
-        "tool_frame",
-        default_value="",
-        description="Frame the sensor is mounted on, tool0 or tool0_controller; empty: as in frames_file",
-    ),
-    DeclareLaunchArgument(
-        "tf_prefix", default_value="", description="Put before the arm's frames and joints, as in the UR driver"
-    ),
-    DeclareLaunchArgument(
-        "sensor_prefix", default_value="", description="Put before the sensor's frames; for several sensors, e.g. left_"
-    ),
-]
+ARGUMENTS = declared(
+    "namespace",
+    "use_respawn",
+    "log_level",
+    "frames_file",
+    "tool_frame",
+    "tf_prefix",
+    "sensor_prefix",
+)
 
 
 def generate_launch_description() -> LaunchDescription:

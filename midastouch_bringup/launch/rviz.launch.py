@@ -1,28 +1,18 @@
 """RViz with our view; closing it ends the launch."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.actions import Shutdown
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_parts import bound_to_launch
+from midastouch_bringup.ros.launch_parts import bound_to_launch, declared
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = [
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
-    ),
-    DeclareLaunchArgument(
-        "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
-    ),
-    DeclareLaunchArgument(
-        "rviz_config", default_value=str(SHARE / "rviz" / "midastouch.rviz"), description="RViz configuration"
-    ),
-]
+ARGUMENTS = declared(
+    "namespace",
+    "use_sim_time",
+    "rviz_config",
+)
 
 
 def generate_launch_description() -> LaunchDescription:

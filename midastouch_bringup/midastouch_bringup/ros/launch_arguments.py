@@ -1,8 +1,8 @@
 """The arguments of the launch files and of `midastouch run`, and which parameters of which nodes they set.
 
 An argument means the same wherever it is taken. One that stands for a parameter changes it only when it is given;
-empty leaves what the parameter file says. The launch files declare their arguments in full, for who copies one;
-`midastouch run` does without `ros2 launch` and reads `ARGUMENTS`. A test compares both.
+empty leaves what the parameter file says. Launch files declare those of `ARGUMENTS` that they take
+(`launch_parts.declared`); `midastouch run` does without `ros2 launch` and reads them here.
 
 `ros2 launch` imports this module into the Python of ROS, which need not have what the nodes' Python has: it, and what
 it imports, keeps to the standard library and to what launch itself brings along.

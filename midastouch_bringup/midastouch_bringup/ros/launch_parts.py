@@ -13,7 +13,7 @@ from pathlib import Path
 import launch.logging
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescriptionEntity, Substitution
-from launch.actions import LogInfo
+from launch.actions import DeclareLaunchArgument, LogInfo
 from launch.events.process import ProcessExited
 from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
 
@@ -21,8 +21,22 @@ from midastouch_common.errors import InputError
 
 from ..processes.parameter_files import written
 from ..processes.process import bound_to_us
-from .launch_arguments import SHARE
+from .launch_arguments import ARGUMENTS, SHARE
 from .launch_parameters import FILES, parameters
+
+
+def declared(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
+    """The launch arguments of these names, as `ARGUMENTS` has them; defaults, names and values of those whose default
+    is another one here."""
+    return [
+        DeclareLaunchArgument(
+            name,
+            default_value=defaults.get(name, ARGUMENTS[name].default),
+            choices=ARGUMENTS[name].choices or None,
+            description=ARGUMENTS[name].description,
+        )
+        for name in (*names, *defaults)
+    ]
 
 
 class MergedParameters(Substitution):
