@@ -20,28 +20,18 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_bringup.output_paths import demo_slide
+from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import check_arguments, check_rviz, declared, once_done
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ARGUMENTS = declared(
     "rate",
-    "namespace",
-    "params_file",
-    "params_overlay",
-    "use_respawn",
-    "log_level",
-    "autostart",
+    *OF_NODES,
     "composed",
     "serial",
     "background",
-    "mesh",
-    "codebook",
-    "objects",
-    "init_mode",
-    "preset",
-    "fingers",
-    "seed",
+    *OF_OBJECT,
     "tf_prefix",
     "sensor_prefix",
     "use_rviz",

@@ -21,6 +21,7 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
+from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parameters import explored
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
@@ -36,21 +37,11 @@ from midastouch_perception.objects import bundled_objects
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ARGUMENTS = declared(
-    "namespace",
-    "params_file",
-    "params_overlay",
-    "use_sim_time",
-    "use_respawn",
-    "log_level",
-    "autostart",
+    *OF_NODES,
     "composed",
     "serial",
     "background",
-    "mesh",
-    "codebook",
-    "init_mode",
-    "preset",
-    "fingers",
+    *OF_OBJECT,
     "tf_prefix",
     "sensor_prefix",
     "use_rviz",

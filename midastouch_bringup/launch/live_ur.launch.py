@@ -11,6 +11,7 @@ from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJo
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     UseRespawn,
@@ -24,24 +25,11 @@ from midastouch_bringup.ros.launch_parts import (
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 ARGUMENTS = declared(
-    "namespace",
-    "params_file",
-    "params_overlay",
-    "use_sim_time",
-    "use_respawn",
-    "log_level",
-    "autostart",
+    *OF_NODES,
     "composed",
     "serial",
     "background",
-    "object",
-    "mesh",
-    "codebook",
-    "objects",
-    "init_mode",
-    "preset",
-    "fingers",
-    "seed",
+    *OF_OBJECT,
     "arm",
     "robot_ip",
     "ur_type",

@@ -10,6 +10,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     UseRespawn,
@@ -20,27 +21,7 @@ from midastouch_bringup.ros.launch_parts import (
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 ARGUMENTS = declared(
-    "namespace",
-    "params_file",
-    "params_overlay",
-    "use_sim_time",
-    "use_respawn",
-    "log_level",
-    "autostart",
-    "composed",
-    "serial",
-    "background",
-    "sensor_model",
-    "object",
-    "mesh",
-    "codebook",
-    "objects",
-    "init_mode",
-    "preset",
-    "fingers",
-    "seed",
-    "tf_prefix",
-    "sensor_prefix",
+    *OF_NODES, "composed", "serial", "background", "sensor_model", *OF_OBJECT, "tf_prefix", "sensor_prefix"
 )
 
 
@@ -75,14 +56,7 @@ def generate_launch_description() -> LaunchDescription:
                             "background",
                             "bag",
                             "sensor_model",
-                            "object",
-                            "mesh",
-                            "codebook",
-                            "objects",
-                            "init_mode",
-                            "preset",
-                            "fingers",
-                            "seed",
+                            *OF_OBJECT,
                             "tf_prefix",
                             "sensor_prefix",
                         ],

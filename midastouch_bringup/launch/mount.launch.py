@@ -7,15 +7,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from midastouch_bringup.ros.launch_parts import UseRespawn, bound_to_launch, declared, mount_description
 
-ARGUMENTS = declared(
-    "namespace",
-    "use_respawn",
-    "log_level",
-    "frames_file",
-    "tool_frame",
-    "tf_prefix",
-    "sensor_prefix",
-)
+ARGUMENTS = declared("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix")
 
 
 def generate_launch_description() -> LaunchDescription:

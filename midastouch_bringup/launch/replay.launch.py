@@ -10,6 +10,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     bound_to_launch,
@@ -24,24 +25,12 @@ ARGUMENTS = declared(
     "bag",
     "rate",
     "loop",
-    "namespace",
-    "params_file",
-    "params_overlay",
-    "use_respawn",
-    "log_level",
-    "autostart",
+    *OF_NODES,
     "composed",
     "serial",
     "background",
     "sensor_model",
-    "object",
-    "mesh",
-    "codebook",
-    "objects",
-    "init_mode",
-    "preset",
-    "fingers",
-    "seed",
+    *OF_OBJECT,
     "tf_prefix",
     "sensor_prefix",
     "use_rviz",

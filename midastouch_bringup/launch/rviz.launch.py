@@ -8,11 +8,7 @@ from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_parts import bound_to_launch, declared
 
-ARGUMENTS = declared(
-    "namespace",
-    "use_sim_time",
-    "rviz_config",
-)
+ARGUMENTS = declared("namespace", "use_sim_time", "rviz_config")
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -156,3 +156,8 @@ ARGUMENTS = {
     "use_rviz": Argument("Start RViz", "true", _YES_NO, launch_only=True),
     "rviz_config": Argument("RViz configuration", str(SHARE / "rviz" / "midastouch.rviz"), launch_only=True),
 }
+
+OF_NODES = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
+"""Names of those that every launch file with nodes takes."""
+OF_OBJECT = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
+"""Names of those of the filter, but for its frames."""

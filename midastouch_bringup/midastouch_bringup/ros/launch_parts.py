@@ -16,6 +16,7 @@ from launch import LaunchContext, LaunchDescriptionEntity, Substitution
 from launch.actions import DeclareLaunchArgument, LogInfo
 from launch.events.process import ProcessExited
 from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import LifecycleNode
 
 from midastouch_common.errors import InputError
 
@@ -35,7 +36,7 @@ def declared(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
             choices=ARGUMENTS[name].choices or None,
             description=ARGUMENTS[name].description,
         )
-        for name in (*names, *defaults)
+        for name in dict.fromkeys((*names, *defaults))
     ]
 
 
@@ -84,6 +85,24 @@ class UseRespawn(LaunchConfiguration):
         """`on_exit` of a process without which the others are of no use, unless launch starts it again."""
         if not context.is_shutdown and self._value != "true":
             raise _died(event)
+
+
+def lifecycle_node(package: str, executable: str, takes: Sequence[str]) -> LifecycleNode:
+    """One of our nodes, named as its executable; takes, names of the launch arguments that set its parameters."""
+    use_respawn = UseRespawn()
+    return LifecycleNode(
+        package=package,
+        executable=executable,
+        name=executable,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[MergedParameters(executable, takes)],
+        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        prefix=bound_to_launch(),
+        output="screen",
+        respawn=use_respawn,
+        respawn_delay=2.0,
+        on_exit=use_respawn.or_end_launch,
+    )
 
 
 def check_arguments(context: LaunchContext) -> None:
