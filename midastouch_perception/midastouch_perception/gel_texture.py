@@ -18,6 +18,7 @@ from .sensor_model import SensorModel
 _FINEST, _COARSEST, _CONTRAST = 1.5, 4.0, 8.0  # px: noise below, light and shapes above, region of equal contrast
 _BORDER = 8  # px that the filters spoil
 _LEAST_CONTRAST = 0.1  # grey levels: a smooth image in whole grey levels has 0.07, real gels have 0.2 or more
+_LEAST_COVERED = 0.5  # of an image has that much contrast, or the gel has no texture
 _MOST, _STEPS = 3.0, 40  # times the contrast around it that a pixel counts, and steps of one such unit
 _FARTHEST = 8  # px by which a gel may have moved
 _BESIDE = 20  # px around no shift that the pattern itself may correlate over
@@ -64,7 +65,8 @@ def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndar
     band = cv2.GaussianBlur(grey, (0, 0), _FINEST) - cv2.GaussianBlur(grey, (0, 0), _COARSEST)
     contrast = np.sqrt(cv2.GaussianBlur(band * band, (0, 0), _CONTRAST))
     texture = np.clip(band / np.maximum(contrast, _LEAST_CONTRAST), -_MOST, _MOST)
-    texture[contrast < _LEAST_CONTRAST] = 0.0
+    smooth = contrast < _LEAST_CONTRAST
+    texture[smooth | (smooth.mean() > 1 - _LEAST_COVERED)] = 0.0
     if touched is not None:
         texture[touched] = 0.0
     return np.rint(_STEPS * texture[_BORDER:-_BORDER, _BORDER:-_BORDER]).astype(np.int8)
@@ -149,6 +151,8 @@ class GelCheck:
 
     def _judge(self, background: np.ndarray) -> None:
         (first, second), reference = self._sums, gel_texture(background)
+        if not reference.any():  # such as a simulator's
+            return
         found = likeness(reference, first + second)
         self.sigmas, self.problem = found.sigmas, ""
         worn = worn_gel(reference, first + second, found.shift) if found.same else np.zeros(1, bool)
