@@ -115,9 +115,9 @@ def run(args: argparse.Namespace) -> int:
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
     parts = [part for init in result["summary"].get(DEFAULT, {}) for part in of_start(result, init)]
-    return options.conclude(
-        args, result, shown([*parts, *of_variants(result)]), *left_out, *options.left(missing, "trial")
-    )
+    rows = shown([*parts, *of_variants(result)])
+    made_by = ("estimates", "real_gel") if protocol.real_gel else ("estimates",)
+    return options.conclude(args, result, rows, *left_out, *options.left(missing, "trial"), parts=made_by)
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
@@ -125,7 +125,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     from ..trials.campaign import Plan
     from ..trials.setup import load_filter_config
 
-    folder = options.campaign_folder(args)
+    folder = options.campaign_folder(args, "real_gel" if protocol.real_gel else "perception")
     slides = protocol.slides.of_length(args.length)
     size = args.codebook_size or protocol.codebook_size
     return Plan(

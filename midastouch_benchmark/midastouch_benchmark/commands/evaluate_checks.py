@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.table import terminal
 
     result = _measured(args)
-    return options.conclude(args, result, "\n\n".join(map(terminal, check_tables(result))), part="perception")
+    return options.conclude(args, result, "\n\n".join(map(terminal, check_tables(result))), parts=("real_gel",))
 
 
 def _measured(args: argparse.Namespace) -> dict:

@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
             **checked,
         }
     )
-    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])), part="perception")
+    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])), parts=("real_gel",))
 
 
 def _listed(problems: dict[str, str]) -> list[dict[str, str]]:

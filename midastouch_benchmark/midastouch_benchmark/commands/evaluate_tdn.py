@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
     used = {"network": tdn.network_id, "sensor": sensor.name, "calibration": args.calibration}
     result = {**used, "machine": machine_info(), "sequences": results, "summary": summary}
-    return options.conclude(args, result, terminal(depth_table(result)), part="perception")
+    return options.conclude(args, result, terminal(depth_table(result)), parts=("perception",))
 
 
 def _measured(

@@ -102,18 +102,19 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
-def conclude(args: argparse.Namespace, result: dict, *shown: str, part: str = "estimates") -> int:
-    """Keep `result` where --json says, with the command line that made it and the id of what makes estimates, and print
-    what is shown; the exit status.
+def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequence[str] = ("estimates",)) -> int:
+    """Keep `result` where --json says, with the command line that made it and its fingerprint, and print what is shown;
+    the exit status.
 
-    part: of the fingerprint that the result depends on.
+    parts: of the fingerprint, that the result depends on.
     """
     from midastouch_bringup.result_file import write_compact_json
 
     if args.json:
         from ..evidence.fingerprint import today
 
-        write_compact_json(args.json, {"command": args.command_line, "fingerprint": today()[part]} | result)
+        made = "+".join(today()[part] for part in parts)
+        write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     print("\n".join(shown))
     return 0
 
@@ -188,11 +189,12 @@ def _one(name: str, available: dict[str, Path], where: str) -> Path:
     return available[fitting[0]]
 
 
-def campaign_folder(args: argparse.Namespace) -> Path:
-    """Where --out keeps what is made of the present simulator and networks, apart from what others made."""
-    from ..evidence.fingerprint import PERCEPTION, today
+def campaign_folder(args: argparse.Namespace, part: str = "perception") -> Path:
+    """Where --out keeps what is made by the present code of this part of the fingerprint, apart from what other code
+    made."""
+    from ..evidence.fingerprint import today
 
-    return Path(args.out).resolve() / today()[PERCEPTION]  # workers may run elsewhere
+    return Path(args.out).resolve() / today()[part]  # workers may run elsewhere
 
 
 @contextmanager

@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         "machine": machine_info(),
     }
     table, notes = terminal(single_touch_table(content)), single_touch_notes(content)
-    return options.conclude(args, content, table, *notes, part="perception")
+    return options.conclude(args, content, table, *notes, parts=("perception",))
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

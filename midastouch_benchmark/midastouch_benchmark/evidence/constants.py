@@ -14,6 +14,7 @@ import numpy as np
 
 import midastouch_filter
 import midastouch_perception
+import midastouch_perception.sensor_calibration
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.presets import PRESETS
@@ -31,6 +32,11 @@ def of_perception(networks: Networks) -> Constants:
     """Those of images, maps, codes and codebooks, and the ids of networks and sensor."""
     ids = networks.describe() | {"sensor": networks.sensor.content_id}
     return _of_package(midastouch_perception) | {name: [value] for name, value in ids.items()}
+
+
+def of_calibration() -> Constants:
+    """Those of calibrations of sensors."""
+    return _of_package(midastouch_perception.sensor_calibration, elsewhere=())
 
 
 def of_filter() -> Constants:
@@ -51,10 +57,11 @@ def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
     return [name for name, here, there in differ if not (here <= there or there <= here)]
 
 
-def _of_package(package: ModuleType) -> Constants:
-    """Of all its modules; the values, each once, in order, of constants that have a name in common."""
+def _of_package(package: ModuleType, elsewhere: tuple[str, ...] = _ELSEWHERE) -> Constants:
+    """Of all its modules but those of these names; the values, each once, in order, of constants that have a name in
+    common."""
     found: dict[str, set[float]] = {}
-    for module in _modules(package):
+    for module in _modules(package, elsewhere):
         for name, value in vars(module).items():
             if _CONSTANT.fullmatch(name):
                 for key, number in _flat({name: value}):
@@ -62,9 +69,9 @@ def _of_package(package: ModuleType) -> Constants:
     return {name: sorted(values) for name, values in sorted(found.items())}
 
 
-def _modules(package: ModuleType) -> Iterator[ModuleType]:
+def _modules(package: ModuleType, elsewhere: tuple[str, ...]) -> Iterator[ModuleType]:
     for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        if not set(info.name.split(".")) & set(_ELSEWHERE):
+        if not set(info.name.split(".")) & set(elsewhere):
             yield importlib.import_module(info.name)
 
 

@@ -2,8 +2,9 @@
 
     .venv/bin/midastouch fingerprint --write
 
-It has two parts, `perception` (simulator, networks, renderer, codebook) and `estimates` (these and the filter), each
-made of numbers that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today
+It has three parts, `perception` (simulator, networks, renderer, codebook), `estimates` (these and the filter) and
+`real_gel` (the perception and what is made of images of real gel: calibrations, slopes, contact), each made of numbers
+that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today
 under their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
 times as far as inputs that are off in the sixth digit have moved it, and three times that on another machine.
 """
@@ -34,11 +35,12 @@ from .constants import Constants
 from .filter_probes import filter_probes
 from .perception_probes import perception_probes
 from .probe import Probe, Probes
+from .real_gel_probes import real_gel_probes
 from .scene import Scene, nudged, off
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMITTED = ROOT / "reports" / "fingerprint.json"
-PERCEPTION, ESTIMATES = "perception", "estimates"
+PERCEPTION, ESTIMATES, REAL_GEL = "perception", "estimates", "real_gel"
 RENEW = "midastouch fingerprint --write"
 _CACHE = ROOT / "out" / "cache" / "fingerprint"
 _NUDGES = 6
@@ -80,13 +82,16 @@ def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fing
     both = scenes()
     if seed is None:
         seen, answered = perception_probes(both[0]), filter_probes(both, config or FilterConfig())
+        touched = real_gel_probes(both[0].mesh, both[0].poses)
     else:
         rng = np.random.default_rng(seed)
         seen = perception_probes(both[0], partial(off, rng=rng))
         answered = filter_probes(both, config or FilterConfig(), partial(nudged, rng=rng))
+        touched = real_gel_probes(both[0].mesh, both[0].poses, partial(off, rng=rng))
     return {
         PERCEPTION: Part(seen, constants.of_perception(both[0].networks)),
         ESTIMATES: Part(answered, constants.of_filter()),
+        REAL_GEL: Part(touched, constants.of_calibration()),
     }
 
 
@@ -118,14 +123,16 @@ def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[st
     for part, one in committed.items():
         first, *others = (one.differences(run[part]) for run in runs)
         changed[part] = [each for each in first if all(each in other for other in others)]
-    changed[ESTIMATES] = [*changed[PERCEPTION], *changed[ESTIMATES]]
+    for part in changed.keys() - {PERCEPTION}:
+        changed[part] = [*changed[PERCEPTION], *changed[part]]
     return changed
 
 
 def ids(fingerprint: Fingerprint) -> dict[str, str]:
     """Names for the parts of one that agrees with no other, by their content."""
     texts = {part: json.dumps(one.to_json(), sort_keys=True) for part, one in fingerprint.items()}
-    texts[ESTIMATES] += texts[PERCEPTION]
+    for part in texts.keys() - {PERCEPTION}:
+        texts[part] += texts[PERCEPTION]
     return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in texts.items()}
 
 
@@ -146,9 +153,10 @@ def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tup
 def write(path: Path = COMMITTED) -> dict[str, list[str]]:
     """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
     old, named = read(path) if path.is_file() else ({}, {})
-    changed = {part: ["there was none"] for part in (PERCEPTION, ESTIMATES)}
+    changed = {part: ["there was none"] for part in (PERCEPTION, ESTIMATES, REAL_GEL) if part not in old}
     if old:
-        _, changed = _compared(old, lambda seed: measure(seed=seed))
+        _, differs = _compared(old, lambda seed: measure(seed=seed))
+        changed |= differs
         if not any(changed.values()):
             return changed
     found = steady()
@@ -200,6 +208,11 @@ def today() -> dict[str, str]:
 def is_of_today() -> bool:
     """Whether the committed fingerprint is that of the code as it runs here."""
     return COMMITTED.is_file() and read()[1] == today()
+
+
+def of_real_gel() -> str:
+    """Id of all that a contact depends on that images of real gel show."""
+    return today()[REAL_GEL]
 
 
 def of_estimates() -> str:

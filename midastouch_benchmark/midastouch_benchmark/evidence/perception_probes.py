@@ -27,10 +27,10 @@ def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Pro
     book = scene.codebook
     entries = slice(None, None, len(book.poses) // _ENTRIES)
     return {
-        "images": Probe(_blocks(images.mean(axis=-1)), [0.1] * 12),
-        "depth": Probe(_blocks(np.array([each.penetration for each in contacts])), [2e-6] * 12),
+        "images": Probe(block_means(images.mean(axis=-1)), [0.1] * 12),
+        "depth": Probe(block_means(np.array([each.penetration for each in contacts])), [2e-6] * 12),
         "contact": Probe(np.array([[1e6 * each.area_m2] for each in contacts]), [0.5]),
-        "rendered": Probe(_blocks(maps), [1e-6] * 12),
+        "rendered": Probe(block_means(maps), [1e-6] * 12),
         "codes": Probe(networks.tcn.encode(nudge(maps))[:, :_NUMBERS], [1e-3] * _NUMBERS),
         "book": Probe(book.poses[entries, :3].reshape(-1, 12), [1e-4] * 12),
         "book's codes": Probe(book.codes[entries, :_NUMBERS], [2e-3] * _NUMBERS),
@@ -38,7 +38,7 @@ def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Pro
     }
 
 
-def _blocks(pictures: np.ndarray) -> np.ndarray:
+def block_means(pictures: np.ndarray) -> np.ndarray:
     """Means (N, 12) over the blocks of pictures (N, H, W)."""
     rows = np.array_split(pictures, _BLOCKS[0], axis=1)
     return np.stack([b.mean(axis=(1, 2)) for row in rows for b in np.array_split(row, _BLOCKS[1], axis=2)], axis=1)

@@ -188,8 +188,10 @@ def _fingerprint_in(path: Path, written_ns: int) -> str | None:
 
 def stale(names: Iterable[str]) -> list[str]:
     """Those of the reports that are of other code than today's, do not say, or are not there."""
-    known = ids_of_today().values()
-    return [name for name in names if name not in NO_ESTIMATES and fingerprint_of(name) not in known]
+    known = set(ids_of_today().values())
+    return [
+        name for name in names if name not in NO_ESTIMATES and not set((fingerprint_of(name) or "").split("+")) <= known
+    ]
 
 
 def benchmark_summary(name: str) -> dict:

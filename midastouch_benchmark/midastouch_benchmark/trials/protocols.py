@@ -114,7 +114,7 @@ class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; objects, touched where
     nobody names others; make_cache, of slides as its sensors see them; codebook_size, poses;
-    record, of what a trial is asked on its way."""
+    record, of what a trial is asked on its way; real_gel, whether the images are those of real gel."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -126,6 +126,7 @@ class Protocol:
     make_cache: Callable[..., Cache] = Cache
     codebook_size: int = 50_000
     record: Callable[[Yardstick], GraspRecord] | None = None
+    real_gel: bool = False
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
@@ -159,8 +160,10 @@ PROTOCOLS = {
         starts=(UNIFORM,),
         make_cache=OtherShapeCache,
     ),
-    "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
-    "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
+    "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache, real_gel=True),
+    "real_sensor_calibrated": Protocol(
+        "... each calibrated", make_cache=partial(RealSensorCache, calibrated=True), real_gel=True
+    ),
     "small_parts": Protocol(
         "parts smaller than the gel",
         slides=SlideKind(0.075),

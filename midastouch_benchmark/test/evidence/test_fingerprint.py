@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.evidence import constants, fingerprint
-from midastouch_benchmark.evidence.fingerprint import ESTIMATES, PERCEPTION, RENEW, Part, differences, ids, read
+from midastouch_benchmark.evidence.fingerprint import (
+    ESTIMATES,
+    PERCEPTION,
+    REAL_GEL,
+    RENEW,
+    Part,
+    differences,
+    ids,
+    read,
+)
 from midastouch_benchmark.evidence.probe import Probe
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
@@ -42,17 +51,24 @@ def test_what_changes_the_perception_changes_the_estimates():
 
 def test_a_part_that_did_not_change_keeps_its_id(tmp_path, monkeypatch):
     path = tmp_path / "fingerprint.json"
-    monkeypatch.setattr(fingerprint, "steady", lambda: {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0)})
+    first = {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0)}
+    monkeypatch.setattr(fingerprint, "steady", lambda: first)
     fingerprint.write(path)
     before = read(path)[1]
-    now = {PERCEPTION: of(1.05, A=1), ESTIMATES: of(3.0)}
+    now = {PERCEPTION: of(1.05, A=1), ESTIMATES: of(3.0), REAL_GEL: of(4.0)}
     monkeypatch.setattr(fingerprint, "steady", lambda: now)
     monkeypatch.setattr(fingerprint, "measure", lambda seed=None: now)
-    assert fingerprint.write(path) == {PERCEPTION: [], ESTIMATES: ["probe 'p'"]}
+    assert fingerprint.write(path) == {PERCEPTION: [], ESTIMATES: ["probe 'p'"], REAL_GEL: ["there was none"]}
     after = read(path)[1]
     assert after[PERCEPTION] == before[PERCEPTION]
     assert after[ESTIMATES] != before[ESTIMATES]
     assert json.loads(path.read_text())[PERCEPTION]["probes"]["p"]["values"] == [[1.0], [1.0]]
+
+
+def test_what_is_made_of_real_gel_changes_no_estimate():
+    one = {PERCEPTION: of(1.0), ESTIMATES: of(2.0), REAL_GEL: of(3.0)}
+    assert differences(one, one | {REAL_GEL: of(3.4)}) == {PERCEPTION: [], ESTIMATES: [], REAL_GEL: ["probe 'p'"]}
+    assert ids(one | {REAL_GEL: of(3.4)})[ESTIMATES] == ids(one)[ESTIMATES]
 
 
 def test_a_difference_counts_that_every_run_has():
@@ -66,7 +82,7 @@ def test_a_difference_counts_that_every_run_has():
 def test_other_inputs_in_the_sixth_digit_leave_it_as_it_is():
     committed, _ = read()
     runs = [fingerprint.measure(seed=seed) for seed in (1001, 1002)]
-    assert differences(committed, *runs) == {PERCEPTION: [], ESTIMATES: []}
+    assert not any(differences(committed, *runs).values())
 
 
 def probes_changed(config: FilterConfig | None = None) -> list[str]:

@@ -26,8 +26,15 @@ def table(*names: str) -> pd.DataFrame:
 
 
 def test_reports_are_stale_that_are_of_other_code_or_do_not_say(of_code):
-    of_code |= {"a": "bbbbbbbb", "b": "aaaaaaaa", "c": "cccccccc", "d": None, "soak": None}
-    assert reports.stale(of_code) == ["c", "d"]
+    of_code |= {
+        "a": "bbbbbbbb",
+        "b": "aaaaaaaa+bbbbbbbb",
+        "c": "cccccccc",
+        "d": None,
+        "e": "aaaaaaaa+cccccccc",
+        "soak": None,
+    }
+    assert reports.stale(of_code) == ["c", "d", "e"]
 
 
 def test_rows_of_today_are_not_marked(of_code):
