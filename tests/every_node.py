@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import rclpy
@@ -37,7 +38,7 @@ _NODES = {
     "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
     "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
     "mount_tf": (f"{_BRINGUP}.mount_tf", "MountTf", {}),
-    "view": (f"{_BRINGUP}.view", "View", {"scene": FakeNet()}),
+    "view": (f"{_BRINGUP}.view", "View", {"scene": MagicMock()}),
     "calibrate": (f"{_PERCEPTION}.calibrate", "CalibrateNode", {}),
     "recorder": (f"{_BRINGUP}.recorder", "Recorder", {}),
     "replay": (f"{_BRINGUP}.replay", "Replay", {}),

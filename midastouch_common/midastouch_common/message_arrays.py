@@ -122,3 +122,14 @@ def covariance_from_msg(covariance: np.ndarray) -> np.ndarray:
     if not np.isfinite(matrix).all() or (np.diagonal(matrix) < 0).any():
         raise InputError("covariance with a non-finite value or a negative variance")
     return matrix
+
+
+def probabilities_from_msg(msg: Any) -> dict[str, float]:
+    """Probability of each object, by its name, of a `Detection3DArray`; InputError for one without a hypothesis, or for
+    what is no probability."""
+    if not all(each.results for each in msg.detections):
+        raise InputError("a detection has no hypothesis: results is empty")
+    found = [each.results[0].hypothesis for each in msg.detections]
+    if not all(0.0 <= each.score <= 1.0 for each in found):
+        raise InputError("the score of a hypothesis is no probability: outside of 0 to 1, or not finite")
+    return {each.class_id: float(each.score) for each in found}

@@ -16,6 +16,7 @@ from midastouch_common.message_arrays import (
     point_from_msg,
     pose_from_msg,
     poses_from_msgs,
+    probabilities_from_msg,
     transform_from_msg,
 )
 from midastouch_common.pose_metric import particle_rmse
@@ -70,7 +71,7 @@ def read_run(path: str | Path) -> RunRecord:
             continue
         seen.add(stamp)
         if (detections := results[OBJECTS].get(stamp)) is not None:
-            objects = _probabilities(detections)
+            objects = probabilities_from_msg(detections)
         if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES)):
             continue
         status, pose = results[STATUS][stamp], results[POSE].get(stamp)
@@ -139,11 +140,6 @@ def _nearest_to_truth(one: Snapshot) -> Snapshot:
         modes.append(RecordedMode(mode.weight, pose, turn @ mode.covariance @ turn.T))
     estimate = None if one.estimate is None else nearest(one.estimate[None])[0]
     return dataclasses.replace(one, particles=nearest(one.particles), modes=modes, estimate=estimate)
-
-
-def _probabilities(detections: object) -> dict[str, float]:
-    found = [each.results[0].hypothesis for each in detections.detections]
-    return {each.class_id: float(each.score) for each in found}
 
 
 def _code(message: object | None) -> np.ndarray | None:

@@ -14,12 +14,12 @@ def add_parser(subparsers) -> None:
         subparsers,
         "view",
         run,
-        "show the running nodes in a browser: object, particles, modes, contact, image, truth",
+        "show the running nodes in a browser: object, particles, modes, contact, image, truth, which object",
         "midastouch view --namespace left --save out/left.rrd",
         "Listens to the nodes over DDS (same ROS_DOMAIN_ID) and serves a page to this machine only, unless\n"
         "--host says otherwise. On another computer: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT.\n"
         "Needs Rerun: .venv/bin/pip install -r tools/requirements/view.txt.\n"
-        "Its page reports usage (no data) to its maker.",
+        "Its page is Rerun's: it sends no data away, but may ask for Rerun's newest version and a font.",
     )
     parser.add_argument("--namespace", default="", help="of the nodes (default: none)")
     parser.add_argument("--rate", type=arguments.positive, default=5.0, help="drawings per second (default 5)")

@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2
 from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
@@ -22,6 +23,7 @@ from midastouch_common.message_arrays import (
     covariance_from_msg,
     points_from_msg,
     pose_from_msg,
+    probabilities_from_msg,
     rgb_from_msg,
     stamp_ns,
     transform_from_msg,
@@ -42,6 +44,9 @@ PARAMETERS = (
 
 _JUMP_NS = 500_000_000
 SILENT_S = 3.0
+_WAITING = "waiting", "for the filter; if it runs, see that ROS_DOMAIN_ID and --namespace are its own"
+_SILENT = "no filter_status", "the filter says nothing; what is drawn may be old"
+_ENDED = "ended", "the filter's node has ended; what is drawn is the last of it"
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,20 @@ class View(PipelineNode):
         self._newest: dict[str, bytes] = {}
         self._stamp = 0
         self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
+        self._silence = _WAITING  # what was said of the silence; empty while the filter speaks
+        scene.status(*_WAITING, {})
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
         self._guide = f"calibrate: {self.resolve_topic_name('calibrate')}"
         topics = (
             # In the order in which they are drawn: the mesh clears what was about the last object.
             _Topic("object_mesh", MarkerArray, qos.latched(), self._mesh),
             _Topic("filter_status", FilterStatus, qos.latched(), self._status),
+            _Topic(
+                "object_hypotheses",
+                Detection3DArray,
+                qos.latched(),
+                lambda msg: scene.objects(probabilities_from_msg(msg)),
+            ),
             _Topic("image_raw", Image, latest, lambda msg: scene.image(rgb_from_msg(msg, msg.height, msg.width))),
             # Large: Fast DDS loses such messages when nobody asks for them again.
             _Topic("particles/cloud", PointCloud2, reliable, self._particles),
@@ -92,7 +105,10 @@ class View(PipelineNode):
 
     def _draw(self) -> None:
         taken, self._newest = self._newest, {}
-        self._quiet_ticks = 0 if "filter_status" in taken else self._quiet_ticks + 1
+        if "filter_status" in taken:
+            self._quiet_ticks, self._silence = 0, ()
+        else:
+            self._quiet_ticks += 1
         for name, topic in self._topics.items():
             if name not in taken:
                 continue
@@ -100,8 +116,13 @@ class View(PipelineNode):
                 topic.draw(deserialize_message(taken[name], topic.kind))
             except InputError as error:
                 self.get_logger().warning(f"{name}: {error}", throttle_duration_sec=5.0)
-        if self._quiet_ticks == self._silent_after:
-            self._scene.status("no filter_status", "the filter says nothing; what is drawn may be old", {})
+        if self._quiet_ticks >= self._silent_after and self._silence != _WAITING:
+            self._say_silent(_SILENT if self.count_publishers("filter_status") else _ENDED)
+
+    def _say_silent(self, words: tuple[str, str]) -> None:
+        if words != self._silence:
+            self._silence = words
+            self._scene.status(*words, {})
 
     def _mesh(self, msg: MarkerArray) -> None:
         for marker in msg.markers:
@@ -116,6 +137,8 @@ class View(PipelineNode):
             if stamp < self._stamp - _JUMP_NS:
                 self._scene.restart()
             self._stamp = stamp
+        if msg.state == FilterStatus.STATE_UNINITIALISED:
+            self._scene.objects({})
         numbers = {"particles/all": msg.n_particles, "particles/effective": msg.ess, "mass/best": msg.mode_mass}
         numbers |= {f"ms/{name}": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
         self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})

@@ -1,4 +1,4 @@
-"""How the filter's numbers look: colours of weights, ellipsoids of covariances, lines of past poses."""
+"""How the filter's numbers look: colours of weights, ellipsoids of covariances, lines of past poses, a scale."""
 
 from __future__ import annotations
 
@@ -31,6 +31,20 @@ def ellipsoids(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     poses[:, :3, :3] = directions
     half = _SIGMAS * np.sqrt(np.maximum(variances, _THINNEST**2))
     return half, se3.to_xyzquat(poses)[:, 3:]
+
+
+def scale_bar(vertices: np.ndarray) -> tuple[np.ndarray, str]:
+    """Ends (2, 3) m of a line below the vertices (V, 3) m, along their longest side, and its length in words.
+
+    The length is 1, 2 or 5 times a power of ten, about a fifth of that side.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    axis = int(np.argmax(high - low))
+    fifth = max(float(high[axis] - low[axis]) / 5, _THINNEST)
+    steps = np.outer(10.0 ** np.arange(-4, 2), (1, 2, 5)).ravel()  # m
+    length = float(steps[np.argmin(np.abs(np.log(steps / fifth)))])
+    start = low - 0.05 * (high - low).max()
+    return np.stack([start, start + length * np.eye(3)[axis]]), f"{1e3 * length:g} mm"
 
 
 class Trail:

@@ -10,25 +10,8 @@ from midastouch_perception.sensor_calibration.collector import REGIONS
 
 from ..datasets.sequence import IMAGE_SHAPE
 from . import require_rerun
-from .appearance import Trail, ellipsoids, weight_colours
-
-_TO_DO, _DONE = "\u25cb", "\u25cf"
-
-
-def guidance_text(step: str, values: Mapping[str, str]) -> str:
-    """What to do next, progress, and the presses thrown away with the reasons, as Markdown.
-
-    values: those of the node `calibrate` on `/diagnostics`.
-    """
-    taken, wanted = int(values.get("taken", 0)), int(values.get("wanted", 0))
-    lines = [f"# {step}", _DONE * taken + _TO_DO * max(wanted - taken, 0)]
-    if values.get("last_press"):
-        lines.append(f"Last press: {values['last_press']}")
-    reasons = [reason for name, reason in values.items() if name.startswith("thrown_away_")]
-    if reasons:
-        lines.append(f"Thrown away: {values['thrown_away']}, the last ones:")
-        lines.append("\n".join(f"- {reason}" for reason in reasons))
-    return "\n\n".join(lines)
+from .appearance import Trail, ellipsoids, scale_bar, weight_colours
+from .words import guidance_text, status_text
 
 
 def region_box(region: str) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -42,7 +25,16 @@ _MOST_PARTICLES = 10_000
 _MOST_LABELS = 4
 _AXIS = 0.01  # m
 _ESTIMATE, _TRUTH, _CONTACT = (40, 200, 80), (60, 150, 255), (255, 80, 200)
-_MODE = (240, 160, 30)
+_MODE, _SCALE = (240, 160, 30), (128, 128, 128)
+_LEGEND = f"""
+- points, dark blue over red to yellow: particles, from light to heavy
+- green: the published pose and its path; its ellipsoid holds two standard deviations
+- orange ellipsoids: other poses that are possible, with their probability
+- red, green and blue arrows: x, y and z of the gel, {1e3 * _AXIS:.0f} mm long
+- pink: the contact that is measured, at the published pose
+- blue: the true pose and its path, where a recording has it
+- grey line: the scale
+"""
 
 
 class Scene:
@@ -52,11 +44,16 @@ class Scene:
         self._rr, self._recording = require_rerun(), recording
         self._trails = {"estimate": Trail(), "truth": Trail()}
         self._guiding = False
+        self._state, self._objects = ("", ""), {}
         recording.send_blueprint(self._blueprint())
+        recording.log("legend", self._rr.TextDocument(_LEGEND, media_type="text/markdown"), static=True)
 
     def mesh(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
         """Another object: vertices (V, 3), faces (F, 3), vertex normals (V, 3); what was drawn about the last goes."""
-        self.restart()
+        self._clear()
+        ends, label = scale_bar(vertices)
+        bar = self._rr.LineStrips3D([ends], colors=_SCALE, radii=0.0005, labels=[label], show_labels=True)
+        self._recording.log("object/scale", bar, static=True)
         self._recording.log(
             "object/mesh",
             self._rr.Mesh3D(
@@ -70,6 +67,10 @@ class Scene:
 
     def restart(self) -> None:
         """Remove everything but the mesh: the filter has started again."""
+        self.objects({})
+        self._clear()
+
+    def _clear(self) -> None:
         for trail in self._trails.values():
             trail.clear()
         for name in ("particles", "modes", "axes", "gel", "estimate", "truth"):
@@ -121,9 +122,15 @@ class Scene:
 
     def status(self, state: str, reason: str, numbers: Mapping[str, float]) -> None:
         """The state in words, and numbers as curves."""
-        self._recording.log("status", self._rr.TextDocument(f"# {state}\n{reason}", media_type="text/markdown"))
+        self._state = state, reason
+        self._say()
         for name, value in numbers.items():
             self._recording.log(f"filter/{name}", self._rr.Scalars(float(value)))
+
+    def objects(self, probabilities: Mapping[str, float]) -> None:
+        """Probability of each object that may be touched, by name; none where one was given."""
+        self._objects = probabilities
+        self._say()
 
     def guidance(self, step: str, values: Mapping[str, str]) -> None:
         """What to do next in a calibration, and how far it is: the values of the node `calibrate`."""
@@ -138,6 +145,10 @@ class Scene:
         else:
             box = self._rr.Clear(recursive=True)
         self._recording.log("image/next", box)
+
+    def _say(self) -> None:
+        text = status_text(*self._state, self._objects)
+        self._recording.log("status", self._rr.TextDocument(text, media_type="text/markdown"))
 
     def _trail(self, name: str, pose: np.ndarray, colour: tuple[int, int, int]) -> None:
         trail = self._trails[name]
@@ -169,9 +180,10 @@ class Scene:
                     blueprint.Spatial2DView(origin="image", name="tactile image"),
                     blueprint.TextDocumentView(origin="status", name="state"),
                     blueprint.Tabs(
-                        blueprint.TimeSeriesView(origin="filter/particles", name="particles"),
-                        blueprint.TimeSeriesView(origin="filter/ms", name="milliseconds"),
-                        blueprint.TimeSeriesView(origin="filter/mass", name="mass of the best mode"),
+                        blueprint.TextDocumentView(origin="legend", name="legend"),
+                        blueprint.TimeSeriesView(origin="filter/particles", name="particles [count]"),
+                        blueprint.TimeSeriesView(origin="filter/ms", name="time of a step [ms]"),
+                        blueprint.TimeSeriesView(origin="filter/mass", name="mass of the best mode [0 to 1]"),
                     ),
                 ),
                 column_shares=[3, 1],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import socket
 import subprocess
 import time
@@ -14,6 +15,12 @@ from midastouch_common.errors import InputError
 
 from ..processes.process import bound_to_us
 from . import require_rerun
+
+OFFLINE_ENVIRONMENT = {"CI": "1"}
+"""Keeps Rerun's programs from reporting their use to its makers: there is no other variable for that."""
+
+OFFLINE_QUERY = "notebook=1&hide_welcome_screen=1"
+"""Keeps Rerun's page from the same, and from fetching examples from its makers."""
 
 _START_S = 30.0
 _STOP_S = 5.0
@@ -48,7 +55,12 @@ class ViewServer:
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
         self._log = TemporaryFile()  # noqa: SIM115 - closed in close()
         self._process = subprocess.Popen(
-            bound_to_us(command), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, start_new_session=True
+            bound_to_us(command),
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+            start_new_session=True,
+            env={**os.environ, **OFFLINE_ENVIRONMENT},
         )
         try:
             self._wait_until_it_listens()
@@ -72,7 +84,7 @@ class ViewServer:
         """What to open in a browser, as seen from this machine or, when served to all, from others."""
         shown = socket.gethostname() if _is_everywhere(self._host) else self._host
         data = quote(f"rerun+http://{shown}:{self._port}/proxy", safe="")
-        return f"http://{shown}:{self._web_port}/?url={data}"
+        return f"http://{shown}:{self._web_port}/?url={data}&{OFFLINE_QUERY}"
 
     def close(self) -> None:
         """Stop serving."""

@@ -1,19 +1,16 @@
 """`midastouch view` as a process: a recording of it, and a client of its server."""
 
-import contextlib
-import itertools
-import os
 import re
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ports import free_ports
 
 from midastouch_bringup import cli
 from midastouch_common.errors import InputError
@@ -31,20 +28,6 @@ def test_without_rerun_it_names_the_command_that_installs_it(monkeypatch, capsys
 @pytest.fixture
 def rerun():
     return pytest.importorskip("rerun", reason="the view extra (rerun-sdk) is not installed")
-
-
-def of_this_run() -> Iterator[int]:
-    """Ports that are free and stay so: no other run of tests takes them, nor the system for an outgoing connection."""
-    for port in itertools.count(20_000 + 100 * int(os.environ["ROS_DOMAIN_ID"])):
-        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)):
-            yield port
-
-
-PORTS = of_this_run()
-
-
-def free_ports(n: int) -> list[int]:
-    return list(itertools.islice(PORTS, n))
 
 
 def binary() -> str:

@@ -11,6 +11,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
@@ -47,7 +48,11 @@ def scene():
 
 @pytest.fixture
 def view(graph, scene):
-    return graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
+    node = graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
+    ((state, _, _),) = scene.of("status")
+    assert state == "waiting"
+    scene.calls.clear()
+    return node
 
 
 def header(stamp=SECOND, frame="object"):
@@ -175,17 +180,37 @@ def test_the_guide_of_a_calibration_is_passed_on_whatever_else_is_on_diagnostics
     assert scene.of("guidance") == [("1 of 10: lift the ball", {"taken": "1", "region": "centre"})]
 
 
+def test_which_object_it_may_be_is_passed_on_until_nothing_is_known(graph, scene, view):
+    objects = graph.publisher(Detection3DArray, "object_hypotheses", latched=True)
+    found = [
+        Detection3D(results=[ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id=name, score=score))])
+        for name, score in (("mug", 0.75), ("unknown", 0.25))
+    ]
+    objects.publish(Detection3DArray(detections=[Detection3D()]))  # malformed: without a hypothesis
+    graph.spin_for(0.2)
+    objects.publish(Detection3DArray(detections=found))
+    graph.spin_until(lambda: scene.of("objects"), "the objects")
+    assert scene.of("objects") == [({"mug": 0.75, "unknown": 0.25},)]
+    status = FilterStatus(header=header(), state="uninitialised")
+    graph.publisher(FilterStatus, "filter_status", latched=True).publish(status)
+    graph.spin_until(lambda: scene.of("objects")[-1] == ({},), "that nothing is known")
+
+
 def test_it_says_when_the_filter_falls_silent(graph, scene, monkeypatch):
     monkeypatch.setattr("midastouch_bringup.nodes.view.SILENT_S", 0.3)
     graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
-    graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(header=header(), state="lost"))
+    publishers = [graph.publisher(FilterStatus, "filter_status", latched=True)]
+    publishers[0].publish(FilterStatus(header=header(), state="lost"))
 
     def said() -> list[str]:
         return [call[0] for call in scene.of("status")]
 
     graph.spin_until(lambda: said()[-2:] == ["lost", "no filter_status"], "the silence")
-    status = graph.publisher(FilterStatus, "filter_status", latched=True)
+    publishers.append(status := graph.publisher(FilterStatus, "filter_status", latched=True))
     before = len(said())
     status.publish(FilterStatus(header=header(), state="ambiguous"))
     graph.spin_until(lambda: len(said()) == before + 2, "the next silence")
     assert said()[before:] == ["ambiguous", "no filter_status"]
+    for publisher in publishers:
+        graph.companion.destroy_publisher(publisher)
+    graph.spin_until(lambda: said()[-1] == "ended", "the end of the filter")

@@ -1,9 +1,10 @@
 """Colours, ellipsoids and trails, against what they mean."""
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
-from midastouch_bringup.view.appearance import Trail, ellipsoids, weight_colours
+from midastouch_bringup.view.appearance import Trail, ellipsoids, scale_bar, weight_colours
 
 
 def test_heavier_is_brighter_and_the_scale_does_not_matter():
@@ -39,3 +40,13 @@ def test_a_trail_breaks_where_it_jumps_and_forgets_its_beginning():
     assert [len(strip) for strip in trail.strips] == [6]
     trail.clear()
     assert trail.strips == []
+
+
+@pytest.mark.parametrize(("size", "words"), [(0.02, "5 mm"), (0.25, "50 mm"), (1.0, "200 mm")])
+def test_the_scale_is_a_round_length_beside_the_object(size, words):
+    vertices = np.random.default_rng(0).uniform(-1, 1, (200, 3)) * [0.1, 0.5, 0.2] * size
+    vertices[:2, 1] = -0.5 * size, 0.5 * size
+    ends, label = scale_bar(vertices)
+    assert label == words
+    assert f"{1e3 * np.linalg.norm(ends[1] - ends[0]):.4g} mm" == words
+    assert (ends[:, 2] < vertices[:, 2].min()).all()
