@@ -17,6 +17,7 @@ from . import se3
 from .errors import InputError
 
 _LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's points are larger
+_ROUNDING = 1e-6  # of a probability
 _FLOAT32 = 7  # sensor_msgs/PointField
 # encoding -> element type, channels
 ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
@@ -130,6 +131,6 @@ def probabilities_from_msg(msg: Any) -> dict[str, float]:
     if not all(each.results for each in msg.detections):
         raise InputError("a detection has no hypothesis: results is empty")
     found = [each.results[0].hypothesis for each in msg.detections]
-    if not all(0.0 <= each.score <= 1.0 for each in found):
+    if not all(-_ROUNDING <= each.score <= 1.0 + _ROUNDING for each in found):
         raise InputError("the score of a hypothesis is no probability: outside of 0 to 1, or not finite")
     return {each.class_id: float(each.score) for each in found}

@@ -12,15 +12,18 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 from std_srvs.srv import Trigger
+from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import probabilities_from_msg, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects
 
+from ..explore.progress import object_answer, progress_line
 from ..explore.result import Ended
 from ..output_paths import quick_codebook
 from ..progress import progress_bar
@@ -39,9 +42,10 @@ class Console(Node):
 
     Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
     that of the object; since_change_ns, how long it has been that, in the finger's time.
+    Args: mesh, that of the object at the start; given, whether the filter was given it.
     """
 
-    def __init__(self, mesh: str, context: rclpy.Context):
+    def __init__(self, mesh: str, given: bool, context: rclpy.Context):
         super().__init__("explore", context=context)
         self.mesh, self._newest, self._changed = mesh, 0, 0
         self.ended: Ended | None = None
@@ -49,7 +53,11 @@ class Console(Node):
         self.answering = 0.0
         self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
         self._holds_back = True
-        self._explorer, self._filter, self._bar = ExplorerStatus(), "", progress_bar(unit="image")
+        self._explorer = ExplorerStatus(state=ExplorerStatus.STATE_WAITING)
+        self._filter = FilterStatus(state=FilterStatus.STATE_WAITING)
+        self._objects: dict[str, float] = {}
+        self._given = Path(mesh).stem if given else ""
+        self._started, self._bar = time.monotonic(), progress_bar(bar_format="{desc}")
         self._move = self.create_publisher(Suggestion, "explorer/move", qos.COMMAND)
         self._callable = {
             name: self.create_client(Trigger, f"explorer/{name}") for name in ("pause", "resume", "push", "lift")
@@ -57,6 +65,7 @@ class Console(Node):
         self._set_object = self.create_client(SetObject, "explorer/set_object")
         self.create_subscription(MarkerArray, "explorer/object_mesh", self._on_mesh, qos.latched())
         self.create_subscription(ExplorerStatus, "explorer/status", self._on_explorer, qos.latched())
+        self.create_subscription(Detection3DArray, "object_hypotheses", self._on_objects, qos.latched())
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
 
     def keys(self) -> dict[str, Callable[[], None]]:
@@ -127,6 +136,14 @@ class Console(Node):
             address = marker.mesh_resource
             if marker.action == Marker.ADD and address and (path := file_of(address)) != self.mesh:
                 self.mesh, self._changed = path, self._newest
+                self._objects, self._given = {}, Path(path).stem
+
+    def _on_objects(self, objects: Detection3DArray) -> None:
+        try:
+            self._objects = probabilities_from_msg(objects)
+        except InputError as error:
+            self.get_logger().warning(f"object_hypotheses: {error}", throttle_duration_sec=5.0)
+        self._show()
 
     def _on_filter(self, status: FilterStatus) -> None:
         if status.state == FilterStatus.STATE_WAITING:
@@ -134,9 +151,9 @@ class Console(Node):
         self._newest = stamp_ns(status.header.stamp)
         self._first_at = self._first_at or time.monotonic()
         self.answering = time.monotonic() - self._first_at
-        self._filter = f"{status.state}, {status.n_particles} particles"
-        self._bar.update()
+        self._filter = status
         self._show()
+        self._bar.update()
 
     def _on_explorer(self, status: ExplorerStatus) -> None:
         self._explorer = status
@@ -145,8 +162,10 @@ class Console(Node):
             self.ended = Ended.of(status)
 
     def _show(self) -> None:
-        path = f"{1e3 * self._explorer.path_length:.0f} mm"
-        self._bar.set_postfix_str(f"{self._explorer.state} {path} | {self._filter}", refresh=False)
+        answer, seconds = object_answer(self._objects, self._given), time.monotonic() - self._started
+        explorer, known = self._explorer, self._filter
+        line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
+        self._bar.set_description_str(line, refresh=False)
 
 
 def file_of(address: str) -> str:

@@ -48,7 +48,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     with atomic_path(bag) as temporary:
-        console = _explore(programs, touched, temporary, out / "log", domain)
+        console = _explore(programs, touched, not objects, temporary, out / "log", domain)
     seconds = time.monotonic() - started
     try:
         record = read_run(bag)
@@ -75,11 +75,11 @@ def _tell(result: dict, out: Path) -> None:
     print(f"\n{text_table(*result_rows(result))}\n", flush=True)
 
 
-def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> Console:
+def _explore(programs: Sequence[Program], mesh: str, given: bool, bag: Path, logs: Path, domain: int) -> Console:
     """Run the exploration; its console knows how it ended."""
     with supervised_run(domain, logs) as (supervisor, executor):
         executor.add_node(recorder := _recorder(bag, mesh, executor.context))
-        executor.add_node(console := Console(mesh, executor.context))
+        executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
             supervisor.start(_held_back(program) if program.ends else program)
         with Keyboard(console.keys()) as keyboard:

@@ -64,7 +64,7 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path)
             shown += os.read(terminal, 4096).decode(errors="replace")
         except OSError:  # the run has ended
             break
-        if keys and re.search(rf"{keys[0][0]} .* particles", shown):
+        if keys and re.search(rf"{keys[0][0]}, \d+ mm, \d+ s \| eyebolt \| .*best pose", shown):
             os.write(terminal, keys.pop(0)[1].encode())
     assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0, shown
     assert "p: push the object" in shown
