@@ -18,13 +18,15 @@ from midastouch_perception.codebook import Codebook
 
 from ..bags.run_record import Snapshot
 from .object_view import ObjectView
+from .scale import draw_scale
 
 PARTICLE_COLOUR, MODE_COLOUR, ESTIMATE_COLOUR = "#7a7f87", "#1f77b4", "#cc1a73"
 PENETRATION_COLOURS = "viridis"
-_LEGEND = (
-    "particles coloured by their angle to the truth, blue 0° to red 180°; large axes: truth; "
+LEGEND = (
+    "particles coloured by their angle to the truth, blue 0° to red 180°; green dot with large axes: truth; "
     "small axes with 2-sigma ellipse: modes"
 )
+"""Of pictures of the object with particles."""
 
 
 def save(figure: Figure, path: Path) -> Path:
@@ -42,7 +44,7 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     columns = len(chosen)
     shape = 3.1 * view.camera.height / view.camera.width + 0.25
     figure = Figure(figsize=(3.1 * columns, 4.9 + 2 * shape), layout="constrained")
-    figure.suptitle(f"{title}\n{_LEGEND}", fontsize=9)
+    figure.suptitle(f"{title}\n{LEGEND}", fontsize=9)
     rows = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
     deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
     for axes, snapshot in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
@@ -56,9 +58,11 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     bar.set_label("mm", fontsize=9)
     for axes, snapshot in zip(_row(rows[1], columns), chosen, strict=True):
         axes.imshow(view.likelihood(codebook, snapshot))
+        draw_scale(axes, view.camera)
         axes.set_title("likelihood of this touch, pale to red", fontsize=9, loc="left")
     for axes, snapshot in zip(_row(rows[2], columns), chosen, strict=True):
         axes.imshow(view.particles(snapshot))
+        draw_scale(axes, view.camera)
         e_trans, e_rot = particle_rmse(snapshot.particles, snapshot.truth)
         label = f"particles: {1e3 * e_trans:.1f} mm, {np.degrees(e_rot):.1f}°, {snapshot.state}"
         axes.set_title(label, fontsize=9, loc="left")
@@ -66,10 +70,14 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     return figure
 
 
-def error_figure(run: list[Snapshot]) -> Figure:
-    """Translation and rotation errors of particles, closest mode and published pose over time."""
-    figure = Figure(figsize=(10, 3.4), layout="constrained")
-    _draw_errors(figure.subplots(1, 2), run, [])
+def final_figure(view: ObjectView, last: Snapshot) -> Figure:
+    """Particles, modes and truth of one moment, with a legend and a scale."""
+    figure = Figure(figsize=(9.6, 9.6 * view.camera.height / view.camera.width + 0.8), layout="constrained")
+    axes = figure.subplots()
+    axes.set_axis_off()
+    axes.imshow(view.particles(last))
+    draw_scale(axes, view.camera)
+    figure.suptitle(f"{view.mesh.name} after {last.time:.1f} s: {last.state}\n{LEGEND}", fontsize=9)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a recorded run on a page: an animated GIF, overview, end, errors."""
+"""The pictures of a recorded run on a page: an animated GIF, overview, end."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from midastouch_perception.codebook import Codebook
 from ..bags.run_record import Snapshot, moments
 from ..progress import progress_bar
 from .figures import (
+    LEGEND,
     MODE_COLOUR,
     PARTICLE_COLOUR,
     PENETRATION_COLOURS,
-    error_figure,
     error_series,
+    final_figure,
     run_figure,
     save,
     style_error_axes,
 )
 from .object_view import ObjectView
 from .page import Page
+from .scale import draw_scale
 
 
 def write_gif(
@@ -40,8 +42,8 @@ def write_gif(
     progress: wraps the list that is iterated over (such as tqdm).
     """
     chosen = moments(run, frames)
-    stage = _Stage(run)
-    pictures = [stage.draw(view, snapshot) for snapshot in progress(chosen)]
+    stage = _Stage(run, view)
+    pictures = [stage.draw(snapshot) for snapshot in progress(chosen)]
     # One palette for all frames: no flicker, and unchanged pixels compress away. The touch is small but
     # colourful, so it gets a larger part of the sample that the palette is made from.
     sample = pictures[:: max(len(pictures) // 6, 1)]
@@ -60,7 +62,8 @@ def write_gif(
 class _Stage:
     """The fixed parts of every frame; `draw` fills in one moment."""
 
-    def __init__(self, run: list[Snapshot]):
+    def __init__(self, run: list[Snapshot], view: ObjectView):
+        self._view = view
         self._figure = Figure(figsize=(9.6, 5.2), dpi=90)
         self._canvas = FigureCanvasAgg(self._figure)
         self._scene = self._figure.add_axes((0.0, 0.04, 0.62, 0.88))
@@ -81,15 +84,17 @@ class _Stage:
             axes.yaxis.set_major_locator(LogLocator())
             self._marks.append(axes.axvline(0, color="black", lw=1))
         axes.legend(frameon=False, fontsize=7, loc="upper right")
+        draw_scale(self._scene, view.camera)
+        self._figure.text(0.02, 0.015, LEGEND, fontsize=7)
         self._title = self._figure.text(0.02, 0.94, "", fontsize=12)
         self._artists: list = []
 
-    def draw(self, view: ObjectView, snapshot: Snapshot) -> np.ndarray:
+    def draw(self, snapshot: Snapshot) -> np.ndarray:
         for artist in self._artists:
             artist.remove()
         penetration = 1e3 * snapshot.penetration
         self._artists = [
-            self._scene.imshow(view.particles(snapshot)),
+            self._scene.imshow(self._view.particles(snapshot)),
             self._image.imshow(snapshot.image),
             self._penetration.imshow(penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * self._deepest),
         ]
@@ -101,24 +106,22 @@ class _Stage:
 
 
 _COLUMNS = 5
+_WIDTH = 760  # px
 GIF_FRAMES = 60
 
 
 def add_run(page: Page, run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, out: Path) -> None:
     """Draw the frames of a run into the folder `out` and add the pictures to a page there."""
-    view = ObjectView(mesh, np.array([s.truth for s in run]), 760)
+    view = ObjectView(mesh, np.array([s.truth for s in run]), _WIDTH)
     title = f"{mesh.name}, {len(run)} frames"
     overview = save(run_figure(view, codebook, moments(run, _COLUMNS), run, title), out / "run.png")
-    errors = save(error_figure(run), out / "errors.png")
-    final = out / "final.png"
-    with atomic_path(final) as temporary:
-        Image.fromarray(view.particles(run[-1])).save(temporary)
+    # from the side that it touches at the end, which may be another than it touched most
+    final = save(final_figure(ObjectView(mesh, run[-1].truth[None], _WIDTH), run[-1]), out / "final.png")
     with progress_bar(unit="picture") as bar:
         animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
     page.picture(animation, "The run: particles on the object, touch, errors")
     page.picture(overview, "Touch, its likelihood over the object, particles, errors (the paper's figure 7)")
     page.picture(final, "Particles, modes and ground truth at the end")
-    page.picture(errors, "Errors over time")
 
 
 def _ticked(items: list, bar: tqdm) -> Iterator:

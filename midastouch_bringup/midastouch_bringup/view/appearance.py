@@ -6,6 +6,8 @@ import numpy as np
 
 from midastouch_common import se3
 
+from ..drawing.scale import round_length
+
 # Dark blue over red to yellow: brighter is heavier, also in grey.
 _STOPS = np.array([[25, 10, 95], [150, 25, 125], [240, 90, 60], [255, 235, 90]], float)
 # Two standard deviations, as the ellipsoids in RViz; nothing is thinner than a pixel of the sensor.
@@ -34,17 +36,12 @@ def ellipsoids(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scale_bar(vertices: np.ndarray) -> tuple[np.ndarray, str]:
-    """Ends (2, 3) m of a line below the vertices (V, 3) m, along their longest side, and its length in words.
-
-    The length is 1, 2 or 5 times a power of ten, about a fifth of that side.
-    """
+    """Ends (2, 3) m of a line below the vertices (V, 3) m, along their longest side, and its length in words."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     axis = int(np.argmax(high - low))
-    fifth = max(float(high[axis] - low[axis]) / 5, _THINNEST)
-    steps = np.outer(10.0 ** np.arange(-4, 2), (1, 2, 5)).ravel()  # m
-    length = float(steps[np.argmin(np.abs(np.log(steps / fifth)))])
+    length, words = round_length(float(high[axis] - low[axis]))
     start = low - 0.05 * (high - low).max()
-    return np.stack([start, start + length * np.eye(3)[axis]]), f"{1e3 * length:g} mm"
+    return np.stack([start, start + length * np.eye(3)[axis]]), words
 
 
 class Trail:

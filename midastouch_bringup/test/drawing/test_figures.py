@@ -32,6 +32,13 @@ def test_a_run_becomes_a_picture(view, run, book, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 
 
+def test_the_end_of_a_run_has_a_legend_and_a_scale(view, run):
+    figure = figures.final_figure(view, run[-1])
+    (axes,) = figure.axes
+    assert "truth" in figure.get_suptitle()
+    assert [text.get_text() for text in axes.texts] == ["10 mm"]
+
+
 def test_probabilities_of_objects_are_drawn_over_time(run):
     said = [
         dataclasses.replace(one, objects={"mug": 0.1 * i, "unknown": 1 - 0.1 * i} if i else {})

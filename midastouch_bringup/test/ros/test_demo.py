@@ -34,7 +34,7 @@ def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
     assert result["frames"] == 10
     assert set(result["stage_ms"]) >= {"particle_filter"}
     assert result["n_particles"] > 0
-    for name in ("run.png", "final.png", "errors.png", "run.gif"):
+    for name in ("run.png", "final.png", "run.gif"):
         with Image.open(out / name) as picture:
             assert picture.width > 300
         assert name in (out / "index.html").read_text()

@@ -47,7 +47,7 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
     assert result["path_m"] < MAX_PATH + 1.5 * MAX_MOTION
     assert result["lifts"] >= 1
     assert result["frames"] > 5
-    for name in ("run.png", "final.png", "errors.png", "run.gif"):
+    for name in ("run.png", "final.png", "run.gif"):
         with Image.open(out / name) as picture:
             assert picture.width > 300
         assert name in (out / "index.html").read_text()

@@ -1,0 +1,27 @@
+"""Scales of pictures: a line of a round length, with the length in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .canvas import Camera
+
+_STEPS = np.outer(10.0 ** np.arange(-4, 2), (1, 2, 5)).ravel()  # m
+_PART = 0.2  # of what it is a scale of
+_INK = "#4a5260"
+
+
+def round_length(extent: float) -> tuple[float, str]:
+    """About a fifth of an extent [m], as 1, 2 or 5 times a power of ten [m], and in words."""
+    wanted = max(_PART * extent, _STEPS[0])
+    length = float(_STEPS[np.argmin(np.abs(np.log(_STEPS / wanted)))])
+    return length, f"{1e3 * length:g} mm"
+
+
+def draw_scale(axes, camera: Camera) -> None:
+    """A scale in the lower left corner of axes that show a picture by `camera`."""
+    length, words = round_length(camera.width * camera.pixel_size)
+    pixels = length / camera.pixel_size
+    left, row = 0.03 * camera.width, 0.95 * camera.height
+    axes.plot([left, left + pixels], [row, row], color=_INK, lw=2, solid_capstyle="butt")
+    axes.text(left + pixels / 2, row - 0.01 * camera.height, words, color=_INK, fontsize=8, ha="center", va="bottom")
