@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from midastouch_common.files import atomic_path
 
 from ..statistics.intervals import ENOUGH
-from .reports import ROOT, benchmark_summary, report, reported
-from .trust import PROMISED_WRONG, conditions
+from .reports import ROOT, benchmark_summary, report, stale
+from .trust import PROMISED_REGION, PROMISED_WRONG, conditions
 
 FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"
@@ -28,15 +29,20 @@ DIGEST = "Shown"
 
 _BARS = {"lw": 0, "marker": "o", "elinewidth": 1.4, "capsize": 2}
 _POINT = "#4a5260"
+_COLOURS, _DASHES = colormaps["tab10"], ("-", "--", ":")
+_OTHERS = {"color": "#c3c8d0", "lw": 1.2, "zorder": 2, "label": "any other condition"}
 _TOO_MANY = "#f6dedb"
 
 
 def shown() -> dict[str, dict]:
-    """By condition, what the reports with trials enough say: levels and the fraction of frames whose region of that
-    level holds the truth, by kind of frame; fraction of converged frames that are wrong; each with intervals."""
-    out, there = {}, reported()
-    for name, what in conditions().items():
-        if name not in there:
+    """By condition, what today's reports with trials enough say: levels and the fraction of frames whose region of that
+    level holds the truth, by kind of frame; fraction of converged frames that are wrong; each with intervals.
+
+    Reports of earlier code are left out, as in the tables beside the pictures."""
+    out, asked = {}, conditions()
+    old = stale(asked)
+    for name, what in asked.items():
+        if name in old:
             continue
         summary = benchmark_summary(name)
         one = summary["trust"]
@@ -58,25 +64,33 @@ def digest(content: dict) -> str:
 
 def regions_figure(content: dict[str, dict]) -> Figure:
     """Measured over nominal fraction of frames whose region holds the truth, one line per condition; intervals at the
-    levels of the tables. On the diagonal the covariance means what it says, below it is too small."""
+    levels of the tables. On the diagonal the covariance means what it says, below it is too small.
+
+    Conditions whose 95 % region is too small in either kind of frame have colours and names; the others are grey."""
     figure = Figure(figsize=(11, 5.4), layout="constrained")
+    too_small = [what for what, one in content.items() if _too_small(one["regions"])]
+    named = {
+        what: {"color": _COLOURS(k % 10), "ls": _DASHES[k // 10 % 3], "lw": 1.8, "zorder": 3, "label": what}
+        for k, what in enumerate(too_small)
+    }
     titles = {"converged": "state `converged`", "right": "right pose, whatever the state"}
     for axes, (kind, title) in zip(figure.subplots(1, 2, sharey=True), titles.items(), strict=True):
         axes.plot([0, 1], [0, 1], color="#9aa1ab", lw=1, ls="--", zorder=0)
-        for k, (what, one) in enumerate(content.items()):
+        for what, one in content.items():
             if one["observed"][kind][0] is None:
                 continue
-            colour = _colour(k)
-            axes.plot([0, *one["levels"]], [0, *one["observed"][kind]], color=colour, lw=1.6, label=what)
+            style = named.get(what, _OTHERS)
+            axes.plot([0, *one["levels"]], [0, *one["observed"][kind]], **style)
             levels, fractions, errors = _intervals(one["regions"][kind])
-            axes.errorbar(levels, fractions, errors, color=colour, ms=3, **_BARS)
+            axes.errorbar(levels, fractions, errors, color=style["color"], ms=3, zorder=style["zorder"], **_BARS)
         axes.set_title(title, fontsize=10)
-        axes.set_xlabel("nominal share", fontsize=9)
+        axes.set_xlabel("nominal fraction", fontsize=9)
         axes.set_xlim(0, 1)
         axes.set_ylim(0, 1.01)
         _plain(axes)
-    figure.axes[0].set_ylabel("share of frames whose region holds the truth", fontsize=9)
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    figure.axes[0].set_ylabel("fraction of frames whose region holds the truth", fontsize=9)
+    lines = {line.get_label(): line for line in (Line2D([], [], **style) for style in (*named.values(), _OTHERS))}
+    figure.legend(lines.values(), lines, loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
@@ -107,8 +121,10 @@ def _intervals(regions: dict[str, dict]) -> tuple[list[float], list[float], np.n
     return [float(level) for level in regions], fractions.tolist(), np.maximum([fractions - low, high - fractions], 0)
 
 
-def _colour(number: int) -> tuple:
-    return colormaps["tab20"](number % 20)
+def _too_small(regions: dict[str, dict]) -> bool:
+    """Whether the whole interval at the promised level is below it, in any kind of frame."""
+    intervals = [one[str(PROMISED_REGION)]["interval"] for one in regions.values()]
+    return any(interval is not None and interval[1] < PROMISED_REGION for interval in intervals)
 
 
 def _plain(axes) -> None:
