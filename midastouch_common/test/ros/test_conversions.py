@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
+from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 
 from midastouch_common import message_arrays as arrays
 from midastouch_common import se3
@@ -157,3 +158,25 @@ def test_stamps_beyond_what_a_message_holds_are_the_nearest_it_does():
 def test_empty_image_message_is_refused():
     with pytest.raises(InputError):
         arrays.image_from_msg(Image())
+
+
+def detections(*found: tuple[str, float]) -> Detection3DArray:
+    results = [ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id=name, score=p)) for name, p in found]
+    return Detection3DArray(detections=[Detection3D(results=[each]) for each in results])
+
+
+def test_probabilities_of_objects_are_by_name():
+    assert arrays.probabilities_from_msg(detections(("mug", 0.75), ("unknown", 0.25))) == {"mug": 0.75, "unknown": 0.25}
+    assert arrays.probabilities_from_msg(detections(("mug", 1.0 + 1e-12))) == {"mug": pytest.approx(1.0)}
+    assert arrays.probabilities_from_msg(detections()) == {}
+
+
+@pytest.mark.parametrize("score", [-0.1, 1.1, np.nan])
+def test_what_is_no_probability_is_refused(score):
+    with pytest.raises(InputError, match="no probability"):
+        arrays.probabilities_from_msg(detections(("mug", score)))
+
+
+def test_a_detection_without_a_hypothesis_is_refused():
+    with pytest.raises(InputError, match="no hypothesis"):
+        arrays.probabilities_from_msg(Detection3DArray(detections=[Detection3D()]))
