@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.nodes.object_source import resolve
 from midastouch_perception.sensor_model import SensorModel
@@ -27,9 +28,20 @@ def prepare_slide(object_name: str, mesh_path: str | Path) -> None:
     ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)
 
 
+def require_there(named: Iterable[tuple[str, str]]) -> None:
+    """InputError for the first argument, (name, address) each, at whose address there is nothing."""
+    for name, address in named:
+        if not resolve(address, name).exists():
+            raise InputError(f"{name}:={address}: no such file or folder; check the path")
+
+
 def prepare_codebooks(codebooks: Mapping[str, str]) -> None:
-    """Build the codebooks at these paths unless they are there; of the mesh that each names, a path or package://..."""
+    """Build the codebooks at these paths unless they are there; of the mesh that each names, a path or package://...
+
+    Raises InputError for a mesh that cannot be used, before the first one is built.
+    """
+    meshes = {codebook: ObjectMesh.load(resolve(mesh, "mesh")) for codebook, mesh in codebooks.items()}
     sensor = SensorModel.load("digit_tacto")
     tcn = load_tcn("fast", sensor)
-    for codebook, mesh in codebooks.items():
-        ensure_codebook(codebook, ObjectMesh.load(resolve(mesh, "mesh")), tcn, sensor, QUICK_POSES)
+    for codebook, mesh in meshes.items():
+        ensure_codebook(codebook, mesh, tcn, sensor, QUICK_POSES)

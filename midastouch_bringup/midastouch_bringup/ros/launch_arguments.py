@@ -161,3 +161,5 @@ OF_NODES = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_r
 """Names of those that every launch file with nodes takes."""
 OF_OBJECT = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
 """Names of those of the filter, but for its frames."""
+OF_FILES = ("mesh", "codebook", "background", "bag")
+"""Names of those that stand for a file or folder which only the nodes read."""

@@ -15,7 +15,7 @@ from midastouch_perception.objects import bundled_objects
 
 from ..output_paths import codebook_path, quick_codebook
 from ..processes.parameter_files import merged, read_parameters
-from .launch_arguments import ARGUMENTS, STREAM_NODES
+from .launch_arguments import ARGUMENTS, OF_FILES, STREAM_NODES
 
 FILES = ("params_file", "setup_file", "params_overlay")
 """Arguments that name parameter files, each laid over those before."""
@@ -81,6 +81,13 @@ def _named(one: str, sensor: str) -> str:
         return name
     codebook = codebook_path(name, sensor).resolve()
     return str(codebook) if codebook.is_file() else bundled_mesh(name)
+
+
+def named_files(given: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Name and value of each argument that is given and stands for a file or folder, those of `objects` one by one."""
+    named = [(name, given[name]) for name in OF_FILES if given.get(name)]
+    objects = [name.strip() for name in given.get("objects", "").split(",")]
+    return named + [("objects", name) for name in objects if name and name not in bundled_objects()]
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:

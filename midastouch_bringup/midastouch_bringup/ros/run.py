@@ -16,7 +16,7 @@ from ..processes.parameter_files import written
 from ..processes.process import Program, node_program
 from ..processes.supervisor import BackOff
 from .launch_arguments import ARGUMENTS
-from .launch_parameters import bundled_mesh, explored, parameters, quick_codebooks
+from .launch_parameters import bundled_mesh, explored, named_files, parameters, quick_codebooks
 from .setups import SETUPS, executables
 
 
@@ -28,6 +28,7 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     """
     given = values(name, words)
     environment = dict(os.environ)
+    _programs(name, given, Path())  # what is not installed is named before the work of minutes
     prepare(name, given)
     if name == "explore":
         return _explore(given)
@@ -46,8 +47,6 @@ def _explore(given: dict[str, str]) -> int:
     """The exploration, recorded, with a person's keys, and its page."""
     from .explore import run_exploration
 
-    if given["namespace"]:
-        raise InputError("namespace: midastouch run explore draws without one; ros2 launch takes it")
     given |= explored(given)
     out = exploration()
     out.mkdir(parents=True, exist_ok=True)
@@ -57,8 +56,17 @@ def _explore(given: dict[str, str]) -> int:
 
 
 def prepare(name: str, given: Mapping[str, str]) -> None:
-    """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything."""
-    # here: `--show-args` does without the libraries behind it
+    """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything.
+
+    Raises InputError before anything is made: for values that mean nothing, as `parameters`, and for files that are
+    named and not there.
+    """
+    parameters(given)
+    # here: `--show-args`, and set-ups without files, do without the libraries behind it
+    if named := named_files(given):
+        from ..demo.preparation import require_there
+
+        require_there(named)
     if name == "demo":
         from ..demo.preparation import prepare_slide
 
@@ -87,6 +95,8 @@ def values(setup: str, words: Sequence[str]) -> dict[str, str]:
         if argument.choices and value not in argument.choices:
             raise InputError(f"{word}: must be one of {_choices(argument.choices)}")
         given[name] = value
+    if setup == "explore" and given["namespace"]:
+        raise InputError("namespace: midastouch run explore draws without one; ros2 launch takes it")
     if given.get("arm") == "ur_driver":
         raise InputError("arm:=ur_driver: only ros2 launch starts it; start it yourself (arm:=running), or arm:=rtde")
     return given

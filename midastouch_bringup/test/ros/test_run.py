@@ -35,6 +35,7 @@ def test_arguments_go_over_the_defaults():
         ("replay", "use_rviz:=true", "use_rviz: only ros2 launch"),
         ("replay", "loop:=yes", "loop:=yes: must be one of true, false"),
         ("live_ur", "arm:=ur_driver", "only ros2 launch starts it"),
+        ("explore", "namespace:=left", "namespace: midastouch run explore draws without one"),
     ],
 )
 def test_what_cannot_be_started_is_refused(setup, word, reason):
@@ -69,7 +70,9 @@ def supervised(monkeypatch):
     return seen
 
 
-def test_nodes_get_parameters_namespace_and_log_level(supervised):
+def test_nodes_get_parameters_namespace_and_log_level(supervised, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.ply").touch()
     words = ["namespace:=/left/", "mesh:=a.ply", "log_level:=warn"]
     assert run_setup("filter", words) == 5
     command = supervised["programs"]["particle_filter"].command
@@ -79,8 +82,8 @@ def test_nodes_get_parameters_namespace_and_log_level(supervised):
     assert supervised["respawn"] is None
 
 
-def test_only_a_replay_ends_by_itself(supervised):
-    run_setup("replay", ["bag:=slide", "use_respawn:=true"])
+def test_only_a_replay_ends_by_itself(supervised, tmp_path):
+    run_setup("replay", [f"bag:={tmp_path}", "use_respawn:=true"])
     assert {name for name, program in supervised["programs"].items() if program.ends} == {"replay"}
     assert supervised["respawn"] is not None
 
@@ -129,6 +132,8 @@ def explored(monkeypatch, tmp_path):
         return 7
 
     monkeypatch.chdir(tmp_path)
+    for name in ("cup.ply", "cup.npz", "own.npz"):
+        Path(name).touch()
     monkeypatch.setattr(explore, "run_exploration", run_exploration)
     monkeypatch.setattr(preparation, "prepare_codebooks", seen["built"].update)
     monkeypatch.setattr("midastouch_bringup.processes.process.find_executable", lambda name: f"/bin/{name}")
@@ -171,10 +176,36 @@ def test_by_default_it_may_be_any_bundled_object(explored):
     assert sorted(explored["parameters"]["particle_filter"]["objects"].split(",")) == sorted(explored["built"])
 
 
-def test_an_exploration_has_no_namespace_as_its_page_has_none(explored):
-    with pytest.raises(InputError, match="namespace"):
-        run_setup("explore", ["namespace:=left"])
-    assert "names" not in explored
+@pytest.mark.parametrize(
+    ("setup", "word", "reason"),
+    [
+        ("explore", "mesh:=none.stl", "mesh:=none.stl: no such file"),
+        ("explore", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
+        ("explore", "objects:=ball,none.npz", "objects:=none.npz: no such file"),
+        ("explore", "seed:=abc", "seed:=abc: must be a whole number"),
+        ("demo", "background:=none.png", "background:=none.png: no such file"),
+        ("demo", "seed:=abc", "seed:=abc: must be a whole number"),
+        ("filter", "codebook:=none.npz", "codebook:=none.npz: no such file"),
+        ("filter", "mesh:=package://none/a.ply", "no package 'none' is installed"),
+    ],
+)
+def test_all_arguments_are_checked_before_anything_is_made(setup, word, reason, supervised, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    Path("empty.ply").touch()
+    for make in ("ensure_codebook", "simulate_sequence"):
+        monkeypatch.setattr(preparation, make, lambda *_args, **_options: pytest.fail("made"))
+    with pytest.raises(InputError, match=reason):
+        run_setup(setup, [word])
+    assert supervised == {}
+    assert [path.name for path in tmp_path.iterdir()] == ["empty.ply"]
+
+
+def test_nodes_that_are_not_installed_are_named_before_anything_is_made(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("midastouch_bringup.processes.process.shutil.which", lambda *_args, **_options: None)
+    with pytest.raises(InputError, match="executable 'digit_sim' is not installed"):
+        run_setup("explore", [])
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.dds
