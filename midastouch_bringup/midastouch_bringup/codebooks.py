@@ -98,33 +98,61 @@ def ensure_codebook(
     jobs: int | None = None,
 ) -> Codebook:
     """The codebook at `path`; one of `size` poses is built there if there is none of this mesh, network and sensor."""
+    if (book := _fitting(path, mesh, tcn, sensor)) is not None:
+        return book
+    return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
+
+
+def is_up_to_date(
+    path: str | os.PathLike,
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    seed: int,
+    symmetry: Symmetry | None = None,
+) -> bool:
+    """Whether the codebook that `build_and_save` makes of these is at `path` already."""
+    book = _fitting(path, mesh, tcn, sensor)
+    if book is None or (book.meta["size"], book.meta["seed"]) != (size, seed) or book.symmetry is None:
+        return False
+    if symmetry is None:
+        return not book.symmetry.given
+    return book.symmetry.given and book.symmetry.exact.as_json() == symmetry.as_json()
+
+
+def _fitting(path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel) -> Codebook | None:
+    """The codebook at `path`; None if there is none of this mesh, network and sensor."""
     with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
         book = Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
         if book.meta["sensor_id"] == sensor.content_id:
             return book
-    return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
+    return None
 
 
 def build_catalogue(
-    meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster
+    meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster, force: bool
 ) -> Iterator[str]:
     """Build the codebook of each mesh file, named as `codebook_path` does, in a folder that every worker sees; yields a
     line about each.
 
-    Existing codebooks are kept. tcn, sensor: names, or files that the workers can read.
+    Codebooks that are up to date are kept, unless `force`. tcn, sensor: names, or files that the workers can read.
     """
-    yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder) for mesh in meshes])
+    yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder, force) for mesh in meshes])
 
 
-def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path) -> str:
+def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path, force: bool) -> str:
     mesh, model = ObjectMesh.load(path), SensorModel.load(sensor)
     network, out = load_tcn(tcn, model), folder / codebook_path(mesh.name, sensor).name
-    with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
-        meta = Codebook.load(out, mesh=mesh, tcn=network.network_id).meta
-        if (meta["sensor_id"], meta["size"], meta["seed"]) == (model.content_id, size, seed):
-            return f"{out}: is there"
+    if not force and is_up_to_date(out, mesh, network, model, size, seed):
+        return kept(out)
     codebook, seconds = build_and_save(mesh, network, model, size, seed, out, jobs=1)
     return described(out, codebook, seconds)
+
+
+def kept(path: Path) -> str:
+    """A line about a codebook that was not built again."""
+    return f"{path}: is up to date; --force builds it again"
 
 
 def described(path: Path, codebook: Codebook, seconds: float) -> str:

@@ -1,3 +1,4 @@
+import json
 import signal
 
 import numpy as np
@@ -144,4 +145,36 @@ def test_codebooks_of_many_are_built_and_kept(tmp_path, monkeypatch, capsys):
     built = capsys.readouterr().out.splitlines()
     assert ["20 poses of ball" in one or "20 poses of eyebolt" in one for one in built] == [True, True]
     assert cli.main(options) == 0
-    assert [line.endswith("is there") for line in capsys.readouterr().out.splitlines()] == [True, True]
+    assert ["is up to date; --force" in line for line in capsys.readouterr().out.splitlines()] == [True, True]
+    assert cli.main(["build-codebook", "ball", *options[3:], "--force"]) == 0
+    assert "20 poses of ball" in capsys.readouterr().out
+
+
+def test_a_codebook_is_built_again_if_anything_it_is_made_of_changes_or_by_force(tmp_path, capsys):
+    out, info = tmp_path / "ball.npz", tmp_path / "models_info.json"
+    info.write_text(json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}}))
+    built = []
+    for options in (
+        [],
+        [],
+        ["--seed", "1", "--symmetries", str(info)],
+        ["--seed", "1", "--symmetries", str(info)],
+        ["--seed", "1"],
+        ["--seed", "1", "--force"],
+    ):
+        before = out.stat().st_mtime_ns if out.exists() else None
+        assert cli.main(["build-codebook", "ball", "--size", "20", "--jobs", "1", "--out", str(out), *options]) == 0
+        built.append(out.stat().st_mtime_ns != before)
+        assert ("is up to date" in capsys.readouterr().out) != built[-1]
+    assert built == [True, False, True, False, True, True]
+
+
+@pytest.mark.parametrize("objects", [["ball"], ["ball", "eyebolt"]])
+def test_a_place_where_nothing_can_be_written_is_refused_before_the_work(objects, tmp_path, monkeypatch, capsys):
+    blocked = tmp_path / "file"
+    blocked.touch()
+    monkeypatch.setattr(codebooks, "CodebookBuild", lambda *_: pytest.fail("built"))
+    assert cli.main(["build-codebook", *objects, "--out", str(blocked / "books" / "ball.npz")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "ball.npz" in line
+    assert "no file can be written there" in line

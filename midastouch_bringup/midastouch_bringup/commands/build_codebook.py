@@ -16,8 +16,8 @@ def add_parser(subparsers) -> None:
         run,
         "build the codebook of an object, or of many: poses all over it and what the sensor would measure there",
         "midastouch build-codebook meshes/035_power_drill.ply --size 50000",
-        "When it is interrupted, the same command goes on where it stopped. Of several meshes, codebooks that are\n"
-        "there are kept; a worker takes one mesh at a time.",
+        "When it is interrupted, the same command goes on where it stopped. A codebook that is up to date is kept.\n"
+        "Of several meshes a worker takes one at a time.",
     )
     parser.add_argument(
         "mesh", metavar="MESH", nargs="+", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name"
@@ -27,6 +27,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--size", type=arguments.positive_int, default=50_000, help="number of poses (default 50000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the poses (default 0)")
+    parser.add_argument("--force", action="store_true", help="build again what is up to date")
     arguments.add_cluster_options(parser)
     parser.add_argument(
         "--symmetries",
@@ -42,12 +43,13 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from midastouch_common.errors import InputError
+    from midastouch_common.files import require_place
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.symmetry.bop import symmetry_of_bop
     from midastouch_perception.tcn import load_tcn
 
     from ..cluster import open_cluster
-    from ..codebooks import build_and_save, build_catalogue, described
+    from ..codebooks import build_and_save, build_catalogue, described, is_up_to_date, kept
 
     meshes = [arguments.load_mesh(name) for name in args.mesh]
     sensor = SensorModel.load(args.sensor)
@@ -62,11 +64,18 @@ def run(args: argparse.Namespace) -> int:
                 f"{', '.join(sorted(twice))}: several meshes of that name, whose codebooks would be one file"
             )
         folder = (Path(args.out) if args.out else codebook_path("").parent).resolve()  # workers may run elsewhere
+        for name in names:
+            require_place(folder / codebook_path(name, args.sensor).name)
         paths = [mesh.path for mesh in meshes]
         with open_cluster(args.jobs, args.cluster) as cluster:
-            for line in build_catalogue(paths, args.tcn, args.sensor, args.size, args.seed, folder, cluster):
+            what = args.tcn, args.sensor, args.size, args.seed
+            for line in build_catalogue(paths, *what, folder, cluster, args.force):
                 print(line)
         return 0
-    out = Path(args.out) if args.out else codebook_path(meshes[0].name, args.sensor)
-    print(described(out, *build_and_save(meshes[0], tcn, sensor, args.size, args.seed, out, args.jobs, symmetry)))
+    out = require_place(args.out or codebook_path(meshes[0].name, args.sensor))
+    what = meshes[0], tcn, sensor, args.size, args.seed
+    if not args.force and is_up_to_date(out, *what, symmetry):
+        print(kept(out))
+    else:
+        print(described(out, *build_and_save(*what, out, args.jobs, symmetry)))
     return 0
