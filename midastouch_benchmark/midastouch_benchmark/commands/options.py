@@ -99,7 +99,7 @@ def load_object(
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """--json, which `conclude` takes."""
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    parser.add_argument("--json", type=arguments.writable_file, metavar="OUT", help="write the results here")
 
 
 def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequence[str] = ("estimates",)) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
+from midastouch_common.files import require_place
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
@@ -76,6 +77,14 @@ def seed(text: str) -> int:
 def positive(text: str) -> float:
     """argparse type: a finite number above 0."""
     return _checked(text, float, lambda value: 0 < value < float("inf"), "a number above 0")
+
+
+def writable_file(text: str) -> Path:
+    """argparse type: a file that can be written; its folders need not be there."""
+    try:
+        return require_place(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _checked(text: str, kind: type, holds: Callable, wanted: str):

@@ -41,7 +41,6 @@ def run(args: argparse.Namespace) -> int:
     from ..inspection import geometry, pictures, require_open3d, window
     from ..inspection.run import load
 
-    require_open3d()  # before a long bag is read
     pictures_to = require_new_folder(args.save) if args.save and not Path(args.save).suffix else None
     shapes_to = require_new_folder(args.export) if args.export else None
     inspected = load(args.run_or_bag, args.sequence, args.sensor)
@@ -51,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if args.at is not None and not -count <= args.at < count:
         raise InputError(f"--at {args.at}: {args.run_or_bag} has the moments 0 to {count - 1}")
     chosen = range(count) if args.at is None else [args.at % count]
+    require_open3d()  # after the input, which no installation makes right
     if args.save and Path(args.save).suffix:
         pictures.save(inspected, mesh, {chosen[-1]: Path(args.save)})
         print(args.save)

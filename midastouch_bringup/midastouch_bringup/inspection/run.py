@@ -62,6 +62,8 @@ def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tac
             except InputError as error:
                 raise InputError(f"{path}: {error}") from error
         return Run(path.name, bag_metadata(path).get("object", ""), moments)
+    if not path.exists():
+        raise InputError(f"{path}: no such bag or result file; check the path")
     if path.suffix != ".json":
         raise InputError(f"{path}: neither a bag (.mcap file or folder) nor a result of midastouch evaluate (.json)")
     content = read_json(path)

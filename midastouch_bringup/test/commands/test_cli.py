@@ -76,6 +76,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, tmp_path, monkey
         ["evaluate", "seq", "--seeds", "0"],
         ["evaluate", "seq", "--beta", "-1"],
         ["evaluate", "seq", "--init", "lucky"],
+        ["evaluate", "seq", "--json", __file__ + "/out.json"],
         ["simulate", "mesh.ply", "--out", "x", "--length", "nan"],
     ],
 )

@@ -17,10 +17,19 @@ from midastouch_common.errors import InputError
 from .conftest import MOMENTS
 
 
-def test_without_open3d_it_names_the_command_that_installs_it(monkeypatch, capsys):
+def test_without_open3d_it_names_the_command_that_installs_it_once_the_input_is_right(
+    run, mesh, tmp_path, monkeypatch, capsys
+):
     monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
     monkeypatch.setitem(sys.modules, "open3d", None)
-    assert cli.main(["inspect", "run.mcap"]) == 2
+    assert cli.main(["inspect", "no_run.mcap"]) == 2
+    assert "no_run.mcap" in (said := capsys.readouterr().err)
+    assert "Open3D" not in said
+    monkeypatch.setattr("midastouch_bringup.inspection.run.load", lambda *_: run)
+    mesh.save(tmp_path / "box.ply")
+    assert cli.main(["inspect", "run.mcap", "--mesh", str(tmp_path / "box.ply"), "--at", str(MOMENTS)]) == 2
+    assert "--at" in capsys.readouterr().err
+    assert cli.main(["inspect", "run.mcap", "--mesh", str(tmp_path / "box.ply")]) == 2
     assert "pip install -r tools/requirements/open3d.txt" in capsys.readouterr().err
 
 

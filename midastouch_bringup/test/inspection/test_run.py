@@ -65,10 +65,13 @@ def test_other_results_are_refused(result, content):
         load(result(content))
 
 
-@pytest.mark.parametrize("name", ["missing.mcap", "run.txt", "."])
+@pytest.mark.parametrize("name", ["run.txt", "."])
 def test_what_is_no_run_is_said(tmp_path, name):
+    (tmp_path / "run.txt").touch()
     with pytest.raises(InputError, match="neither a bag"):
         load(tmp_path / name)
+    with pytest.raises(InputError, match="missing.mcap: no such bag or result file"):
+        load(tmp_path / "missing.mcap")
 
 
 def test_a_bag_without_results_is_said(simulated_sequence, tmp_path):
