@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Mapping
 
 from midastouch_common.errors import InputError
 
@@ -31,28 +30,17 @@ from .commands import (
     view,
 )
 from .commands.plugins import commands_of_others, one_line
+from .commands.sections import Section
+from .machine import package_version
 
-_COMMANDS = (
-    demo,
-    download,
-    simulate,
-    build_codebook,
-    capture_background,
-    calibrate,
-    to_bag,
-    replay,
-    time_offset,
-    store_mount,
-    run,
-    view,
-    inspect,
-    export,
-    foxglove,
-    train_tdn,
-    train_tcn,
-    import_weights,
-    doctor,
-)
+_SECTIONS = {
+    "use": (demo, run, replay, view, doctor),
+    "object": (download, build_codebook),
+    "sensor and arm": (capture_background, calibrate, time_offset, store_mount),
+    "recordings": (inspect, export, to_bag, simulate, foxglove),
+    "networks": (train_tdn, train_tcn, import_weights),
+}
+_OF_OTHERS = "measure, and what other packages bring"
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -68,20 +56,27 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser with every sub-command; each sets `run`, the function that carries it out."""
     parser = argparse.ArgumentParser(
         prog="midastouch",
-        description="Where on the object is the touch sensor? Demo, recordings, calibration, simulation and training.",
+        usage="%(prog)s [-h] [--version] COMMAND ...",
         epilog="example:\n  midastouch demo\n\n`midastouch COMMAND --help` shows an example.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_commands(parser)
+    version = package_version("midastouch_bringup") or "unknown"  # sources that are not installed have none
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version}")
+    sections = add_commands(parser)
+    what = "Where on the object is the touch sensor? Demo, recordings, calibration, simulation and training."
+    parser.description = "\n\n".join([what, *(section.listed() for section in sections)])
     return parser
 
 
-def add_commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
-    """Add every sub-command; returns their parsers by name."""
-    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (*_COMMANDS, *commands_of_others()):
-        command.add_parser(subparsers)
-    return subparsers.choices
+def add_commands(parser: argparse.ArgumentParser) -> list[Section]:
+    """Add every sub-command; returns the sections that list them."""
+    subparsers = parser.add_subparsers(prog="midastouch", metavar="COMMAND", required=True, help=argparse.SUPPRESS)
+    sections = []
+    for title, commands in {**_SECTIONS, _OF_OTHERS: commands_of_others()}.items():
+        sections.append(section := Section(title, subparsers))
+        for command in commands:
+            command.add_parser(section)
+    return [section for section in sections if section.parsers]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -94,7 +89,11 @@ def main(arguments: list[str] | None = None) -> int:
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT
-    args = build_parser().parse_args(arguments)
+    parser = build_parser()
+    if not arguments:
+        parser.print_help(sys.stderr)
+        return EXIT_BAD_INPUT
+    args = parser.parse_args(arguments)
     args.command_line = shlex.join(["midastouch", *_what(arguments)])  # for result files
     try:
         return args.run(args)

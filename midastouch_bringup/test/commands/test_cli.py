@@ -2,6 +2,7 @@
 
 import argparse
 import importlib.metadata
+import re
 
 import pytest
 
@@ -9,7 +10,14 @@ from midastouch_bringup import cli
 from midastouch_bringup.commands import doctor, plugins
 from midastouch_common.errors import InputError
 
-COMMANDS = cli.add_commands(argparse.ArgumentParser())
+
+def commands() -> dict[str, argparse.ArgumentParser]:
+    """The parsers of all commands, by name."""
+    sections = cli.add_commands(argparse.ArgumentParser())
+    return {name: parser for section in sections for name, parser in section.parsers.items()}
+
+
+COMMANDS = commands()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -70,7 +78,6 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, tmp_path, monkey
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
         ["fly"],
         ["evaluate"],
         ["evaluate", "seq", "--seeds", "0"],
@@ -85,6 +92,27 @@ def test_bad_options_are_status_2(arguments, capsys):
         cli.main(arguments)
     assert caught.value.code == 2
     assert "usage:" in capsys.readouterr().err
+
+
+def test_the_help_lists_every_command_once_and_comes_without_arguments_too(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "70")
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["--help"])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    commands_part = text.split("use:")[1].split("options:")[0]
+    assert max(map(len, commands_part.splitlines())) <= 68
+    listed = re.findall(r"^  ([a-z-]+) +\S", commands_part, flags=re.M)
+    assert sorted(listed) == sorted(COMMANDS)
+    assert cli.main([]) == 2
+    assert capsys.readouterr().err == text
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"midastouch {importlib.metadata.version('midastouch_bringup')}\n"
 
 
 @pytest.mark.parametrize(
@@ -112,7 +140,7 @@ def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch
 
 def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeypatch, capsys):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [])
-    assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - cli.add_commands(argparse.ArgumentParser()).keys()
+    assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - commands().keys()
     for name in cli.OF_BENCHMARK:
         assert cli.main([name, "--help"]) == 2
         (line,) = capsys.readouterr().err.splitlines()

@@ -70,7 +70,7 @@ def test_what_is_no_run_is_said(tmp_path, name):
     (tmp_path / "run.txt").touch()
     with pytest.raises(InputError, match="neither a bag"):
         load(tmp_path / name)
-    with pytest.raises(InputError, match="missing.mcap: no such bag or result file"):
+    with pytest.raises(InputError, match=r"missing\.mcap: no such bag or result file"):
         load(tmp_path / "missing.mcap")
 
 

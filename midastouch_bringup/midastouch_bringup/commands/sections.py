@@ -1,0 +1,39 @@
+"""The list of sub-commands in the help of `midastouch`, by what they are for."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+
+_INDENT = 24  # columns before the summary
+
+
+class Section:
+    """Takes the place of argparse's sub-parsers, which know no headings, in a command's `add_parser`.
+
+    Attributes: title; parsers, by name of the command.
+    """
+
+    def __init__(self, title: str, subparsers):
+        self.title, self.parsers = title, {}
+        self._subparsers, self._summaries = subparsers, {}
+
+    def add_parser(self, name: str, help: str = "-", **options):  # noqa: A002  the name that argparse gives it
+        """As argparse's; help: the summary, listed in this section alone."""
+        self._summaries[name] = help
+        self.parsers[name] = self._subparsers.add_parser(name, **options)
+        return self.parsers[name]
+
+    def listed(self) -> str:
+        """The title and a line or more for each command, as wide as the terminal."""
+        width = shutil.get_terminal_size().columns - 2
+        lines = [
+            textwrap.fill(
+                summary,
+                max(width, 2 * _INDENT),
+                initial_indent=f"  {name}".ljust(_INDENT - 1) + " ",
+                subsequent_indent=" " * _INDENT,
+            )
+            for name, summary in self._summaries.items()
+        ]
+        return "\n".join([f"{self.title}:", *lines])
