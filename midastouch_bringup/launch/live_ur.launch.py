@@ -101,7 +101,9 @@ def ur_driver(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         actions.append(
             LogInfo(
                 msg="WARNING: without kinematics_params_file the tool may be centimetres off. "
-                "Extract the arm's calibration: ros2 launch ur_calibration calibration_correction.launch.py"
+                "Extract the arm's calibration: ros2 launch ur_calibration calibration_correction.launch.py "
+                f"robot_ip:={given['robot_ip']} target_filename:=$HOME/arm.yaml\n"
+                "Then give kinematics_params_file:=$HOME/arm.yaml"
             )
         )
     ur_control = PathJoinSubstitution([FindPackageShare("ur_robot_driver"), "launch", "ur_control.launch.py"])

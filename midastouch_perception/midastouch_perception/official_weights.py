@@ -53,7 +53,7 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
     try:
         from .tdn.fcrn_graph import save_fcrn  # only this needs the package onnx
     except ImportError as error:
-        raise InputError(f"{path}: writing this network needs the package onnx; pip install onnx") from error
+        raise InputError(f"{path}: writing this network needs the package onnx: .venv/bin/pip install onnx") from error
     return save_fcrn(state, card, Path(out))
 
 

@@ -73,7 +73,10 @@ class DigitDriver(ManagedNode):
         self._reader = FrameReader(self._camera, self._wake.trigger, reader_timing(self.parameters))
         self.diagnostics.hardware_id = settings.serial
         if self.get_namespace() == "/":
-            self.get_logger().warning("in the global namespace; better: --ros-args -r __ns:=/digit_left")
+            self.get_logger().warning(
+                "in the global namespace; better in one of its own: namespace:=digit_left with midastouch run or "
+                "ros2 launch, --ros-args -r __ns:=/digit_left with ros2 run"
+            )
 
     def connect(self) -> None:
         """Open the camera, or begin to wait for it."""

@@ -143,6 +143,7 @@ def _identify(
     plan: TrialPlan,
 ) -> int:
     """Which object is each sequence over?"""
+    import shlex
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
@@ -155,7 +156,7 @@ def _identify(
     from ..trials.sequence_trials import perceived
 
     def build(path: Path):
-        raise InputError(f"{path}: not a codebook; build it: midastouch build-codebook {path}")
+        raise InputError(f"{path}: not a codebook; build it: midastouch build-codebook {shlex.quote(str(path))}")
 
     catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
     trials = []

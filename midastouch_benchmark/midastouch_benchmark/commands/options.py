@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from ..trials.setup import Networks
 import math
+import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -71,6 +72,7 @@ def load_object(
     do not belong together.
     """
     from midastouch_perception.codebook import Codebook
+    from midastouch_perception.objects import bundled_objects
 
     # a trial's mesh seldom has the trial's name: it is that object in the recording's frame
     names = [Path(mesh).stem, object_name] if mesh else [object_name]
@@ -78,12 +80,11 @@ def load_object(
     path = Path(codebook) if codebook else next((each for each in default if each.is_file()), default[0])
     if not path.is_file():
         sensor = "" if networks.sensor.name == SIMULATED else f" --sensor {networks.sensor.name}"
-        if codebook:
-            raise InputError(
-                f"{path}: no such codebook file; build it: midastouch build-codebook MESH{sensor} --out {path}"
-            )
-        built_from = mesh or f"{object_name}.ply"
-        raise InputError(f"{path}: no codebook of {names[0]}; build it: midastouch build-codebook {built_from}{sensor}")
+        built_from = shlex.quote(mesh) if mesh else object_name if object_name in bundled_objects() else "MESH"
+        raise InputError(
+            f"{path}: no codebook of {names[0]}; build it: midastouch build-codebook {built_from}{sensor} "
+            f"--out {shlex.quote(str(path))}"
+        )
     if mesh is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():

@@ -151,5 +151,5 @@ def require_real(sequences: Iterable[Sequence]) -> None:
     for sequence in sequences:
         if sequence.layout != "real":
             raise InputError(
-                f"{sequence.path}: not a real slide of YCB-Slide; get them with midastouch download ycb-slide real"
+                f"{sequence.path}: not a real slide of YCB-Slide; get them: midastouch download ycb-slide real"
             )

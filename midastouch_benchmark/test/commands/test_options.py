@@ -50,7 +50,7 @@ def test_mesh_and_codebook_are_found_by_the_objects_name(box):
 
 
 def test_without_a_codebook_the_error_names_the_command(box):
-    with pytest.raises(InputError, match=r"cup\.npz: .*midastouch build-codebook cup\.ply"):
+    with pytest.raises(InputError, match=r"cup\.npz: .*midastouch build-codebook MESH --out .*cup\.npz"):
         options.load_object("cup", None, None, NETWORKS)
 
 

@@ -239,7 +239,7 @@ def test_report_takes_all_of_them(run, workspace):
     ("arguments", "message"),
     [
         (["evaluate", "eyebolt/00", "--mesh", "ball"], "built for the mesh 'eyebolt', not for this 'ball'"),
-        (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "build-codebook eyebolt.ply --sensor digit_real"),
+        (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "build-codebook eyebolt --sensor digit_real --out"),
         (["evaluate", "eyebolt/00", "--real"], "eyebolt/00: not a real slide of YCB-Slide"),
         (["download", "ycb-mesh"], "name what to download"),
         (["evaluate", "eyebolt/00", "--tdn", "slow"], "tdn network 'slow' is not known"),

@@ -117,7 +117,7 @@ def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]
     try:
         from rtde_receive import RTDEReceiveInterface
     except ImportError as error:
-        raise InputError("ur_tf needs the Python package ur-rtde; install it: pip install ur-rtde") from error
+        raise InputError("ur_tf needs the Python package ur-rtde; install it: .venv/bin/pip install ur-rtde") from error
 
     def connect(robot_ip: str, rate: float) -> RtdeReceiver:
         require_outputs(robot_ip, RTDE_PORT, _OUTPUTS, rate, timeout)

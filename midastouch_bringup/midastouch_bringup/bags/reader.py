@@ -80,6 +80,8 @@ def readable(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
+        what = path if path.is_file() else "each .mcap file in it"
         raise InputError(
-            f"{path}: cannot be read as a bag ({error}); record it again or try 'ros2 bag reindex'"
+            f"{path}: cannot be read as a bag ({error}); if the recording was cut off, recover {what} with the program "
+            "of https://mcap.dev/guides/cli: mcap recover IN.mcap -o OUT.mcap"
         ) from error

@@ -57,7 +57,6 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     page.table(*result_rows(result))
     add_run(page, run, mesh, codebook, out)
     _add_calibration(page, mesh, out)
-    page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     page.heading("Next: a finger that explores by itself")
     page.note("This slide was made beforehand. Here a simulated finger decides itself where to touch, until it knows:")
     page.code("midastouch run explore")

@@ -80,7 +80,7 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
     """
     program = gdown or shutil.which("gdown", path=str(Path(sys.executable).parent)) or shutil.which("gdown")
     if program is None:
-        raise InputError("YCB-Slide lies on a shared drive that only gdown can list: pip install gdown")
+        raise InputError("YCB-Slide lies on a shared drive that only gdown can list: .venv/bin/pip install gdown")
     target = folder / part
     target.mkdir(parents=True, exist_ok=True)
     command = [program, "--folder", FOLDERS[part], "--continue", "--output", str(target)]

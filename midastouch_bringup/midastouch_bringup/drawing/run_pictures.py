@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -111,7 +112,7 @@ GIF_FRAMES = 60
 
 
 def add_run(page: Page, run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, out: Path) -> None:
-    """Draw the frames of a run into the folder `out` and add the pictures to a page there."""
+    """Draw the run in `run.mcap` of the folder `out` into that folder; add the pictures to a page there."""
     view = ObjectView(mesh, np.array([s.truth for s in run]), _WIDTH)
     title = f"{mesh.name}, {len(run)} frames"
     overview = save(run_figure(view, codebook, moments(run, _COLUMNS), run, title), out / "run.png")
@@ -122,6 +123,8 @@ def add_run(page: Page, run: list[Snapshot], mesh: ObjectMesh, codebook: Codeboo
     page.picture(animation, "The run: particles on the object, touch, errors")
     page.picture(overview, "Touch, its likelihood over the object, particles, errors (the paper's figure 7)")
     page.picture(final, "Particles, modes and ground truth at the end")
+    page.note("Recorded in run.mcap: inputs, ground truth and all results. It is played by")
+    page.code(f"midastouch replay {shlex.quote(str(out / 'run.mcap'))}")
 
 
 def _ticked(items: list, bar: tqdm) -> Iterator:

@@ -30,7 +30,6 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
         page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")
         page.note("While another object leads, the particles below are poses on that one.")
     add_run(page, run, mesh, codebook, out)
-    page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     return page.write(out / "index.html")
 
 

@@ -88,7 +88,8 @@ class MeasuredOptics:
             return cls(shape=gel, **numbers, **arrays, **data)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
-                f"{path}: not a measured sensor ({error}); make one with midastouch calibrate DIR --optics FILE"
+                f"{path}: not a measured sensor ({error}); make one: "
+                "midastouch calibrate DIR --ball-diameter 0.006 --optics FILE"
             ) from error
 
     def save(self, path: str | Path) -> None:

@@ -1,0 +1,76 @@
+"""Commands in the messages of the programs: what is to be pasted after a colon, or stands in backticks, works."""
+
+import argparse
+import ast
+import re
+import shlex
+
+import packages
+import pytest
+
+from midastouch_bringup.cli import add_commands, build_parser
+
+FOLDERS = [*packages.PYTHON, "midastouch_kernels"]
+SOURCES = sorted(
+    path
+    for package in FOLDERS
+    for folder in (package, "launch")
+    for path in (packages.ROOT / package / folder).rglob("*.py")
+)
+# after a colon or "see ", or in backticks: to the end of the sentence
+COMMAND = re.compile(r"(?:: |see |`|\n  )midastouch ([a-z][a-z-]*[^`;,()\n]*)")
+NAME = re.compile(r"\bmidastouch ([a-z]+-[a-z-]*[a-z])")
+REQUIREMENTS = re.compile(r"tools/requirements/\w+\.txt")
+
+
+def text(node: ast.AST) -> str:
+    """Of a string, or of an f-string with a 1 for each value."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(part.value if isinstance(part, ast.Constant) else "1" for part in node.values)
+    return ""
+
+
+def messages() -> list[tuple[str, str]]:
+    """File and text of every string in the product code, docstrings among them."""
+    found = []
+    for path in SOURCES:
+        tree = ast.parse(path.read_text())
+        within = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+        found += [
+            (path.relative_to(packages.ROOT).as_posix(), text(node))
+            for node in ast.walk(tree)
+            if id(node) not in within and text(node)
+        ]
+    return found
+
+
+MESSAGES = messages()
+
+
+def test_every_hint_parses():
+    parser, calls = build_parser(), set()
+    for file, message in MESSAGES:
+        calls |= {(file, call.strip().rstrip(".")) for call in COMMAND.findall(message)}
+    calls = {(file, call) for file, call in calls if " " in call}  # a name alone is no call
+    assert len(calls) > 10
+    for file, call in sorted(calls):
+        try:
+            parser.parse_args(shlex.split(call))
+        except SystemExit as exit_:
+            if exit_.code:
+                pytest.fail(f"{file}: midastouch {call}")
+
+
+def test_every_command_that_is_mentioned_exists():
+    sections = add_commands(argparse.ArgumentParser())
+    mentioned = {name for _, message in MESSAGES for name in NAME.findall(message)}
+    assert len(mentioned) > 10
+    assert mentioned - {name for section in sections for name in section.parsers} == set()
+
+
+def test_every_list_of_requirements_is_there():
+    named = {file for _, message in MESSAGES for file in REQUIREMENTS.findall(message)}
+    assert len(named) > 3
+    assert [file for file in named if not (packages.ROOT / file).is_file()] == []
