@@ -98,11 +98,18 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return args.run(args)
     except (InputError, OSError) as error:
-        print(f"midastouch: error: {one_line(error)}", file=sys.stderr)
+        _say(f"error: {one_line(error)}")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
-        print("midastouch: interrupted", file=sys.stderr)
+        _say("interrupted")
         return EXIT_INTERRUPTED
+
+
+def _say(text: str) -> None:
+    from .progress import close_bars  # here: most calls end without an error, and need no bars
+
+    close_bars()
+    print(f"midastouch: {text}", file=sys.stderr)
 
 
 _WHERE = ("--json", "--out", "--cluster")

@@ -102,21 +102,38 @@ def naming(path: str | os.PathLike) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def _called(temporary: Path, path: Path) -> Iterator[None]:
+    """Let errors raised inside name `path` where they name `temporary`, which nobody has asked for."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or temporary.name not in str(error.filename):
+            raise
+        name = str(error.filename).replace(temporary.name, path.name)
+        raise OSError(error.errno, error.strerror, name) from error
+    except InputError as error:
+        if temporary.name not in str(error):
+            raise
+        raise InputError(str(error).replace(temporary.name, path.name)) from error
+
+
+@contextlib.contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
 
     The temporary name keeps the suffix (writers choose their format by it). Works for files and folders;
-    an existing folder at `path` is replaced. An OSError without a file's name gets that of `path`.
+    an existing folder at `path` is replaced. An OSError without a file's name gets that of `path`, and so
+    does an error that names the temporary path.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{path.suffix}")
     try:
-        with naming(path):
+        with naming(path), _called(temporary, path):
             yield temporary
-        if temporary.is_dir() and path.is_dir():
-            shutil.rmtree(path)
-        temporary.replace(path)
+            if temporary.is_dir() and path.is_dir():
+                shutil.rmtree(path)
+            temporary.replace(path)
     except BaseException:
         if temporary.is_dir():
             shutil.rmtree(temporary, ignore_errors=True)

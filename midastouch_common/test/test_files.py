@@ -94,6 +94,21 @@ def test_a_full_disk_names_the_file(tmp_path):
     assert caught.value.filename == str(tmp_path / "other" / "x")
 
 
+def test_no_error_names_the_temporary_path(tmp_path):
+    wanted = tmp_path / "slide"
+    with pytest.raises(FileNotFoundError) as caught, atomic_path(wanted) as temporary:
+        (temporary / "0.png").write_text("")  # its folder was not made
+    assert caught.value.filename == str(wanted / "0.png")
+    with pytest.raises(InputError) as refused, atomic_path(wanted) as temporary:
+        raise InputError(f"{temporary}: holds nothing")
+    assert str(refused.value) == f"{wanted}: holds nothing"
+    wanted.mkdir()
+    with pytest.raises(OSError, match="slide") as caught, atomic_path(wanted) as temporary:
+        temporary.touch()  # a file, which cannot take the place of a folder
+    assert caught.value.filename == str(wanted)
+    assert [path.name for path in tmp_path.iterdir()] == ["slide"]
+
+
 def test_a_path_that_cannot_be_looked_at_is_bad_input():
     with pytest.raises(InputError, match="check the path of the mesh file"):
         require_file("x" * 300 + ".ply", "mesh")

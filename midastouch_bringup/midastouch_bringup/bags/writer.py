@@ -46,9 +46,11 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as cleanup:
-            folder = cleanup.enter_context(
-                tempfile.TemporaryDirectory(prefix=f".{self._path.name}.", dir=self._path.parent)
-            )
+            try:
+                temporary = tempfile.TemporaryDirectory(prefix=f".{self._path.name}.", dir=self._path.parent)
+            except OSError as error:  # would name a folder that nobody has asked for
+                raise OSError(error.errno, error.strerror, str(self._path)) from error
+            folder = cleanup.enter_context(temporary)
             # the writer names the file inside after its folder, so the folder has the final name
             self._writer = Writer(Path(folder) / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)

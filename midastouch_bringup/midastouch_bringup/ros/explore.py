@@ -24,6 +24,7 @@ from ..explore.result import ending, exploration_result, result_rows, write_page
 from ..nodes.recorder import TOPICS, Recorder
 from ..processes.process import Program
 from ..processes.supervisor import NodeFailed, Supervisor
+from ..progress import close_bars
 from ..replay.keyboard import Keyboard
 from ..result_file import write_json
 from ..text_table import text_table
@@ -128,6 +129,7 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: 
         while console.ended is None and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)
         if console.ended is None:
+            close_bars()
             print(f"midastouch: error: {error}", file=sys.stderr)
             console.fail(error.cause)
     hear_the_last(executor)

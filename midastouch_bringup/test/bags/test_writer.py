@@ -80,3 +80,9 @@ def test_what_could_not_be_replaced_at_the_end_is_refused_at_the_beginning(tmp_p
     for name, why in (("run.mcap", "no bag file"), ("latest", "is a link")):
         with pytest.raises(InputError, match=why):
             write(tmp_path / name, tf(SECOND, STILL))
+
+
+def test_a_place_where_nothing_can_be_written_is_named_as_it_was_given():
+    with pytest.raises(OSError, match=r"x\.mcap") as caught, BagWriter("/proc/x.mcap"):
+        pass
+    assert caught.value.filename == "/proc/x.mcap"

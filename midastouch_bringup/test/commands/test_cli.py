@@ -8,6 +8,7 @@ import pytest
 
 from midastouch_bringup import cli
 from midastouch_bringup.commands import doctor, plugins
+from midastouch_bringup.progress import progress_bar
 from midastouch_common.errors import InputError
 
 
@@ -136,6 +137,18 @@ def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch
     monkeypatch.setattr(doctor, "run", fail)
     assert cli.main(["doctor"]) == status
     assert capsys.readouterr().err.splitlines() == [line]
+
+
+def test_an_error_begins_a_line_although_a_progress_bar_is_open(monkeypatch, capsys):
+    def fail(args):
+        for _ in progress_bar(iterable=range(3), unit="step"):
+            raise InputError("a.png: is broken")
+
+    monkeypatch.setattr(doctor, "run", fail)
+    assert cli.main(["doctor"]) == 2
+    bar, *lines = capsys.readouterr().err.split("\n")
+    assert "step" in bar
+    assert lines == ["midastouch: error: a.png: is broken", ""]
 
 
 def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeypatch, capsys):
