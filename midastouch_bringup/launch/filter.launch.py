@@ -4,7 +4,7 @@ from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
 from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
-from midastouch_bringup.ros.launch_parts import check_arguments, declared, lifecycle_node
+from midastouch_bringup.ros.launch_parts import check_arguments, declared, lifecycle_node, say_if_no_object
 
 ARGUMENTS = declared(*OF_NODES, *OF_OBJECT, "sensor_model", "tf_prefix", "sensor_prefix")
 
@@ -15,6 +15,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             *ARGUMENTS,
             OpaqueFunction(function=check_arguments),
+            OpaqueFunction(function=say_if_no_object),
             lifecycle_node(
                 "midastouch_filter",
                 "particle_filter",

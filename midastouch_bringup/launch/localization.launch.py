@@ -17,6 +17,7 @@ from midastouch_bringup.ros.launch_parts import (
     bound_to_launch,
     check_arguments,
     declared,
+    say_if_no_object,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -40,6 +41,7 @@ def generate_launch_description() -> LaunchDescription:
                 PythonLaunchDescriptionSource(str(SHARE / "launch" / "filter.launch.py")),
                 condition=UnlessCondition(LaunchConfiguration("composed")),
             ),
+            OpaqueFunction(function=say_if_no_object, condition=IfCondition(LaunchConfiguration("composed"))),
             # a name given to this process would be the name of all three nodes
             Node(
                 package="midastouch_bringup",

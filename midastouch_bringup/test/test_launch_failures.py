@@ -27,7 +27,7 @@ from midastouch_common.errors import InputError
 
 @pytest.mark.usefixtures("stand_ins")
 def test_an_arm_without_its_calibration_is_warned_of():
-    asked = {"arm": "ur_driver", "robot_ip": "10.0.0.7"}
+    asked = {"object": "ball", "arm": "ur_driver", "robot_ip": "10.0.0.7"}
     launched = Launched()
     without = launched.carry_out("live_ur", **asked)["ur_robot_driver", "launch/ur_control.launch.py"]
     assert "kinematics_params_file" not in without  # what the driver takes by itself is its own affair
@@ -36,9 +36,19 @@ def test_an_arm_without_its_calibration_is_warned_of():
     calibrated = launched.carry_out("live_ur", **asked, kinematics_params_file="/data/arm.yaml")
     arguments = calibrated["ur_robot_driver", "launch/ur_control.launch.py"]
     assert arguments["kinematics_params_file"] == "/data/arm.yaml"
-    launched.carry_out("live_ur", arm="ur_driver", use_mock_hardware="true")
-    launched.carry_out("live_ur")
+    launched.carry_out("live_ur", object="ball", arm="ur_driver", use_mock_hardware="true")
+    launched.carry_out("live_ur", object="ball")
     assert launched.said == []
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("composed", ["false", "true"])
+def test_a_filter_without_an_object_is_said_to_wait_for_one(composed):
+    launched = Launched()
+    launched.carry_out("live_ur", composed=composed)
+    (warning,) = launched.said
+    assert "particle_filter has no object" in warning
+    assert "object:=NAME" in warning
 
 
 @pytest.mark.usefixtures("stand_ins")

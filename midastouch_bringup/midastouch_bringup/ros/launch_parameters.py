@@ -64,6 +64,20 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     return nodes
 
 
+def object_to_come(nodes: Mapping[str, Mapping]) -> str:
+    """That the filter has no object to begin with, and the fix, in words; empty if it has one.
+
+    nodes: what `parameters` gave.
+    """
+    of_filter = nodes.get("particle_filter", {})
+    if any(of_filter.get(name) for name in ("mesh", "codebook", "objects")):
+        return ""
+    return (
+        "particle_filter has no object and gives no pose: start again with object:=NAME of a bundled one, mesh:=FILE "
+        "or objects:=..., or call the service set_object"
+    )
+
+
 def bundled_mesh(name: str) -> str:
     """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
     objects = bundled_objects()

@@ -23,7 +23,7 @@ from midastouch_common.errors import InputError
 from ..processes.parameter_files import written
 from ..processes.process import bound_to_us
 from .launch_arguments import ARGUMENTS, SHARE
-from .launch_parameters import FILES, parameters
+from .launch_parameters import FILES, object_to_come, parameters
 
 
 def declared(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
@@ -108,6 +108,12 @@ def lifecycle_node(package: str, executable: str, takes: Sequence[str]) -> Lifec
 def check_arguments(context: LaunchContext) -> None:
     """Raises InputError for arguments that mean nothing."""
     parameters(context.launch_configurations)
+
+
+def say_if_no_object(context: LaunchContext) -> list[LogInfo]:
+    """A warning where the filter is started without an object: it would look as healthy as with one."""
+    words = object_to_come(parameters(context.launch_configurations))
+    return [LogInfo(msg=f"WARNING: {words}")] if words else []
 
 
 def check_package(_context: LaunchContext, package: str, instead: str) -> None:

@@ -16,7 +16,7 @@ from ..processes.parameter_files import written
 from ..processes.process import Program, node_program
 from ..processes.supervisor import BackOff
 from .launch_arguments import ARGUMENTS
-from .launch_parameters import bundled_mesh, explored, named_files, parameters, quick_codebooks
+from .launch_parameters import bundled_mesh, explored, named_files, object_to_come, parameters, quick_codebooks
 from .setups import SETUPS, executables
 
 
@@ -37,9 +37,12 @@ def run_setup(name: str, words: Sequence[str]) -> int:
         # nobody else on the network sees the demo's nodes, unless the user has said so
         environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with tempfile.TemporaryDirectory(prefix="midastouch_") as folder:
-        path = Path(folder) / "parameters.yaml"
-        path.write_text(written(parameters(given), given["namespace"]))
+        path, nodes = Path(folder) / "parameters.yaml", parameters(given)
+        path.write_text(written(nodes, given["namespace"]))
         respawn = BackOff if given["use_respawn"] == "true" else None
+        # where the filter is started
+        if "codebook" in given and (words := object_to_come(nodes)):
+            print(f"[midastouch] WARNING: {words}", flush=True)
         return run_in_foreground(_programs(name, given, path), environment, respawn)
 
 

@@ -82,6 +82,23 @@ def test_nodes_get_parameters_namespace_and_log_level(supervised, tmp_path, monk
     assert supervised["respawn"] is None
 
 
+def test_a_filter_without_an_object_is_said_to_wait_for_one(supervised, capsys, tmp_path):
+    words = "particle_filter has no object and gives no pose: start again with object:=NAME"
+    overlay = tmp_path / "mine.yaml"
+    overlay.write_text("particle_filter: {ros__parameters: {mesh: part.ply}}")
+    for setup, given, waits in (
+        ("live_ur", [], True),
+        ("localization", ["composed:=true"], True),
+        ("live_ur", ["object:=ball"], False),
+        ("live_ur", ["objects:=ball,eyebolt"], False),
+        ("live_ur", [f"params_overlay:={overlay}"], False),
+        ("driver", [], False),
+        ("digit_sim", ["object:=ball"], False),
+    ):
+        assert run_setup(setup, given) == 5
+        assert (words in capsys.readouterr().out) == waits, (setup, given)
+
+
 def test_only_a_replay_ends_by_itself(supervised, tmp_path):
     run_setup("replay", [f"bag:={tmp_path}", "use_respawn:=true"])
     assert {name for name, program in supervised["programs"].items() if program.ends} == {"replay"}
