@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
+
+_NARROWEST = 20  # characters of a column that is wrapped
+
 
 def text_table(header: list[str], rows: list[list[object]], left: int = 1) -> str:
-    """Rows under a header, columns padded; the first `left` columns are aligned left, the others right."""
+    """Rows under a header, columns padded; the first `left` columns are aligned left, the others right.
+
+    What does not fit into the terminal is wrapped in the last column, which is then aligned left.
+    """
     cells = [[str(cell) for cell in row] for row in [header, *rows]]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
+    room = shutil.get_terminal_size().columns - sum(w + 2 for w in widths[:-1])
+    widths[-1] = min(widths[-1], max(room, _NARROWEST))
+    wrapped = [textwrap.wrap(row[-1], widths[-1]) or [""] for row in cells]
+    if any(len(parts) > 1 for parts in wrapped):
+        left = len(header)
     lines = []
-    for row in cells:
-        padded = [
-            cell.ljust(w) if k < left else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(padded).rstrip())
+    for row, (first, *rest) in zip(cells, wrapped, strict=True):
+        nothing = [""] * (len(row) - 1)
+        lines += [_padded(line, widths, left) for line in ([*row[:-1], first], *([*nothing, part] for part in rest))]
     lines.insert(1, "  ".join("-" * w for w in widths))
     return "\n".join(lines)
+
+
+def _padded(cells: list[str], widths: list[int], left: int) -> str:
+    pairs = enumerate(zip(cells, widths, strict=True))
+    return "  ".join(cell.ljust(w) if k < left else cell.rjust(w) for k, (cell, w) in pairs).rstrip()
 
 
 def number(value: float | None, digits: int = 1) -> str:

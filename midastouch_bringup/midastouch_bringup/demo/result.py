@@ -146,7 +146,8 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", found])
     symmetry = Symmetry.from_json(result["symmetry"])
     if not symmetry.trivial:
-        rows.append(["known up to symmetry, and judged so", _alike_in_words(symmetry, result["alike"])])
+        known = "known up to symmetry, and judged so" if result["state"] == "converged" else "judged up to symmetry"
+        rows.append([known, _alike_in_words(symmetry, result["alike"])])
     rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
     rows.append(["state", f"{result['state']}, {result['n_particles']} particles, {result['n_modes']} modes"])
     return [result["object"], ""], rows
