@@ -17,6 +17,7 @@ setup(
         "libigl",
         "midastouch_kernels",
         "numpy",
+        "opencv-contrib-python-headless",
         "pykdtree",
         "PyYAML",
         "scipy",

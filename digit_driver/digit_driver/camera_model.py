@@ -15,6 +15,7 @@ import yaml
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import expanded
+from midastouch_common.images import BrokenImageError, decode_image
 
 from .frames import CorruptFrameError
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
@@ -23,7 +24,6 @@ _FOLDER = Path(__file__).parent / "cameras"
 _FIX = f"compare with {_FOLDER / 'digit.yaml'}"
 _FORMATS = {"YUYV": PIX_FMT_YUYV, "MJPG": PIX_FMT_MJPEG}
 _ROTATIONS = {0: None, 90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
-_JPEG_END = b"\xff\xd9"
 _REDUCTION_FLAGS = {
     1: cv2.IMREAD_COLOR,
     2: cv2.IMREAD_REDUCED_COLOR_2,
@@ -143,11 +143,11 @@ def decode(data: bytes, pixel_format: int, width: int, height: int, reduction: i
         packed = np.frombuffer(data, np.uint8).reshape(height, width, 2)
         return cv2.cvtColor(packed, cv2.COLOR_YUV2RGB_YUYV)
     if pixel_format == PIX_FMT_MJPEG:
-        # The decoder fills the missing part of a cut-off JPEG with grey, which a net would take for a touch.
-        if not data.rstrip(b"\0").endswith(_JPEG_END):
-            raise CorruptFrameError(f"JPEG of {len(data)} bytes has no end")
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), _REDUCTION_FLAGS[reduction])
-        if image is None or image.shape != (-(-height // reduction), -(-width // reduction), 3):
+        try:
+            image = decode_image(data, _REDUCTION_FLAGS[reduction])
+        except BrokenImageError as error:
+            raise CorruptFrameError(str(error)) from error
+        if image.shape != (-(-height // reduction), -(-width // reduction), 3):
             raise CorruptFrameError(f"JPEG of {len(data)} bytes is not a {width}x{height} image")
         return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     raise ValueError(f"pixel format {pixel_format:#x}")

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from midastouch_common import images
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_filter.transforms import TransformBuffer, TransformError
@@ -102,7 +103,7 @@ def image_messages(path: str | Path, topic: str) -> Iterator[Message]:
 def decode_image(message: Message, path: Path) -> np.ndarray:
     """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage from the bag at `path`.
 
-    Raises InputError if it holds no such image.
+    Raises InputError if it holds no such image; BrokenImageError, which is one, if it was damaged on its way.
     """
     with readable(path):
         content = typestore().deserialize_cdr(message.data, message.type_name)
@@ -112,14 +113,11 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
     try:
         return _rgb(content, 320, 240) if message.type_name == COMPRESSED_TYPE else rgb_from_msg(content, 320, 240)
     except InputError as error:
-        raise InputError(f"{what}: {error}; record it again") from error
+        raise type(error)(f"{what}: {error}; record it again") from error
 
 
 def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
-    data = np.asarray(compressed.data)
-    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
-    if pixels is None:
-        raise InputError("it cannot be decompressed")
+    pixels = cv2.cvtColor(images.decode_image(compressed.data), cv2.COLOR_BGR2RGB)
     if pixels.shape != (height, width, 3):
         raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")
     return pixels

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_common.images import read_image_file
 
 from .sequence import IMAGE_SHAPE
 
@@ -57,9 +58,9 @@ class PlainImages:
             if since >= offset_ns:
                 yield _SECOND + since, _portrait(image, name)
 
-    def _decoded(self) -> Iterator[tuple[str, np.ndarray | None]]:
+    def _decoded(self) -> Iterator[tuple[str, np.ndarray]]:
         if self._files:
-            yield from ((str(file), cv2.imread(str(file), cv2.IMREAD_COLOR)) for file in self._files)
+            yield from ((str(file), read_image_file(file)) for file in self._files)
             return
         capture = cv2.VideoCapture(str(self.path))
         while (read := capture.read())[0]:
@@ -72,10 +73,8 @@ def _numbered(folder: Path) -> list[Path]:
     return sorted(files, key=lambda path: [(int(p) if p.isdecimal() else -1, p) for p in re.split(r"(\d+)", path.name)])
 
 
-def _portrait(image: np.ndarray | None, name: str) -> np.ndarray:
+def _portrait(image: np.ndarray, name: str) -> np.ndarray:
     """A BGR image as (320, 240, 3) RGB, scaled if it was recorded larger or smaller."""
-    if image is None:
-        raise InputError(f"{name}: not a readable image; get the file again or remove it")
     rows, columns, _ = IMAGE_SHAPE
     height, width = image.shape[:2]
     if height * columns != width * rows:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import require_file
+from midastouch_common.images import read_image_file
 
 IMAGE_SHAPE = (320, 240, 3)
 _ASPECT_ERROR = 0.02
@@ -94,10 +94,8 @@ class VideoSequence(Sequence):
 
     def read_background(self, path: Path) -> np.ndarray:
         """A no-contact image of the same sensor, as `image`; one that is landscape, as in the video, is turned too."""
-        image = cv2.imread(str(require_file(path, "image")), cv2.IMREAD_COLOR)
-        if image is None or image.shape[0] > image.shape[1]:
-            return read_image(path)
-        return portrait(image, path)
+        image = read_image_file(path)
+        return _upright(image, path) if image.shape[0] > image.shape[1] else portrait(image, path)
 
 
 def portrait(image: np.ndarray, path: Path) -> np.ndarray:
@@ -114,9 +112,10 @@ def portrait(image: np.ndarray, path: Path) -> np.ndarray:
 
 def read_image(path: Path) -> np.ndarray:
     """A DIGIT image file as (320, 240, 3) uint8 RGB; InputError if missing, damaged or of another size."""
-    image = cv2.imread(str(require_file(path, "image")), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: not a readable image; get the file again")
+    return _upright(read_image_file(path), path)
+
+
+def _upright(image: np.ndarray, path: Path) -> np.ndarray:
     if image.shape != IMAGE_SHAPE:
         raise InputError(
             f"{path}: image is {image.shape[1]} x {image.shape[0]}, expected a portrait image of 240 x 320; "

@@ -18,6 +18,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_file
+from midastouch_common.images import read_image_file
 from midastouch_perception.sensor_model import SensorModel
 
 from . import restricted_pickle
@@ -120,9 +121,9 @@ def _height_maps(folder: Path, n: int) -> dict[int, Callable[[], np.ndarray]]:
 
 def _penetration_of_height_map(file: Path) -> np.ndarray:
     """Penetration (320, 240) float32, metres: height over the apex plane minus the undeformed dome's."""
-    heights = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-    if heights is None or heights.shape != (320, 240):
-        raise InputError(f"{file}: not a readable 240 x 320 height map; get the file again")
+    heights = read_image_file(file, cv2.IMREAD_GRAYSCALE)
+    if heights.shape != (320, 240):
+        raise InputError(f"{file}: not a height map of 240 x 320; get the file again")
     penetration = heights * HEIGHT_UNIT - _dome_height()
     return np.where(penetration > _HEIGHT_NOISE, penetration, 0).astype(np.float32)
 

@@ -80,7 +80,7 @@ class Replay(PipelineNode):
         self.finished = threading.Event()
         self.error: Exception | None = None
 
-        source = ReplaySource(self._settings["source"])
+        source = ReplaySource(self._settings["source"], self._on_broken)
         self._output = ReplayOutput(self, source.topics, self._settings["clock"])
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
         timeout_reports = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
@@ -131,6 +131,9 @@ class Replay(PipelineNode):
         )
         self._await_listeners()
 
+    def _on_broken(self, reason: str) -> None:
+        self.get_logger().warning(f"{reason}; left out", throttle_duration_sec=1.0)
+
     def _describe(self) -> tuple[bytes, str, dict]:
         values = {
             "position_s": f"{self.player.position:.3f}",
@@ -138,11 +141,14 @@ class Replay(PipelineNode):
             "sent": self.player.frames_sent,
             "repeated": self.player.frames_repeated,
             "lost": self.player.frames_lost,
+            "broken": self.player.frames_broken,
         }
         if self.error is not None:
             return WARN, str(self.error), values
         if self.player.frames_lost:
             return WARN, f"{self.player.frames_lost} frames were never answered", values
+        if self.player.frames_broken:
+            return WARN, f"{self.player.frames_broken} frames left out as their images are broken", values
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 

@@ -42,6 +42,11 @@ class Player:
         return self._flow.lost
 
     @property
+    def frames_broken(self) -> int:
+        """Frames left out because the recording does not hold the whole of their image."""
+        return self._source.images_broken
+
+    @property
     def position(self) -> float:
         """Seconds after the beginning of the recording that were told last."""
         offset, stamp = self._begin
@@ -68,6 +73,8 @@ class Player:
     def summary(self) -> str:
         """How many frames were sent, in words."""
         text = f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
+        if self.frames_broken:
+            text += f", {self.frames_broken} left out as their images are broken"
         if self._flow.waiting:
             text += f"; {self._flow.waiting} still wait for a transform that the recording does not hold"
         return text

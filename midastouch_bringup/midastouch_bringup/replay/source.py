@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from midastouch_common.errors import InputError
+from midastouch_common.images import BrokenImageError
 
 from ..bags.frames import decode_image
 from ..bags.messages import (
@@ -45,12 +46,14 @@ class ReplaySource:
     """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
 
     Of a bag, the inputs of the pipeline. That listens to raw images: compressed ones are decompressed, or left out
-    where there are raw ones, too. Raises InputError if `path` is none of these or cannot be read, also while messages
-    are read.
+    where there are raw ones, too. One that is no whole image, as a lossy network leaves it, is left out and counted
+    (`images_broken`); `on_broken` gets the reason. Raises InputError if `path` is none of these or cannot be read, also
+    while messages are read.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, on_broken: Callable[[str], None] = lambda reason: None) -> None:
+        self.path, self._on_broken = Path(path), on_broken
+        self.images_broken = 0
         self._decompresses = False
         self._sequence = self._images = None
         if not is_bag(self.path):
@@ -105,7 +108,12 @@ class ReplaySource:
         names = {topic.name for topic in self.topics}
         if self._decompresses:
             names = names - {IMAGE_TOPIC} | {COMPRESSED_TOPIC}
-        yield from map(self._as_sent, self._without_estimates(bag_messages(self.path, names)))
+        for message in self._without_estimates(bag_messages(self.path, names)):
+            try:
+                yield self._as_sent(message)
+            except BrokenImageError as error:
+                self.images_broken += 1
+                self._on_broken(str(error))
 
     def _as_sent(self, message: Message) -> Message:
         if not self._decompresses or message.topic != COMPRESSED_TOPIC:

@@ -1,5 +1,7 @@
 """Messages as they are recorded, and bags of them."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 
@@ -42,13 +44,20 @@ def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, t
     return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
 
 
-def compressed(message):
-    """An image message without loss, as image_transport would publish it."""
+def compressed(message, ending=".png"):
+    """An image message, without loss unless as JPEG, as image_transport would publish it."""
     content = STORE.deserialize_cdr(message.data, message.type_name)
-    png = cv2.imencode(".png", content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
-    small = STORE.types[COMPRESSED_TYPE](content.header, "rgb8; png compressed bgr8", png)
+    encoded = cv2.imencode(ending, content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
+    small = STORE.types[COMPRESSED_TYPE](content.header, f"rgb8; {ending[1:]} compressed bgr8", encoded)
     data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
     return Message(f"{message.topic}/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
+
+
+def cut_off(message):
+    """A compressed image message of which the second half was lost."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    content.data = content.data[: len(content.data) // 2]
+    return dataclasses.replace(message, data=bytes(STORE.serialize_cdr(content, message.type_name)))
 
 
 def write(path, *messages):

@@ -5,7 +5,7 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from recorded import MOVED, SECOND, STILL, STORE, compressed, header, image, tf, write
+from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, header, image, tf, write
 
 from midastouch_bringup.bags.frames import GelStream, read_bag
 from midastouch_bringup.bags.messages import (
@@ -132,6 +132,12 @@ def test_compressed_images_that_are_none_are_refused(tmp_path, data):
     )
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
     with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed"):
+        next(read_bag(path))
+
+
+def test_half_a_jpeg_is_refused(tmp_path):
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), cut_off(compressed(image(SECOND), ".jpg")))
+    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed.* is cut off.*record it again"):
         next(read_bag(path))
 
 

@@ -52,7 +52,7 @@ def test_every_option_is_explained(name, monkeypatch):
         (["evaluate", "no/such/seq"], "no/such/seq: "),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
         (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: "),
-        (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 readable no-contact images"),
+        (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 no-contact images"),
         (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: "),
         (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),

@@ -4,6 +4,7 @@ import weakref
 from types import SimpleNamespace
 
 import pytest
+from recorded import compressed, cut_off
 
 from midastouch_bringup.bags.messages import sequence_messages
 from midastouch_bringup.bags.writer import BagWriter
@@ -42,6 +43,19 @@ def test_a_loop_begins_anew_and_a_seek_leaves_out(simulated_sequence):
     done.player.play(lambda: next(again))
     assert done.told == [*sequence.stamps_ns[1:].tolist(), *sequence.stamps_ns.tolist()]
     assert done.player.frames_sent == 7
+
+
+def test_a_frame_whose_image_is_broken_is_left_out_and_counted(tmp_path, simulated_sequence):
+    messages = [compressed(m) if m.topic == "/image_raw" else m for m in sequence_messages(simulated_sequence(n=3))]
+    broken = next(i for i, m in enumerate(messages) if m.topic.startswith("/image_raw"))
+    messages[broken] = cut_off(messages[broken])
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in messages:
+            bag.write(message)
+    done = make_player(tmp_path / "x.mcap")
+    done.player.play(lambda: False)
+    assert (done.player.frames_sent, done.player.frames_broken) == (2, 1)
+    assert done.player.summary() == "sent 2 frames, 0 repeated, 0 lost, 1 left out as their images are broken"
 
 
 def test_an_interrupted_playback_sends_nothing_more(simulated_sequence):

@@ -1,10 +1,11 @@
 """The order in which a replay sends, and what it leaves out."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
-from recorded import compressed
+from recorded import compressed, cut_off
 
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter, write_bag
@@ -147,3 +148,18 @@ def test_plain_images_send_what_a_sequence_sends_but_for_transforms(tmp_path, si
     assert [m.data[-1000:] for m in messages[1::2]] == [m.data[-1000:] for m in images]
     assert len(list(source.messages(offset_ns=1))) == 4
     assert source.duration_s == pytest.approx(2 / 60)
+
+
+def test_a_broken_image_of_a_bag_is_left_out_and_the_rest_sent(tmp_path, simulated_sequence):
+    messages = list(sequence_messages(simulated_sequence(n=3)))
+    images = [i for i, m in enumerate(messages) if m.topic == "/image_raw"]
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for i, message in enumerate(messages):
+            small = compressed(message, ".jpg") if i in images else message
+            bag.write(cut_off(small) if i == images[1] else small)
+    reasons = []
+    source = ReplaySource(tmp_path / "x.mcap", reasons.append)
+    sent = [m.stamp_ns for m in source.messages() if m.topic == "/image_raw"]
+    assert sent == [messages[images[0]].stamp_ns, messages[images[2]].stamp_ns]
+    assert source.images_broken == len(reasons) == 1
+    assert re.search(r"x\.mcap: image on /image_raw/compressed.* is cut off.*record it again", reasons[0])

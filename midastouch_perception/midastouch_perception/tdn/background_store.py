@@ -11,6 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
+from midastouch_common.images import read_image_file
 
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import DIGIT_LAMPS, SensorModel
@@ -23,8 +24,8 @@ _MOST_FILES = 200
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
 
-    Raises InputError: no such path, no images in it, not an image, another size, or images that show contacts at the
-    same pixels too often to show what is behind them.
+    Raises InputError: no such path, no images in it, one that is no whole image, another size, or images that show
+    contacts at the same pixels too often to show what is behind them.
     """
     path = Path(path)
     if not path.is_dir():
@@ -47,9 +48,7 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
 def _read_image(path: Path, height: int, width: int) -> np.ndarray:
     if not path.is_file():
         raise InputError(f"{path}: no such background image; leave the parameter empty to estimate one")
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: not an image; use PNG or JPEG")
+    image = read_image_file(path)
     if image.shape[:2] != (height, width):
         raise InputError(f"{path}: {image.shape[1]} x {image.shape[0]} pixels, the sensor model has {width} x {height}")
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)

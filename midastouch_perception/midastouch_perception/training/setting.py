@@ -15,6 +15,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.images import read_image_file
 from midastouch_common.mesh import ObjectMesh
 
 from ..onnx_network import network_path
@@ -65,13 +66,13 @@ def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Training and validation images (B, height, width, 3) uint8 RGB from the JPEG or PNG files of `folder`.
 
-    Raises InputError if there are fewer than 8 readable ones.
+    Raises InputError if there are fewer than 8, or one is no whole image.
     """
     paths = [p for p in sorted(Path(folder).glob("*")) if p.suffix.lower() in (".jpg", ".png")]
-    images = [cv2.imread(str(path)) for path in paths]
-    images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images if i is not None]
-    if len(images) < 8:
-        raise InputError(f"{folder}: {len(images)} readable no-contact images; training needs at least 8")
+    if len(paths) < 8:
+        raise InputError(f"{folder}: {len(paths)} no-contact images (PNG or JPEG); training needs at least 8")
+    images = [read_image_file(path) for path in paths]
+    images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images]
     return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])
 
 

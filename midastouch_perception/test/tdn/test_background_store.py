@@ -99,7 +99,7 @@ def test_unusable_backgrounds_are_named(tmp_path):
     (tmp_path / "empty").mkdir()
     for name, complaint in (
         ("none.png", "no such"),
-        ("text.png", "not an image"),
+        ("text.png", "not a readable image"),
         ("small.png", "240 x 100"),
         ("empty", "no PNG or JPEG"),
     ):
