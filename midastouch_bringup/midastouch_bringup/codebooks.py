@@ -58,9 +58,12 @@ def build_and_save(
             build.save(unfinished)
             saved = time.perf_counter()
 
+    def inform(line: str) -> None:
+        bar.write(line, file=sys.stderr)
+
     try:
         with progress_bar(total=size, initial=build.done, unit="pose", desc=f"codebook of {mesh.name}") as bar:
-            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress)
+            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress, inform=inform)
     except BaseException:
         if build.done:
             build.save(unfinished)

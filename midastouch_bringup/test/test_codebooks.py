@@ -63,6 +63,17 @@ def build(ball, tmp_path):
     return build
 
 
+def test_what_is_wrong_with_a_mesh_is_said_before_its_codebook_is_built(tmp_path, capsys):
+    sphere, cavity = (trimesh.creation.icosphere(subdivisions=3, radius=radius) for radius in (0.03, 0.02))
+    cavity.invert()
+    hollow = trimesh.util.concatenate(sphere, cavity)
+    mesh, sensor = ObjectMesh.from_arrays(hollow.vertices, hollow.faces, "hollow"), SensorModel.load("digit_tacto")
+    codebooks.build_and_save(mesh, FlatTcn(), sensor, SIZE, 0, tmp_path / "hollow.npz", jobs=1)
+    said = capsys.readouterr().err
+    assert "hollow: 60 x 60 x 60 mm; 2560 faces; 2 shells, 1 of them inside" in said
+    assert "warning: hollow: 31% of the surface lies inside" in said
+
+
 def test_an_interrupted_build_goes_on_where_it_stopped(build, tmp_path, capsys):
     with pytest.raises(KeyboardInterrupt):
         build(FlatTcn(stop=3))

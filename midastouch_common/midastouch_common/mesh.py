@@ -19,6 +19,7 @@ import midastouch_kernels as kernels
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
+from .surface_search import ClosestPointSearch
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
 _SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
@@ -170,26 +171,21 @@ class ObjectMesh:
         points = np.einsum("nk,nkj->nj", weights, self.vertices[self.faces[index]])
         return points, self.face_normals[index], index
 
-    @cached_property
-    def _shared_edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Edges of two faces: the same edge once as part of each, (E,) and (E,) into the faces' edges; whether both
-        walk it in the same direction (E,).
+    @property
+    def face_edges(self) -> np.ndarray:
+        """(F, 3, 2) ends of each face's edges, the same number for corners at the same position.
 
         Corners are matched by position, so scans split along seams keep their edges.
         """
-        edges = self._welded[self.faces][:, _EDGES].reshape(-1, 2)
-        ends = np.sort(edges, axis=1)
+        return self._welded[self.faces][:, _EDGES]
+
+    @cached_property
+    def _shared_edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Edges of two faces: the same edge once as part of each, (E,) and (E,) into the faces' edges."""
+        ends = np.sort(self.face_edges.reshape(-1, 2), axis=1)
         order = np.lexsort(ends.T)
         same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
-        first, second = order[:-1][same], order[1:][same]
-        contrary = (edges[first] == edges[second]).all(axis=1) & (ends[first, 0] != ends[first, 1])
-        return first, second, contrary
-
-    @property
-    def contrary_fraction(self) -> float:
-        """Fraction of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
-        contrary = self._shared_edges[2]
-        return float(contrary.mean()) if len(contrary) else 0.0
+        return order[:-1][same], order[1:][same]
 
     @cached_property
     def feature_edges(self) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +193,7 @@ class ObjectMesh:
 
         Source: paper appendix A.
         """
-        first, second, _ = self._shared_edges
+        first, second = self._shared_edges
         ends = self.vertices[self.faces[:, _EDGES].reshape(-1, 2)]
         a, b = self.face_normals[first // 3], self.face_normals[second // 3]
         sharp = (a * b).sum(axis=1) < np.cos(np.radians(10))
@@ -226,8 +222,8 @@ class ObjectMesh:
         return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
 
     @cached_property
-    def _search(self) -> _ClosestPointSearch:
-        return _ClosestPointSearch(self.vertices, self.faces)
+    def _search(self) -> ClosestPointSearch:
+        return ClosestPointSearch(self.vertices, self.faces)
 
     def closest_points(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Exact nearest surface points of points (N, 3): closest (N, 3), distance (N,) m, face (N,).
@@ -252,27 +248,3 @@ class NearestPoints:
         """Distances and indices of the k nearest points of queries (N, D), nearest first: (N, k), or (N,) for k = 1."""
         tree = self._unthreaded if len(queries) < FEWEST_THREADED_QUERIES else self._threaded
         return tree.query(np.ascontiguousarray(queries, float), k=k)
-
-
-class _ClosestPointSearch:
-    """Exact closest point on a triangle soup, by a tree of boxes."""
-
-    _AT_ONCE = 2000  # points, some 10 ms: libigl holds the interpreter's lock, and a node has other threads
-
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
-        # Imported here: a filter whose codebook keeps the distances never asks for a closest point.
-        from igl import AABB
-
-        self._vertices, self._faces = vertices, faces.astype(np.int64)
-        self._tree = AABB()
-        self._tree.init(self._vertices, self._faces)
-
-    def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        closest, distance, face = np.empty((len(points), 3)), np.empty(len(points)), np.empty(len(points), np.int64)
-        for low in range(0, len(points), self._AT_ONCE):
-            part = slice(low, low + self._AT_ONCE)
-            squared, face[part], closest[part] = self._tree.squared_distance(self._vertices, self._faces, points[part])
-            distance[part] = np.sqrt(squared)
-        lost = ~np.isfinite(distance)  # of points that are not finite the tree leaves face and closest point unset
-        closest[lost], distance[lost], face[lost] = np.nan, np.nan, 0
-        return closest, distance, face

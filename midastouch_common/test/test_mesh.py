@@ -82,15 +82,6 @@ def test_inverted_mesh_is_turned_outward(block):
     np.testing.assert_allclose(np.abs(inverted.vertex_normals), np.abs(block.vertex_normals), atol=1e-12)
 
 
-def test_faces_that_contradict_their_neighbours_are_counted_across_seams(block):
-    assert block.contrary_fraction == 0
-    apart = block.vertices[block.faces].reshape(-1, 3)  # as STL has them: no corner is shared
-    faces = np.arange(len(apart)).reshape(-1, 3)
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == 0
-    faces[0] = faces[0, ::-1]
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == pytest.approx(3 / (1.5 * len(faces)))
-
-
 def test_feature_edges_of_a_box():
     """12 edges of a box, not the diagonals of its sides; split vertices do not matter."""
     box = trimesh.creation.box((0.02, 0.02, 0.02))

@@ -16,6 +16,7 @@ from midastouch_common.files import atomic_path, require_file
 from midastouch_common.mesh import ObjectMesh
 
 from .codebook import FORMAT, Codebook, codebook_poses
+from .mesh_report import MeshReport
 from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
 from .symmetry.group import Symmetry
@@ -26,7 +27,6 @@ CHUNK = 256
 """Poses that are rendered, encoded and kept together; the result must not depend on how they are divided."""
 
 _ARRAYS = ("poses", "codes", "finished")
-_MOST_CONTRARY = 0.02  # one face in a hundred; of scans it is 0, of faces wound at random 0.5
 
 
 class CodebookBuild:
@@ -76,15 +76,20 @@ class CodebookBuild:
         jobs: int = 1,
         progress: Callable[[int, int], None] = lambda done, total: None,
         pause: Callable[[], None] = lambda: None,
+        inform: Callable[[str], None] = lambda line: None,
     ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
-        pause: called now and then; an exception from it ends the run. What was done until then can be saved. Raises
-        InputError: no pose to encode.
+        pause: called now and then; an exception from it ends the run. What was done until then can be saved. inform:
+        gets what the mesh is like, with warnings, line by line. Raises InputError: no pose to encode, or a mesh on
+        which too many poses would lie within the object.
         """
         size, seed = self._meta["size"], self._meta["seed"]
         if self._poses is None:
-            _require_one_outside(self._mesh)
+            report = MeshReport.of(self._mesh)
+            report.require_usable()
+            for line in report.lines(self._sensor):
+                inform(line)
             rng = np.random.default_rng(seed)
             self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause)
             self._codes = np.empty((size, self._tcn.dim), np.float32)
@@ -158,15 +163,6 @@ def build_codebook(
 ) -> Codebook:
     """Build a codebook in one go; see `CodebookBuild`."""
     return CodebookBuild(mesh, tcn, sensor, size, seed).run()
-
-
-def _require_one_outside(mesh: ObjectMesh) -> None:
-    """InputError for a mesh whose faces do not agree where outside is: poses would lie within the object."""
-    if (contrary := mesh.contrary_fraction) > _MOST_CONTRARY:
-        raise InputError(
-            f"{mesh.path or mesh.name}: at {contrary:.0%} of the edges one face looks outward and the next inward; "
-            "let your modelling program recalculate the normals outward, and export it again"
-        )
 
 
 def _part(chunk: int) -> slice:
