@@ -1,7 +1,6 @@
 """A known object: its triangles, surface sampling and exact closest-point queries.
 
-Meshes are used as they are: non-manifold, open or self-touching scans work, because nothing here needs more
-than a list of oriented triangles.
+Non-manifold, open or self-touching scans work: nothing here needs more than a list of oriented triangles.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import midastouch_kernels as kernels
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
+from .mesh_units import conversion
 from .surface_search import ClosestPointSearch
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
@@ -67,14 +67,14 @@ class ObjectMesh:
         except Exception as error:  # trimesh raises a different type for each way a file can be broken
             reason = str(error) or type(error).__name__
             raise InputError(f"{path}: cannot be read as a mesh ({reason}); use PLY, STL or OBJ") from error
-        mesh = cls.from_arrays(vertices, faces, path.stem, source=str(path))
+        mesh = cls.from_arrays(vertices, faces, path.stem, path)
         mesh.sha256, mesh.path = sha256(path), path.resolve()
         return mesh
 
     @classmethod
-    def from_arrays(cls, vertices: np.ndarray, faces: np.ndarray, name: str, source: str | None = None) -> ObjectMesh:
-        """A mesh from vertices (V, 3) m and faces (F, 3); raises InputError as `load` does, naming `source`."""
-        source = source or name
+    def from_arrays(cls, vertices: np.ndarray, faces: np.ndarray, name: str, path: Path | None = None) -> ObjectMesh:
+        """A mesh from vertices (V, 3) m and faces (F, 3); raises InputError as `load` does, naming the file `path`."""
+        source = path or name
         vertices, faces = np.asarray(vertices, float), np.asarray(faces)
         if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
             raise InputError(f"{source}: mesh without faces; export it as triangles, not as points")
@@ -91,7 +91,7 @@ class ObjectMesh:
             raise InputError(f"{source}: every face has zero area; export the mesh again")
         extent = np.ptp(vertices[mesh.faces].reshape(-1, 3), axis=0).max()
         if extent > _LARGEST_EXTENT:
-            raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
+            raise InputError(f"{source}: {extent:.3g} m across; it looks like millimetres, {conversion(path)}")
         if extent < _SMALLEST_EXTENT:
             raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to touch; export it in metres")
         return mesh

@@ -1,3 +1,5 @@
+import subprocess
+
 import numpy as np
 import pytest
 import trimesh
@@ -140,6 +142,17 @@ def bad_meshes(folder):
     (folder / "part.STEP").write_text("ISO-10303-21;")
     flat = trimesh.Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
     flat.export(folder / "flat.ply")
+
+
+def test_the_command_that_converts_millimetres_can_be_pasted(tmp_path):
+    path = tmp_path / "the 'part'.stl"
+    trimesh.creation.box((100, 50, 20)).export(path)
+    with pytest.raises(InputError, match="100 m across; it looks like millimetres, convert it: ") as refused:
+        ObjectMesh.load(path)
+    assert len(str(refused.value).splitlines()) == 1
+    subprocess.run(str(refused.value).partition("convert it: ")[2], shell=True, check=True)
+    mesh = ObjectMesh.load(tmp_path / "the 'part'_metres.ply")
+    np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), [0.1, 0.05, 0.02], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
