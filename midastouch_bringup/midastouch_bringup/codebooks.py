@@ -51,8 +51,13 @@ def build_and_save(
             print(f"{error}; starting from the beginning", file=sys.stderr)
     saved = start
 
+    def searched(found: int) -> None:
+        bar.set_description_str(f"poses that reach {mesh.name}", refresh=False)
+        bar.update(found - bar.n)
+
     def progress(done: int, total: int) -> None:
         nonlocal saved
+        bar.set_description_str(f"codebook of {mesh.name}", refresh=False)
         bar.update(done - bar.n)
         if time.perf_counter() - saved > SAVE_INTERVAL_S:
             build.save(unfinished)
@@ -63,7 +68,7 @@ def build_and_save(
 
     try:
         with progress_bar(total=size, initial=build.done, unit="pose", desc=f"codebook of {mesh.name}") as bar:
-            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress, inform=inform)
+            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress, inform=inform, searched=searched)
     except BaseException:
         if build.done:
             build.save(unfinished)

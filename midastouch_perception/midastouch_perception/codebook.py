@@ -20,7 +20,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 from midastouch_common.mesh import ObjectMesh
 
-from .rendering.contact_poses import Reachability, pose_from_contact, touch_points
+from .rendering.contact_poses import MAX_EXCESS, Reachability, pose_from_contact, touch_points
 from .sensor_model import SensorModel
 from .symmetry.search import ObjectSymmetry
 
@@ -28,7 +28,8 @@ FORMAT = 1
 PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
 YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart
 _MOST_SURPLUS = 12.0  # times as many sites are tried as are wanted; where that is too few, the mesh is at fault
-_PIECE = 4096  # poses
+_PIECE = 512  # poses; of a fine mesh that lies under the gel as a whole, ten seconds
+_TRIED, _HARDLY = 4096, 0.01  # after so many poses, spread over the object, less than that fraction ends the search
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
 _CONTENT = ("poses", "codes", "meta")
 _OUTSIDE = 5e-3  # m outside its mesh's bounds that an entry touches at most; where the gel bridges a gap it is 2 mm
@@ -43,13 +44,15 @@ def codebook_poses(
     sensor: SensorModel,
     rng: np.random.Generator,
     pause: Callable[[], None] = lambda: None,
+    searched: Callable[[int], None] = lambda found: None,
 ) -> np.ndarray:
     """Exactly `size` reachable gel poses T_obj_gel (size, 4, 4) (paper section 4.2, "evenly sample").
 
     Sites are a farthest-point sequence over (point, normal), so the sides of a thin plate count as apart and edges,
     where the normal turns, get more of them; and so the first of them, however many, cover the surface evenly, too.
-    `pause` is called now and then; what it raises ends the work. Raises InputError if the object has hardly a reachable
-    pose.
+    `pause` is called now and then; what it raises ends the work. `searched` gets the number of poses found so far,
+    which starts at 0 again when the search is repeated with more sites. Raises InputError if the object has hardly a
+    reachable pose.
     """
     if size < 1:
         raise InputError(f"codebook size {size}; it needs at least 1 pose, 50000 is usual")
@@ -67,27 +70,38 @@ def codebook_poses(
             np.repeat(points[sites], yaws, axis=0), np.repeat(normals[sites], yaws, axis=0),
             yaw.reshape(-1), np.zeros(n * yaws), np.zeros(n * yaws), np.full(n * yaws, PRESS),
         )  # fmt: skip
-        reachable = _reachable(reachability, poses, size, pause)
+        reachable, fraction = _reachable(reachability, poses, size, pause, searched)
         if len(reachable) == size:
             return reachable
-        fraction = len(reachable) / len(poses)
         # as many as this fraction asks for, and some more
         surplus = 1.2 * max(surplus, 1 / max(fraction, 1e-3))
-    raise InputError(f"{mesh.name}: only {fraction:.0%} of its surface can be reached; is it inside out?")
+    raise InputError(
+        f"{mesh.path or mesh.name}: the gel reaches only {fraction:.1%} of the poses that were tried; at the others it "
+        f"touches nothing or sinks in more than {1e3 * (PRESS + MAX_EXCESS):.0f} mm; close gaps that are narrower than "
+        "the gel, as those between fine teeth, and check that the mesh is in metres and not inside out"
+    )
 
 
-def _reachable(reachability: Reachability, poses: np.ndarray, size: int, pause: Callable[[], None]) -> np.ndarray:
-    """The first `size` of the poses (N, 4, 4) that can be reached, settled, or fewer. In pieces: each is rendered."""
-    found, count = [], 0
-    for start in range(0, len(poses), _PIECE):
+def _reachable(
+    reachability: Reachability,
+    poses: np.ndarray,
+    size: int,
+    pause: Callable[[], None],
+    searched: Callable[[int], None],
+) -> tuple[np.ndarray, float]:
+    """The first `size` of the poses (N, 4, 4) that can be reached, settled, or fewer; the fraction of those tried.
+
+    In pieces: each is rendered.
+    """
+    found, count, tried = [], 0, 0
+    while tried < len(poses) and count < size and (tried < _TRIED or count >= _HARDLY * tried):
         pause()
-        piece = poses[start : start + _PIECE]
+        piece = poses[tried : tried + _PIECE]
         settled, reachable = reachability.settle(piece, np.full(len(piece), PRESS))
         found.append(settled[reachable])
-        count += len(found[-1])
-        if count >= size:
-            break
-    return np.concatenate(found)[:size]
+        count, tried = count + len(found[-1]), tried + len(piece)
+        searched(min(count, size))
+    return np.concatenate(found)[:size], count / tried
 
 
 def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -77,12 +77,14 @@ class CodebookBuild:
         progress: Callable[[int, int], None] = lambda done, total: None,
         pause: Callable[[], None] = lambda: None,
         inform: Callable[[str], None] = lambda line: None,
+        searched: Callable[[int], None] = lambda found: None,
     ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
         pause: called now and then; an exception from it ends the run. What was done until then can be saved. inform:
-        gets what the mesh is like, with warnings, line by line. Raises InputError: no pose to encode, or a mesh on
-        which too many poses would lie within the object.
+        gets what the mesh is like, with warnings, line by line; searched: the number of poses found so far, as of
+        `codebook_poses`. Raises InputError: no pose to encode, or a mesh on which too many poses would lie within the
+        object.
         """
         size, seed = self._meta["size"], self._meta["seed"]
         if self._poses is None:
@@ -91,7 +93,7 @@ class CodebookBuild:
             for line in report.lines(self._sensor):
                 inform(line)
             rng = np.random.default_rng(seed)
-            self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause)
+            self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause, searched)
             self._codes = np.empty((size, self._tcn.dim), np.float32)
             self._finished = np.zeros(-(-size // CHUNK), bool)
         if self._symmetry is None:

@@ -275,5 +275,15 @@ def test_an_object_out_of_reach_is_said(sensor):
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
     plate = ObjectMesh.from_arrays(corners, np.array([[0, 1, 2], [0, 2, 3]]), "plate")
     plate.face_normals = -plate.face_normals
-    with pytest.raises(InputError, match="plate: "):
-        codebook_poses(plate, 100, sensor, np.random.default_rng(0))
+    found = []
+    with pytest.raises(InputError, match=r"plate: the gel reaches only 0\.0% of the poses.*; close gaps"):
+        codebook_poses(plate, 50_000, sensor, np.random.default_rng(0), searched=found.append)
+    assert found == [0] * (4096 // 512), "it ends long before all of the 100,000 first ones were tried"
+
+
+def test_the_search_tells_how_far_it_is(tool, sensor):
+    found = []
+    poses = codebook_poses(tool, 1500, sensor, np.random.default_rng(0), searched=found.append)
+    assert len(found) > 2
+    assert found == sorted(found)
+    assert found[-1] == len(poses)
