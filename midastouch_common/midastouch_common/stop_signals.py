@@ -1,4 +1,4 @@
-"""Signals that ask a process to end, taken as an event: whatever runs is finished first.
+"""Signals that ask a process to end, taken as an event: whatever runs is finished first, but for `interruptible` work.
 
 Python's own handler raises KeyboardInterrupt between any two instructions, rclpy's shuts the context down under
 whatever the nodes do at that moment. Both leave nodes half made or half destroyed and threads running; a thread that
@@ -16,6 +16,27 @@ from collections.abc import Callable, Iterator
 _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+class Stopped(BaseException):
+    """A signal to stop has cut `interruptible` work short. No Exception: nobody is to take it for a failure."""
+
+
+class _Arrivals:
+    """What the handler of a `stop_event` and the work that it may cut short know of each other."""
+
+    def __init__(self) -> None:
+        self.any = self.cut_short = False
+
+    def handle(self, *_: object) -> None:
+        """Handler of a signal."""
+        self.any = True
+        if self.cut_short:
+            self.cut_short = False  # once: what cleans up after the work is finished
+            raise Stopped
+
+
+_arrivals = _Arrivals()  # of the process, as its signals are
+
+
 def end_at_once() -> None:
     """From now on a signal to stop ends the process with exit code 0: there is nothing to clean up yet."""
     for number in _handled():
@@ -29,7 +50,8 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
     ``wake`` is called in another thread each time, until the context is left. After that, signals to stop are ignored,
     because the process is ending.
     """
-    stopping = threading.Event()
+    global _arrivals
+    stopping, _arrivals = threading.Event(), _Arrivals()
     numbers = _handled()
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -45,7 +67,7 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
     # before the handlers: a signal in between would do nothing at all
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     for number in numbers:
-        signal.signal(number, lambda *_: None)
+        signal.signal(number, _arrivals.handle)
     try:
         yield stopping
     finally:
@@ -55,6 +77,24 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
         os.close(writing)
         watcher.join()
         os.close(reading)
+        _arrivals = _Arrivals()
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Work that a signal to stop ends between any two instructions of Python, by `Stopped`.
+
+    For work that only computes and reads, inside a `stop_event` and in its thread; elsewhere it changes nothing. A
+    signal that has come before ends it at once.
+    """
+    arrivals = _arrivals
+    try:
+        arrivals.cut_short = True
+        if arrivals.any:
+            raise Stopped
+        yield
+    finally:
+        arrivals.cut_short = False
 
 
 def _handled() -> list[signal.Signals]:

@@ -9,16 +9,31 @@ import sys
 import pytest
 
 PROGRAM = """
-import sys
-from midastouch_common.stop_signals import end_at_once, stop_event
+import contextlib, os, sys
+from midastouch_common.stop_signals import Stopped, end_at_once, interruptible, stop_event
+
+def say(text):  # in one piece, whatever another thread says
+    os.write(1, f"{text}\\n".encode())
 
 def stay(moment):
-    print(moment, flush=True)
+    say(moment)
     sys.stdin.readline()
+
+def work(name):
+    with contextlib.suppress(Stopped), interruptible():
+        try:
+            say(name)
+            while name:
+                pass
+        finally:
+            stay("cleaning up")
 
 end_at_once()
 stay("loading")
-with stop_event(lambda: print("woken", flush=True)) as stopping:
+with stop_event(lambda: say("woken")) as stopping:
+    if "work" in sys.argv:
+        work("working")
+        work("never begun")
     stay("making")
     stopping.wait()
     stay("ending")
@@ -31,13 +46,17 @@ STOP = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 class Run:
     """The program; it goes on from moment to moment when it is let."""
 
-    def __init__(self, *prefix: str) -> None:
+    def __init__(self, *prefix: str, options: tuple[str, ...] = ()) -> None:
         pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-        self._process = subprocess.Popen([*prefix, sys.executable, "-c", PROGRAM], text=True, **pipes)
+        self._process = subprocess.Popen([*prefix, sys.executable, "-c", PROGRAM, *options], text=True, **pipes)
         self.until("loading")
 
     def until(self, said: str) -> None:
         assert self._process.stdout.readline() == f"{said}\n"
+
+    def until_all(self, *said: str) -> None:
+        """In any order."""
+        assert sorted(self._process.stdout.readline().strip() for _ in said) == sorted(said)
 
     def send(self, number: int) -> None:
         self._process.send_signal(number)
@@ -61,8 +80,8 @@ def run():
     """Starts the program, behind a prefix of its command line."""
     runs = []
 
-    def start(*prefix: str) -> Run:
-        runs.append(Run("env", "--default-signal=INT,HUP", *prefix))
+    def start(*prefix: str, **options) -> Run:
+        runs.append(Run("env", "--default-signal=INT,HUP", *prefix, **options))
         return runs[-1]
 
     yield start
@@ -106,6 +125,25 @@ def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
     it.until("woken")
     it.go_on()
     it.until("ending")  # not woken twice
+    it.go_on()
+    it.until("ended")
+    it.go_on()
+    assert it.end() == (3, "")
+
+
+@pytest.mark.parametrize("number", STOP)
+def test_a_signal_breaks_off_interruptible_work_but_not_what_cleans_up_after_it(run, number) -> None:
+    it = run(options=("work",))
+    it.go_on()
+    it.until("working")
+    it.send(number)
+    it.until_all("woken", "cleaning up")
+    it.send(number)
+    it.until("woken")
+    it.go_on()
+    it.until("making")  # work that is to begin after the signal does not
+    it.go_on()
+    it.until("ending")
     it.go_on()
     it.until("ended")
     it.go_on()

@@ -14,6 +14,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from ..errors import InputError
+from ..stop_signals import interruptible
 from . import diagnostics
 from .node import PipelineNode, refuse_unused_overrides
 from .parameters import Parameter, Parameters
@@ -89,17 +90,20 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     @contextlib.contextmanager
     def busy(self, doing: str) -> Iterator[None]:
-        """Report in the diagnostics what keeps the active node from its work."""
+        """Report in the diagnostics what the active node loads; a signal to stop breaks that off."""
         self._doing = doing
         try:
-            with self.diagnostics.kept_up():
+            with self.diagnostics.kept_up(), interruptible():
                 yield
         finally:
             self._doing = ""
 
     @abstractmethod
     def configure(self) -> None:
-        """Load what the parameters name, and `say` so first; raises InputError."""
+        """Load what the parameters name, and `say` so first; raises InputError.
+
+        A signal to stop breaks it off anywhere, so that it must not start what `unload` has to end.
+        """
 
     @abstractmethod
     def connect(self) -> None:
@@ -161,12 +165,12 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     def _configure_or_unload(self) -> None:
         try:
-            with self.diagnostics.kept_up():
+            with self.diagnostics.kept_up(), interruptible():
                 self.configure()
                 # what lasts as long as the node: looking through it for garbage would hold up one answer in hundreds
                 gc.collect()
                 gc.freeze()
-        except Exception:
+        except BaseException:
             self._let_go()
             raise
 

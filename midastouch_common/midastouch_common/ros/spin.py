@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -12,7 +13,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ..errors import InputError
-from ..stop_signals import end_at_once, stop_event
+from ..stop_signals import Stopped, end_at_once, stop_event
 from .managed_node import ManagedNode
 from .node import refuse_unused_overrides
 
@@ -26,8 +27,9 @@ def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = N
     line with its ROS arguments (None: the process' own).
 
     Exit code 0: stopped by SIGINT, SIGTERM or SIGHUP, at any moment and however often; what is going on then, the
-    making of the nodes or a callback, is finished first. 1: a node with an attribute `gave_up` set it. 2: InputError,
-    or ROS does not start; either is said in one line. What else `make_nodes` raises is raised.
+    making of the nodes or a callback, is finished first, except that loading is broken off. 1: a node with an
+    attribute `gave_up` set it. 2: InputError, or ROS does not start; either is said in one line. What else `make_nodes`
+    raises is raised.
     """
     try:
         return _spin(make_nodes, args)
@@ -52,7 +54,8 @@ def _spin(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None) 
     nodes: Sequence[Node] = ()
     try:
         # a task lets spin_once return, which executor.wake() would not
-        with stop_event(lambda: executor.create_task(lambda: None)) as stopping:
+        stops = stop_event(lambda: executor.create_task(lambda: None))
+        with stops as stopping, contextlib.suppress(Stopped):
             nodes = _complete(make_nodes())
             for node in nodes:
                 executor.add_node(node)

@@ -1,0 +1,34 @@
+"""The executable `particle_filter`, stopped while it builds the codebook of its object."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.objects import bundled_objects
+
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_before_the_codebook_is_whole(graph, number):
+    parameters = "--ros-args", "-p", f"mesh:={bundled_objects()['handle_tool']}", "-p", "threads:=1"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", *parameters],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        graph.spin_until(lambda: any("building a codebook" in status.reason for status in statuses), "the building")
+        process.send_signal(number)
+        said, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, said
+    assert said == ""  # not "active"
