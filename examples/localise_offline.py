@@ -7,13 +7,17 @@ python examples/localise_offline.py out/slide
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 
 from midastouch_bringup.datasets import Sequence, load_sequence
+from midastouch_common.errors import InputError
 from midastouch_filter import Estimate, ParticleFilter, measurement_of
 from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
+
+HANDLE_TOOL = bundled_objects()["handle_tool"]
 
 
 def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: ParticleFilter) -> Iterator[Estimate]:
@@ -26,7 +30,19 @@ def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: Particle
         yield particle_filter.step(odometry, measurement_of(touch))
 
 
-def main(folder: str, mesh_path: str, codebook_path: str) -> None:
+def run(main: Callable[..., None], manual: str) -> None:
+    """Call the main function of an example with the words of its command line; the manual follows what it lacks."""
+    try:
+        main(*sys.argv[1:])
+    except InputError as error:
+        sys.exit(f"{error}\n\n{manual}")
+
+
+def main(
+    folder: str = "out/slide",
+    mesh_path: Path = HANDLE_TOOL,
+    codebook_path: str = "out/codebooks/handle_tool.npz",
+) -> None:
     """Print the state and the error of the published pose, every ten frames."""
     slide, mesh = load_sequence(folder), ObjectMesh.load(mesh_path)
     codebook = Codebook.load(codebook_path, mesh)
@@ -38,5 +54,4 @@ def main(folder: str, mesh_path: str, codebook_path: str) -> None:
 
 
 if __name__ == "__main__":
-    defaults = ["out/slide", bundled_objects()["handle_tool"], "out/codebooks/handle_tool.npz"]
-    main(*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
+    run(main, __doc__)

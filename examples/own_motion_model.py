@@ -5,11 +5,10 @@ midastouch build-codebook handle_tool
 python examples/own_motion_model.py out/slide
 """
 
-import sys
 import time
 
 import numpy as np
-from localise_offline import localise
+from localise_offline import localise, run
 
 from midastouch_bringup.datasets import load_sequence
 from midastouch_filter import (
@@ -49,7 +48,7 @@ def slipping_policies(config, noise, model, rng, gates, watch, workers) -> Polic
     return parts
 
 
-def main(folder: str, codebook_path: str = "out/codebooks/handle_tool.npz") -> None:
+def main(folder: str = "out/slide", codebook_path: str = "out/codebooks/handle_tool.npz") -> None:
     """Print where the sensor ends."""
     slide = load_sequence(folder)
     mesh = ObjectMesh.load(bundled_objects()[slide.object_name])
@@ -61,4 +60,4 @@ def main(folder: str, codebook_path: str = "out/codebooks/handle_tool.npz") -> N
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    run(main, __doc__)

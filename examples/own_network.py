@@ -4,12 +4,11 @@ midastouch simulate handle_tool --seed 3 --out out/slide
 python examples/own_network.py out/slide
 """
 
-import sys
 import time
 
 import cv2
 import numpy as np
-from localise_offline import localise
+from localise_offline import localise, run
 
 from midastouch_bringup.datasets import load_sequence
 from midastouch_filter import ParticleFilter
@@ -35,7 +34,7 @@ class ThumbnailNet:
         return codes / np.maximum(np.linalg.norm(codes, axis=-1, keepdims=True), 1e-12)
 
 
-def main(folder: str, size: str = "20000") -> None:
+def main(folder: str = "out/slide", size: str = "20000") -> None:
     """Build a codebook of the slide's object with the network, and print where the sensor ends."""
     slide, network = load_sequence(folder), ThumbnailNet()
     mesh = ObjectMesh.load(bundled_objects()[slide.object_name])
@@ -47,4 +46,4 @@ def main(folder: str, size: str = "20000") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    run(main, __doc__)

@@ -57,6 +57,14 @@ def test_an_example_finds_the_sensor(name, folder):
     assert error_mm(last) < 5
 
 
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_an_example_without_its_slide_says_how_to_make_it(name, tmp_path):
+    done = subprocess.run([sys.executable, str(EXAMPLES / f"{name}.py")], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("out/slide: ")
+    assert "\nmidastouch simulate handle_tool --seed 3 --out out/slide\n" in done.stderr
+
+
 @pytest.fixture
 def nodes(name, folder):
     """A simulated sensor and the localisation on the bundled tool."""
