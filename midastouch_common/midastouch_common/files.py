@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import itertools
 import os
@@ -88,6 +89,24 @@ def require_place(path: str | os.PathLike) -> Path:
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
         raise InputError(f"{path}: no file can be written there; name another")
     return path
+
+
+@contextlib.contextmanager
+def sole_use(folder: str | os.PathLike) -> Iterator[None]:
+    """Make `folder`, and have it to oneself among the processes that ask for that; InputError while another has it.
+
+    However a process ends, the folder is free again: the lock on the file `.lock`, which stays, is gone with it.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                f"{folder}: another run that is under way writes there; await its end, or start this one elsewhere"
+            ) from error
+        yield
 
 
 @contextlib.contextmanager

@@ -1,6 +1,8 @@
 import errno
 import hashlib
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -13,6 +15,7 @@ from midastouch_common.files import (
     require_new_folder,
     require_place,
     sha256,
+    sole_use,
 )
 
 
@@ -125,3 +128,15 @@ def test_a_new_folder_takes_the_place_of_nothing(tmp_path, monkeypatch):
     for taken in ("full", "link", "full/thesis.txt", "."):
         with pytest.raises(InputError, match="name another folder"):
             require_new_folder(taken)
+
+
+def test_a_folder_is_for_one_process_alone_until_that_ends_however_it_does(tmp_path):
+    program = "import sys\nfrom midastouch_common.files import sole_use\nwith sole_use(sys.argv[1]): input('in\\n')"
+    command = [sys.executable, "-u", "-c", program, tmp_path / "out"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as killed:
+        assert killed.stdout.readline() == b"in\n"
+        with pytest.raises(InputError, match="out: another run"), sole_use(tmp_path / "out"):
+            pass
+        killed.kill()
+    with sole_use(tmp_path / "out"):
+        pass

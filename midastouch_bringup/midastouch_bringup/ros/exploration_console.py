@@ -30,7 +30,7 @@ from ..progress import progress_bar
 
 KEYS_HELP = (
     "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
-    "space: take over, or let it go on; q: end"
+    "space: take over, or let it go on; q, Ctrl-C: end"
 )
 _NUDGE = 0.01  # m
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
@@ -72,7 +72,7 @@ class Console(Node):
         """What each key of `Keyboard` asks for; `carry_out_keys` does it."""
         does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
         does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
-        does |= {"o": self._change_object, " ": self._turn_over, "q": self._quit}
+        does |= {"o": self._change_object, " ": self._turn_over, "q": self.quit}
         return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
 
     def let_begin(self) -> None:
@@ -116,7 +116,8 @@ class Console(Node):
     def _turn_over(self) -> None:
         self._call("resume" if self._paused else "pause")
 
-    def _quit(self) -> None:
+    def quit(self) -> None:
+        """A person ends it."""
         self.ended = Ended.of(self._explorer, by_hand=True)
 
     def fail(self, why: str) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import shutil
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path
+from midastouch_common.files import atomic_path, sole_use
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
@@ -22,6 +24,7 @@ from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..demo.preparation import prepare_codebooks
 from ..explore.result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
+from ..processes.foreground import woken_by_signals
 from ..processes.process import Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import close_bars
@@ -33,23 +36,36 @@ from .launch_parameters import explored, quick_codebooks
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
 _LAST_WORDS_S = 2.0  # of the explorer, still on their way when it has ended
+_RECORDING = "run.mcap"
+
+
+@contextlib.contextmanager
+def own_folder(out: Path) -> Iterator[None]:
+    """The folder of an exploration, for this process alone; InputError while another explores there."""
+    with sole_use(out):
+        # of runs that were killed: named by `atomic_path`, and within that by `BagWriter`
+        for left in out.glob(f".*{Path(_RECORDING).stem}.*{Path(_RECORDING).suffix}*"):
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
+        yield
 
 
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
     programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as `explored` returns them. domain:
-    ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it; 1: not, or
-    a node died.
+    ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it, by key or by
+    a signal; 1: not, or a node died.
     """
-    out.mkdir(parents=True, exist_ok=True)
     touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
-    bag, started = out / "run.mcap", time.monotonic()
+    bag, started = out / _RECORDING, time.monotonic()
     unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
     print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
-    with atomic_path(bag) as temporary:
-        console = _explore(programs, touched, not objects, temporary, out / "log", domain)
+    # Ctrl-C is the key for the end that everybody knows
+    with woken_by_signals() as wait, atomic_path(bag) as temporary:
+        console = _explore(
+            programs, touched, not objects, temporary, out / "log", domain, stopped=lambda: wait(0.0)
+        )
     seconds = time.monotonic() - started
     try:
         record = read_run(bag)
@@ -76,7 +92,15 @@ def _tell(result: dict, out: Path) -> None:
     print(f"\n{text_table(*result_rows(result))}\n", flush=True)
 
 
-def _explore(programs: Sequence[Program], mesh: str, given: bool, bag: Path, logs: Path, domain: int) -> Console:
+def _explore(
+    programs: Sequence[Program],
+    mesh: str,
+    given: bool,
+    bag: Path,
+    logs: Path,
+    domain: int,
+    stopped: Callable[[], bool],
+) -> Console:
     """Run the exploration; its console knows how it ended."""
     with supervised_run(domain, logs) as (supervisor, executor):
         executor.add_node(recorder := _recorder(bag, mesh, executor.context))
@@ -86,7 +110,7 @@ def _explore(programs: Sequence[Program], mesh: str, given: bool, bag: Path, log
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(KEYS_HELP, flush=True)
-            _follow(executor, supervisor, recorder, console)
+            _follow(executor, supervisor, recorder, console, stopped)
         return console
 
 
@@ -106,12 +130,20 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
     return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
 
 
-def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, console: Console) -> None:
+def _follow(
+    executor: SingleThreadedExecutor,
+    supervisor: Supervisor,
+    recorder: Recorder,
+    console: Console,
+    stopped: Callable[[], bool],
+) -> None:
     """Let the finger move once nothing of it is lost, and spin until the exploration is over."""
 
     def turn() -> bool:
         executor.spin_once(timeout_sec=0.1)
         console.carry_out_keys()
+        if stopped():
+            console.quit()
         supervisor.look_after()
         return console.ended is None
 

@@ -48,14 +48,14 @@ def run_setup(name: str, words: Sequence[str]) -> int:
 
 def _explore(given: dict[str, str]) -> int:
     """The exploration, recorded, with a person's keys, and its page."""
-    from .explore import run_exploration
+    from .explore import own_folder, run_exploration
 
     given |= explored(given)
     out = exploration()
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "parameters.yaml"
-    path.write_text(written(parameters(given), ""))
-    return run_exploration(_programs("explore", given, path), given, out, own_domain())
+    with own_folder(out):
+        path = out / "parameters.yaml"
+        path.write_text(written(parameters(given), ""))
+        return run_exploration(_programs("explore", given, path), given, out, own_domain())
 
 
 def prepare(name: str, given: Mapping[str, str]) -> None:

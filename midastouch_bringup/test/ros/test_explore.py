@@ -53,12 +53,13 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
         assert name in (out / "index.html").read_text()
 
 
-def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path):
+@pytest.mark.parametrize("end", ["q", "\x03"], ids=["q", "Ctrl-C"])
+def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path, end):
     run, terminal = pty.fork()
     if run == 0:  # in a terminal of its own, 150 columns wide
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
         os.execv(sys.executable, [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:3]])
-    shown, keys = "", [("exploring", "p"), ("paused", "q")]
+    shown, keys = "", [("exploring", "p"), ("paused", end)]
     while True:
         try:
             shown += os.read(terminal, 4096).decode(errors="replace")
@@ -71,6 +72,7 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path)
     result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
     assert result["by_hand"]
     assert "ended by hand" in (tmp_path / "out" / "explore" / "index.html").read_text()
+    assert (tmp_path / "out" / "explore" / "run.mcap").is_file()
 
 
 def test_a_node_that_dies_ends_it_and_the_page_says_so(short, tmp_path, capsys):

@@ -16,6 +16,7 @@ from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.errors import InputError
+from midastouch_common.files import sole_use
 from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
 
@@ -242,3 +243,21 @@ def test_a_real_node_runs_until_ctrl_c():
     assert "[mount_tf] " in output
     # the node may still be saying what it sends
     assert [line for line in output.splitlines() if line.startswith("[midastouch]")] == ["[midastouch] ending all"]
+
+
+def test_two_do_not_explore_in_one_folder(explored):
+    with sole_use(Path("out/explore")), pytest.raises(InputError, match="another run"):
+        run_setup("explore", ["object:=ball"])
+    assert "names" not in explored
+    assert run_setup("explore", ["object:=ball"]) == 7
+
+
+def test_what_a_killed_run_has_left_of_its_recording_is_removed(explored):
+    left = Path("out/explore/..run.01234567.mcap.x1y2z3_4")
+    left.mkdir(parents=True)
+    (left / "run.mcap").touch()
+    kept = Path("out/explore/run.mcap")
+    kept.touch()
+    run_setup("explore", ["object:=ball"])
+    assert not left.exists()
+    assert kept.exists()
