@@ -6,7 +6,7 @@ import argparse
 import shlex
 import sys
 
-from midastouch_common.errors import InputError
+from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 
 from .commands import (
     build_codebook,
@@ -42,7 +42,6 @@ _SECTIONS = {
 }
 _OF_OTHERS = "measure, and what other packages bring"
 
-EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 OF_BENCHMARK = (
     *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-presses"),

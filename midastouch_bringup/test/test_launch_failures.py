@@ -159,7 +159,9 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
             # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
             assert kwargs["respawn"] == (executable not in ("replay", "explorer", "rviz2"))
             if kwargs["respawn"]:
-                assert kwargs["on_exit"](ended(2), running) is None
+                assert kwargs["on_exit"](ended(-11), running) is None
+                with pytest.raises(RuntimeError, match="exit code 2"):  # bad input
+                    kwargs["on_exit"](ended(2), running)
 
 
 @pytest.mark.usefixtures("stand_ins")

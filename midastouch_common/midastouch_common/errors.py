@@ -1,5 +1,8 @@
 """The one exception for bad input from outside the program."""
 
+EXIT_BAD_INPUT = 2
+"""Exit code of a program that `InputError` ends: it would end so again, however often it is started."""
+
 
 class InputError(ValueError):
     """A file, topic or argument cannot be used.

@@ -6,6 +6,8 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 
+from midastouch_common.errors import EXIT_BAD_INPUT
+
 from .process import Output, Process, Program, end
 
 
@@ -39,7 +41,8 @@ class Supervisor:
     """Starts programs as processes, looks after them, and ends them; `with` ends all.
 
     environment: of the programs. output: gets what they print, and, in the name `midastouch`, what happens to them.
-    respawn: makes the back-off of one program; None: without one of them the others are of no use.
+    respawn: makes the back-off of one program; None: without one of them the others are of no use. One that bad
+    input ends is not started again in either case.
     """
 
     def __init__(self, environment: Mapping[str, str], output: Output, respawn: Callable[[], BackOff] | None = None):
@@ -99,7 +102,7 @@ class Supervisor:
         name, words = child.program.name, _in_words(status)
         if child.program.ends and status == 0:
             self.say(f"{name} has finished; Ctrl-C ends the others")
-        elif child.program.ends or child.back_off is None:
+        elif child.program.ends or child.back_off is None or status == EXIT_BAD_INPUT:
             raise NodeFailed(f"{name} died: {words}", list(process.last_lines))
         else:
             self.say(f"{name} died: {words}; starting it again in {child.schedule(process.age):g} s")

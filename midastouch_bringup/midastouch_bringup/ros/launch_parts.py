@@ -18,7 +18,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode
 
-from midastouch_common.errors import InputError
+from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 
 from ..processes.parameter_files import written
 from ..processes.process import bound_to_us
@@ -82,8 +82,11 @@ class UseRespawn(LaunchConfiguration):
         return self._value
 
     def or_end_launch(self, event: ProcessExited, context: LaunchContext) -> None:
-        """`on_exit` of a process without which the others are of no use, unless launch starts it again."""
-        if not context.is_shutdown and self._value != "true":
+        """`on_exit` of a process without which the others are of no use, unless launch starts it again.
+
+        Launch would do so with bad input, too, and for ever.
+        """
+        if not context.is_shutdown and (self._value != "true" or event.returncode == EXIT_BAD_INPUT):
             raise _died(event)
 
 

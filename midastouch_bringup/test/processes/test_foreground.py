@@ -131,6 +131,13 @@ def test_what_dies_is_started_again_later_each_time(supervise):
     assert run.lines.count("[other] alive") == 1
 
 
+def test_what_bad_input_ends_is_not_started_again(supervise):
+    run = supervise({"filter": "echo no codebook; exit 2", "other": f"{FOR_EVER}"}, back_off=(0.0, 600.0))
+    assert run.status() == 1
+    assert run.lines.count("[filter] no codebook") == 1
+    assert "[midastouch] filter died: exit code 2; ending all" in run.lines
+
+
 def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
     start, calls = subprocess.Popen, []
 

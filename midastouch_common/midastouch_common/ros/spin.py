@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from ..errors import InputError
+from ..errors import EXIT_BAD_INPUT, InputError
 from ..stop_signals import Stopped, end_at_once, stop_event
 from .managed_node import ManagedNode
 from .node import refuse_unused_overrides
@@ -35,7 +35,7 @@ def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = N
         return _spin(make_nodes, args)
     except InputError as error:
         print(error, file=sys.stderr)
-        return 2
+        return EXIT_BAD_INPUT
 
 
 def stop() -> None:
@@ -49,7 +49,7 @@ def _spin(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None) 
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # of several types of rclpy's, without a public name
         print(f"ROS does not start: {' '.join(str(error).split())}; {_ROS_FIX}", file=sys.stderr)
-        return 2
+        return EXIT_BAD_INPUT
     executor = SingleThreadedExecutor()
     nodes: Sequence[Node] = ()
     try:

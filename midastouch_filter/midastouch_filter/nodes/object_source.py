@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.parameters import Parameters
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 
 from ..core.config import FilterConfig
@@ -99,7 +101,7 @@ class ObjectSource:
         path, seed = resolve(mesh, "mesh"), self._parameters["seed"]
         try:
             if codebook:
-                loaded = self._load(path, resolve(codebook, "codebook"), self._config, seed)
+                loaded = self._load_or_say_how_to_build(path, resolve(codebook, "codebook"), seed)
                 self._require_our_sensor(loaded.sensor, codebook)
             else:
                 network, sensor = self._parameters["tcn"], self._parameters["sensor_model"]
@@ -107,6 +109,19 @@ class ObjectSource:
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"cannot read {mesh} with {codebook or 'no codebook'}: {error}") from error
         return NewObject(loaded, mesh if "://" in mesh else path)
+
+    def _load_or_say_how_to_build(self, mesh: Path, codebook: Path, seed: int) -> LoadedObject:
+        try:
+            return self._load(mesh, codebook, self._config, seed)
+        except InputError as error:
+            if not mesh.is_file() or codebook.is_file():
+                raise
+            name = next((name for name, path in bundled_objects().items() if path == mesh), mesh)
+            command = ["midastouch", "build-codebook", name, "--sensor", self._parameters["sensor_model"]]
+            command += ["--tcn", self._parameters["tcn"], "--out", codebook]
+            raise InputError(
+                f"{codebook}: no such codebook file; check the path, or build it: {shlex.join(map(str, command))}"
+            ) from error
 
     def _require_our_sensor(self, theirs: SensorModel | None, source: str) -> None:
         """InputError for codebooks of another kind of sensor: every contact would be of another size."""
