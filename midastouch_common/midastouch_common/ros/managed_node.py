@@ -129,6 +129,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         super().destroy_node()
         # which else keeps the node below it visible until it is collected
         self._state_machine.destroy_when_not_in_use()
+        gc.unfreeze()  # what was loaded may go, now or when Python ends
 
     # --- transitions, called by rclpy
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -262,3 +264,20 @@ def test_diagnostics_say_what_is_loading_for_as_long_as_it_takes(graph, by_itsel
     finally:
         bystander.close()
     assert waited == [True]
+
+
+class Cycle:
+    """Freed by the garbage collector only."""
+
+    def __init__(self):
+        self.me = self
+
+
+def test_nothing_that_was_loaded_outlives_the_node(graph):
+    loaded = []
+    node = graph.add(lambda **options: Reader(lambda: loaded.append(Cycle()), **options), {})
+    alive = weakref.ref(loaded[0])
+    graph.remove(node)
+    loaded.clear()
+    gc.collect()
+    assert alive() is None
