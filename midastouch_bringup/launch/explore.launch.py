@@ -99,7 +99,7 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             namespace=LaunchConfiguration("namespace"),
             parameters=[MergedParameters("explorer", ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
             arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-            prefix=bound_to_launch(),
+            **bound_to_launch("explorer"),
             output="screen",
             on_exit=end_launch_if_failed,
         ),

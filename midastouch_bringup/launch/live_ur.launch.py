@@ -71,7 +71,7 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[MergedParameters("ur_tf", ["arm", "robot_ip", "tf_prefix"])],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                prefix=bound_to_launch(),
+                **bound_to_launch("ur_tf"),
                 output="screen",
                 respawn=use_respawn,
                 respawn_delay=2.0,

@@ -65,7 +65,7 @@ def generate_launch_description() -> LaunchDescription:
                     )
                 ],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                prefix=bound_to_launch(),
+                **bound_to_launch("all_in_one"),
                 output="screen",
                 respawn=use_respawn,
                 respawn_delay=2.0,

@@ -25,7 +25,7 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[{"robot_description": ParameterValue(mount_description(), value_type=str)}],
                 remappings=[("robot_description", "digit_description")],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                prefix=bound_to_launch(),
+                **bound_to_launch("robot_state_publisher"),
                 respawn=use_respawn,
                 respawn_delay=2.0,
                 on_exit=use_respawn.or_end_launch,

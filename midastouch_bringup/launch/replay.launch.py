@@ -59,7 +59,7 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[MergedParameters("replay", ["bag", "rate", "loop"])],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                prefix=bound_to_launch(),
+                **bound_to_launch("replay"),
                 output="screen",
                 on_exit=end_launch_if_failed,
             ),

@@ -22,7 +22,7 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 arguments=["-d", LaunchConfiguration("rviz_config")],
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
-                prefix=bound_to_launch(),
+                **bound_to_launch("rviz2"),
                 output="screen",
                 on_exit=_close,
             ),

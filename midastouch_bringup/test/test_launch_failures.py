@@ -165,6 +165,13 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
 
 
 @pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("name", FILES)
+def test_every_process_has_the_name_of_its_executable(name):
+    for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
+        assert kwargs["exec_name"] == executable
+
+
+@pytest.mark.usefixtures("stand_ins")
 def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
     """SIGKILL leaves it no time to end its processes; a prefix is put before a command."""
     (prefix,) = {perform(kwargs["prefix"], {}) for kwargs in carry_out("live_ur", **AN_ARM).values()}

@@ -100,7 +100,7 @@ def lifecycle_node(package: str, executable: str, takes: Sequence[str]) -> Lifec
         namespace=LaunchConfiguration("namespace"),
         parameters=[MergedParameters(executable, takes)],
         arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-        prefix=bound_to_launch(),
+        **bound_to_launch(executable),
         output="screen",
         respawn=use_respawn,
         respawn_delay=2.0,
@@ -154,10 +154,12 @@ def mount_description() -> Command:
     return Command(xacro)
 
 
-def bound_to_launch() -> list[str | LaunchConfiguration]:
-    """`prefix` of a process that ends with a launch that is killed, which cannot end it."""
+def bound_to_launch(executable: str) -> dict[str, str | list[str | LaunchConfiguration]]:
+    """Arguments of a node's process that ends with a launch that is killed, which cannot end it."""
     # then what launch would take by itself (a debugger)
-    return [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
+    prefix = [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
+    # launch would name the process after the first word of its command, the prefix'
+    return {"prefix": prefix, "exec_name": executable}
 
 
 def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInfo | None:
