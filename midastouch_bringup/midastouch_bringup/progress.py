@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import weakref
+from typing import TextIO
 
 from tqdm import tqdm
 
-_LOG_INTERVAL_S = 10.0
+_LIVE_INTERVAL_S, _LOG_INTERVAL_S = 0.1, 5.0
 _bars: weakref.WeakSet[tqdm] = weakref.WeakSet()
 
 
 def progress_bar(**options) -> tqdm:
-    """A `tqdm` bar with its options; where stderr is no terminal it is written every ten seconds only."""
-    live = sys.stderr.isatty()
-    bar = tqdm(mininterval=0.1 if live else _LOG_INTERVAL_S, maxinterval=_LOG_INTERVAL_S, **options)
+    """A `tqdm` bar with its options; where stderr is no terminal it is a line every five seconds."""
+    if sys.stderr.isatty():
+        bar = tqdm(mininterval=_LIVE_INTERVAL_S, maxinterval=_LOG_INTERVAL_S, **options)
+    else:
+        bar = tqdm(mininterval=_LOG_INTERVAL_S, maxinterval=_LOG_INTERVAL_S, file=_Lines(sys.stderr), **options)
     _bars.add(bar)
     return bar
 
@@ -23,3 +27,20 @@ def close_bars() -> None:
     """Close the bars that an error has left open, so that what is printed about it begins a line."""
     for bar in list(_bars):
         bar.close()
+
+
+class _Lines(io.TextIOBase):
+    """Lines for a log of what a bar writes over itself: who reads a log by lines would see nothing before its end."""
+
+    def __init__(self, out: TextIO):
+        self._out = out
+
+    @property
+    def encoding(self) -> str:
+        return self._out.encoding
+
+    def write(self, text: str) -> int:
+        if line := text.strip():
+            self._out.write(f"{line}\n")
+            self._out.flush()
+        return len(text)

@@ -1,0 +1,21 @@
+"""Progress bars where stderr is no terminal."""
+
+import re
+
+from midastouch_bringup.progress import progress_bar
+
+
+def test_in_a_log_a_bar_is_a_line_now_and_then(capsys, monkeypatch):
+    now = 1000.0
+    monkeypatch.setattr("tqdm.std.time", lambda: now)
+    with progress_bar(total=40, unit="pose", desc="codebook of mug") as bar:
+        for _ in range(40):  # for 20 s
+            now += 0.5
+            bar.update()
+    text = capsys.readouterr().err
+    lines = text.splitlines()
+    assert "\r" not in text
+    assert all(line.startswith("codebook of mug: ") for line in lines)
+    shown = [int(re.search(r"(\d+)/40", line)[1]) for line in lines]
+    assert shown[:4] == [0, 10, 20, 30]
+    assert shown[-1] == 40
