@@ -50,7 +50,7 @@ class Explorer(PipelineNode):
         self._exploration = Exploration(self._world, rng, settings["max_path"])
 
         self._on_end, self.gave_up = on_end, False
-        self._heard_at = time.monotonic()
+        self._heard_at = self._progressed_at = time.monotonic()
         self._filter_state, self._filter_reason, self._measured = "", "", False
         self._untouched = 0
         self._begun = False
@@ -80,6 +80,14 @@ class Explorer(PipelineNode):
             whose = "of set_object" if self._change.pending else "on filter_status"
             self._end(False, f"no answer {whose} for {silent:.0f} s: do digit_sim and the localisation run?")
             return
+        # a filter that lags behind answers, but too late for the finger to go on
+        working = self._report.state in (ExplorerStatus.STATE_WAITING, ExplorerStatus.STATE_EXPLORING)
+        if not working or self._change.pending or not self._filter_state:
+            self._progressed_at = now
+        if (stuck := now - self._progressed_at) > self._settings["patience"]:
+            filter_says = f"{self._filter_state}: {self._filter_reason}"
+            self._end(False, f"the finger could not go on for {stuck:.0f} s; the filter says {filter_says}")
+            return
         at_rest = self._report.state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > AT_REST_S
         if at_rest and not self._change.pending:
             self._tf.publish()
@@ -98,6 +106,7 @@ class Explorer(PipelineNode):
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return
             self._untouched += 1
+            self._progressed_at = self._heard_at
             if self._untouched < self._settings["untouched_frames"]:
                 return  # `tdn` would take a contact for part of the untouched sensor, and measure it for ever
             if self._settings["start_paused"]:
@@ -122,6 +131,7 @@ class Explorer(PipelineNode):
                 self._report.tell()
             else:
                 self._tf.publish()
+                self._progressed_at = time.monotonic()
         if self._poses is None and not self._suggestions.pending and not self._tf.awaited:
             self._decide()
 

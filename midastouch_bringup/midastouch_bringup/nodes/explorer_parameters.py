@@ -29,5 +29,12 @@ PARAMETERS = (
     Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
     Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
     Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
-    Parameter("patience", 120.0, "It gives up when nobody has answered for so long", "s", minimum=1.0, maximum=3600.0),
+    Parameter(
+        "patience",
+        120.0,
+        "It gives up when no answer, or none with which it can go on, has come for so long",
+        "s",
+        minimum=1.0,
+        maximum=3600.0,
+    ),
 )

@@ -139,6 +139,14 @@ def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):
     assert rig.node.gave_up
 
 
+def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph):
+    rig = Rig(graph, patience=1.0)
+    rig.untouched, rig.reason = FilterStatus.STATE_STALE, "images are 28 s behind"
+    said = rig.until("gave_up", "the filter says stale: images are 28 s behind")
+    assert said.path_length == 0
+    assert rig.ended
+
+
 def test_an_answer_that_is_lost_is_asked_for_again(rig):
     rig.until("exploring", "somewhere")
     rig.silent = True
