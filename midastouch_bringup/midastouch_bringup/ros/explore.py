@@ -63,9 +63,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     # Ctrl-C is the key for the end that everybody knows
     with woken_by_signals() as wait, atomic_path(bag) as temporary:
-        console = _explore(
-            programs, touched, not objects, temporary, out / "log", domain, stopped=lambda: wait(0.0)
-        )
+        console = _explore(programs, touched, not objects, temporary, out / "log", domain, stopped=lambda: wait(0.0))
     seconds = time.monotonic() - started
     try:
         record = read_run(bag)
