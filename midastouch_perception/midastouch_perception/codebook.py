@@ -28,7 +28,7 @@ FORMAT = 1
 PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
 YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart
 _MOST_SURPLUS = 12.0  # times as many sites are tried as are wanted; where that is too few, the mesh is at fault
-_PIECE = 512  # poses; of a fine mesh that lies under the gel as a whole, ten seconds
+_SETTLED_AT_ONCE = 512  # poses; of a fine mesh that lies under the gel as a whole, ten seconds
 _TRIED, _HARDLY = 4096, 0.01  # after so many poses, spread over the object, less than that fraction ends the search
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
 _CONTENT = ("poses", "codes", "meta")
@@ -96,7 +96,7 @@ def _reachable(
     found, count, tried = [], 0, 0
     while tried < len(poses) and count < size and (tried < _TRIED or count >= _HARDLY * tried):
         pause()
-        piece = poses[tried : tried + _PIECE]
+        piece = poses[tried : tried + _SETTLED_AT_ONCE]
         settled, reachable = reachability.settle(piece, np.full(len(piece), PRESS))
         found.append(settled[reachable])
         count, tried = count + len(found[-1]), tried + len(piece)
