@@ -33,7 +33,8 @@ def run(args: argparse.Namespace) -> int:
     try:
         offset = estimate_time_offset(frames)
     except InputError as error:
-        raise InputError(f"{args.bag}: {error}") from error
+        words = str(error)  # those about reading, which is done meanwhile, name the bag
+        raise InputError(words if words.startswith(args.bag) else f"{args.bag}: {words}") from error
     late = "late" if offset.seconds >= 0 else "early"
     print(f"images are stamped {1e3 * abs(offset.seconds):.0f} ms too {late} (correlation {offset.correlation:.2f})")
     print(f"add {round(-1e9 * offset.seconds)} to the parameter timestamp_offset of digit_driver")

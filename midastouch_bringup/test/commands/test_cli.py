@@ -58,7 +58,7 @@ def test_every_option_is_explained(name, monkeypatch):
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
         (["to-bag", "no/such/seq", "--out", "x.mcap"], "no/such/seq"),
         (["replay", "no/such/bag"], "no/such/bag"),
-        (["time-offset", "no/such.mcap"], "no/such.mcap: "),
+        (["time-offset", "no/such.mcap"], "error: no/such.mcap: not a bag"),
         (["report", "no/such.json", "--out", "x"], "no/such.json: "),
         (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
         (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),
