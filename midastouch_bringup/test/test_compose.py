@@ -26,8 +26,9 @@ GPU = yaml.safe_load((DOCKER / "compose.gpu.yaml").read_text())
 def commands(service):
     command = service["command"]
     if isinstance(command, str):
-        filled = re.sub(r"\$\{(\w+):-([^}]*)\}", r"\2", command)
-        filled = re.sub(r"\$\{(\w+):\+([^$}]*)\$\{\w+\}\}", r"\2value", filled)
+        # variables with an alternative are set, the others have their default
+        filled = re.sub(r"\$\{(\w+):\+([^$}]*)\$\{\1:-\}\}", r"\2value", command)
+        filled = re.sub(r"\$\{(\w+):-([^}]*)\}", r"\2", filled)
         return shlex.split(filled)
     return command
 

@@ -60,7 +60,7 @@ def gels_known(
             said["a spot of 3 mm"].append("dirty or worn" in warns(_with_spot(each.background, other, rng)))
     textures = [gel_texture(each) for each in backgrounds]
     said["two no-contact images taken for one gel"] = [likeness(*pair).same for pair in combinations(textures, 2)]
-    return {name: {"trials": len(warned), "said": float(np.mean(warned))} for name, warned in said.items()}
+    return {name: {"trials": len(warned), "said": float(np.mean(warned))} for name, warned in said.items() if warned}
 
 
 def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> np.ndarray:

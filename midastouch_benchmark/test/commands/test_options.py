@@ -85,15 +85,16 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
         options.load_object("box", None, None, NETWORKS)
 
 
-@pytest.mark.parametrize("part", ["estimates", "perception"])
-def test_a_result_is_kept_with_the_command_and_the_code_that_made_it(tmp_path, capsys, part):
+@pytest.mark.parametrize("parts", [("estimates",), ("perception",), ("estimates", "real_gel")])
+def test_a_result_is_kept_with_the_command_and_the_code_that_made_it(tmp_path, capsys, parts):
     parser = argparse.ArgumentParser()
     options.add_json_option(parser)
     args = parser.parse_args(["--json", str(tmp_path / "r.json")])
     args.command_line = "midastouch measure"
-    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line", part=part) == 0
+    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line", parts=parts) == 0
     assert capsys.readouterr().out == "a table\na line\n"
-    kept = {"command": "midastouch measure", "fingerprint": fingerprint.today()[part], "mm": 0.3333}
+    made_by = "+".join(fingerprint.today()[part] for part in parts)
+    kept = {"command": "midastouch measure", "fingerprint": made_by, "mm": 0.3333}
     assert json.loads((tmp_path / "r.json").read_text()) == kept
 
 
