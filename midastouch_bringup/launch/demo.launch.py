@@ -20,27 +20,12 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_bringup.output_paths import demo_slide
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import check_arguments, check_rviz, declared, once_done
+from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-ARGUMENTS = declared(
-    "rate",
-    *OF_NODES,
-    "composed",
-    "serial",
-    "background",
-    *OF_OBJECT,
-    "tf_prefix",
-    "sensor_prefix",
-    "use_rviz",
-    "rviz_config",
-    loop="true",
-    use_sim_time="true",
-    setup_file=str(SHARE / "config" / "replay.yaml"),
-    object="handle_tool",
-)
+ARGUMENTS = declared(SETUPS["demo"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

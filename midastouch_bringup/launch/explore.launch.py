@@ -21,7 +21,6 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parameters import explored
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
@@ -32,25 +31,11 @@ from midastouch_bringup.ros.launch_parts import (
     end_launch_if_failed,
     once_done,
 )
-from midastouch_perception.objects import bundled_objects
+from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-ARGUMENTS = declared(
-    *OF_NODES,
-    "composed",
-    "serial",
-    "background",
-    *OF_OBJECT,
-    "tf_prefix",
-    "sensor_prefix",
-    "use_rviz",
-    setup_file=str(SHARE / "config" / "explore.yaml"),
-    object="handle_tool",
-    objects=",".join(bundled_objects()),
-    seed="2",
-    rviz_config=str(SHARE / "rviz" / "explore.rviz"),
-)
+ARGUMENTS = declared(SETUPS["explore"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,10 +3,11 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
+from midastouch_bringup.ros.launch_arguments import OF_OBJECT
 from midastouch_bringup.ros.launch_parts import check_arguments, declared, lifecycle_node, say_if_no_object
+from midastouch_bringup.ros.setups import SETUPS
 
-ARGUMENTS = declared(*OF_NODES, *OF_OBJECT, "sensor_model", "tf_prefix", "sensor_prefix")
+ARGUMENTS = declared(SETUPS["filter"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

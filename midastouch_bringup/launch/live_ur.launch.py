@@ -11,7 +11,6 @@ from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJo
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     UseRespawn,
@@ -22,27 +21,10 @@ from midastouch_bringup.ros.launch_parts import (
     check_rviz,
     declared,
 )
+from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = declared(
-    *OF_NODES,
-    "composed",
-    "serial",
-    "background",
-    *OF_OBJECT,
-    "arm",
-    "robot_ip",
-    "ur_type",
-    "kinematics_params_file",
-    "use_mock_hardware",
-    "tf_prefix",
-    "frames_file",
-    "tool_frame",
-    "sensor_prefix",
-    "use_rviz",
-    "rviz_config",
-    sensor_model="digit_real",
-)
+ARGUMENTS = declared(SETUPS["live_ur"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -10,7 +10,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
+from midastouch_bringup.ros.launch_arguments import OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     UseRespawn,
@@ -19,11 +19,10 @@ from midastouch_bringup.ros.launch_parts import (
     declared,
     say_if_no_object,
 )
+from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = declared(
-    *OF_NODES, "composed", "serial", "background", "sensor_model", *OF_OBJECT, "tf_prefix", "sensor_prefix"
-)
+ARGUMENTS = declared(SETUPS["localization"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

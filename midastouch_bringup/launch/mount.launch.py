@@ -6,8 +6,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from midastouch_bringup.ros.launch_parts import UseRespawn, bound_to_launch, declared, mount_description
+from midastouch_bringup.ros.setups import SETUPS
 
-ARGUMENTS = declared("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix")
+ARGUMENTS = declared(SETUPS["mount"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,10 +3,10 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES
 from midastouch_bringup.ros.launch_parts import check_arguments, declared, lifecycle_node
+from midastouch_bringup.ros.setups import SETUPS
 
-ARGUMENTS = declared(*OF_NODES, "serial", "background", "sensor_model", "sensor_prefix")
+ARGUMENTS = declared(SETUPS["perception"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -10,7 +10,6 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_arguments import OF_NODES, OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
     bound_to_launch,
@@ -19,25 +18,10 @@ from midastouch_bringup.ros.launch_parts import (
     declared,
     end_launch_if_failed,
 )
+from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = declared(
-    "bag",
-    "rate",
-    "loop",
-    *OF_NODES,
-    "composed",
-    "serial",
-    "background",
-    "sensor_model",
-    *OF_OBJECT,
-    "tf_prefix",
-    "sensor_prefix",
-    "use_rviz",
-    "rviz_config",
-    use_sim_time="true",
-    setup_file=str(SHARE / "config" / "replay.yaml"),
-)
+ARGUMENTS = declared(SETUPS["replay"].values())
 
 
 def generate_launch_description() -> LaunchDescription:

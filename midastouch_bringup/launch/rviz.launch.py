@@ -6,16 +6,17 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.launch_parts import bound_to_launch, declared
 
-ARGUMENTS = declared("namespace", "use_sim_time", "rviz_config")
+TAKEN = declared({name: ARGUMENTS[name].default for name in ("namespace", "use_sim_time", "rviz_config")})
 
 
 def generate_launch_description() -> LaunchDescription:
     """RViz in the namespace, so that the relative topics of the configuration are the namespace's."""
     return LaunchDescription(
         [
-            *ARGUMENTS,
+            *TAKEN,
             Node(
                 package="rviz2",
                 executable="rviz2",

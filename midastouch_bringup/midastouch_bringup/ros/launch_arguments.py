@@ -1,8 +1,7 @@
 """The arguments of the launch files and of `midastouch run`, and which parameters of which nodes they set.
 
 An argument means the same wherever it is taken. One that stands for a parameter changes it only when it is given;
-empty leaves what the parameter file says. Launch files declare those of `ARGUMENTS` that they take
-(`launch_parts.declared`); `midastouch run` does without `ros2 launch` and reads them here.
+empty leaves what the parameter file says. Which of `ARGUMENTS` a launch file and `midastouch run` take is in `setups`.
 
 `ros2 launch` imports this module into the Python of ROS, which need not have what the nodes' Python has: it, and what
 it imports, keeps to the standard library and to what launch itself brings along.

@@ -7,7 +7,7 @@ description has begun, ends, and leaves them running.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import launch.logging
@@ -26,17 +26,16 @@ from .launch_arguments import ARGUMENTS, SHARE
 from .launch_parameters import FILES, object_to_come, parameters
 
 
-def declared(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
-    """The launch arguments of these names, as `ARGUMENTS` has them; defaults, names and values of those whose default
-    is another one here."""
+def declared(defaults: Mapping[str, str]) -> list[DeclareLaunchArgument]:
+    """Launch arguments by their names and defaults, as `Setup.values` gives them; the rest is of `ARGUMENTS`."""
     return [
         DeclareLaunchArgument(
             name,
-            default_value=defaults.get(name, ARGUMENTS[name].default),
+            default_value=default,
             choices=ARGUMENTS[name].choices or None,
             description=ARGUMENTS[name].description,
         )
-        for name in dict.fromkeys((*names, *defaults))
+        for name, default in defaults.items()
     ]
 
 

@@ -1,6 +1,7 @@
 """What `midastouch run` starts: by name, what the launch file of that name starts, where ROS 2's launch is missing.
 
-A test carries every launch file out and compares arguments, processes and their parameters with this table.
+The launch files declare the arguments that this table has. A test carries every one out and compares its processes and
+their parameters with the table.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass, field
 
 from midastouch_perception.objects import bundled_objects
 
-from .launch_arguments import ARGUMENTS, SHARE
+from .launch_arguments import ARGUMENTS, OF_NODES, OF_OBJECT, SHARE
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,10 @@ class Setup:
         return {name: self.defaults.get(name, ARGUMENTS[name].default) for name in self.arguments}
 
 
-_COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
-_FILTER = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
 _PERCEPTION = ("serial", "background", "sensor_model")
 _RVIZ = ("use_rviz", "rviz_config")
 _RECORDING = (
-    *("bag", "rate", "loop", *_COMMON, "setup_file", "composed", *_PERCEPTION, *_FILTER),
+    *("bag", "rate", "loop", *OF_NODES, "setup_file", "composed", *_PERCEPTION, *OF_OBJECT),
     *("tf_prefix", "sensor_prefix", *_RVIZ),
 )
 # a recording has its own time, and no frame of it may be lost
@@ -57,27 +56,27 @@ _OF_RECORDINGS = {"use_sim_time": "true", "setup_file": str(SHARE / "config" / "
 SETUPS = {
     "driver": Setup(
         "the DIGIT's driver",
-        (*_COMMON, "serial", "sensor_prefix"),
+        (*OF_NODES, "serial", "sensor_prefix"),
         (Executable("digit_driver", "digit_driver"),),
     ),
     "digit_sim": Setup(
         "a simulated DIGIT, moved by TF, in place of the driver",
-        (*_COMMON, "object", "mesh", "sensor_model", "sensor_prefix"),
+        (*OF_NODES, "object", "mesh", "sensor_model", "sensor_prefix"),
         (Executable("midastouch_bringup", "digit_sim"),),
     ),
     "perception": Setup(
         "from tactile images to codes",
-        (*_COMMON, *_PERCEPTION, "sensor_prefix"),
+        (*OF_NODES, *_PERCEPTION, "sensor_prefix"),
         (Executable("midastouch_perception", "tdn"), Executable("midastouch_perception", "tcn")),
     ),
     "filter": Setup(
         "from codes and transforms to the pose of the sensor on the object",
-        (*_COMMON, *_FILTER, "sensor_model", "tf_prefix", "sensor_prefix"),
+        (*OF_NODES, *OF_OBJECT, "sensor_model", "tf_prefix", "sensor_prefix"),
         (Executable("midastouch_filter", "particle_filter"),),
     ),
     "localization": Setup(
         "perception and filter: in processes of their own, or in one",
-        (*_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix"),
+        (*OF_NODES, "composed", *_PERCEPTION, *OF_OBJECT, "tf_prefix", "sensor_prefix"),
         (
             Executable("midastouch_bringup", "all_in_one", when=("composed", "true")),
             Executable("midastouch_perception", "tdn", when=("composed", "false")),
@@ -94,7 +93,7 @@ SETUPS = {
     "live_ur": Setup(
         "a DIGIT on a UR arm: driver, mount, localisation",
         (
-            *(*_COMMON, "composed", *_PERCEPTION, *_FILTER),
+            *(*OF_NODES, "composed", *_PERCEPTION, *OF_OBJECT),
             *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
             *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
         ),
