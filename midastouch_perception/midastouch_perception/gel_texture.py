@@ -27,6 +27,10 @@ _REGION = 40  # px in which a texture is compared on its own
 _FAINTEST = 6.0  # standard deviations of a region, median: less is too faint to tell of single ones
 _LOST = 1 / 3  # of the median: less is another texture
 _LEAST_WORN = 0.005  # of the image
+_OF_ANOTHER_GEL = (
+    "the no-contact image is of another gel: the fine texture of the images is not found in it; lift the finger and "
+    "call capture_background, and if the gel was changed, run midastouch calibrate again"
+)
 _ELSEWHERE = [(down, right) for down in (-60, 0, 60) for right in (-60, 0, 60) if down or right]
 SAME_GEL = 6.0
 """Standard deviations from which on two images are of the same gel: of normal numbers one in a billion is as large, and
@@ -59,7 +63,7 @@ class Likeness:
 def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndarray:
     """Texture (H - 16, W - 16) int8 of an image (H, W, 3) uint8, in fortieths of the contrast around each pixel.
 
-    0 where `touched` (H, W) bool, and where there is none.
+    0 where it is touched, and where there is none. touched (h, w) bool, of any resolution.
     """
     grey = image.astype(np.float32).mean(axis=2)
     band = cv2.GaussianBlur(grey, (0, 0), _FINEST) - cv2.GaussianBlur(grey, (0, 0), _COARSEST)
@@ -68,7 +72,8 @@ def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndar
     smooth = contrast < _LEAST_CONTRAST
     texture[smooth | (smooth.mean() > 1 - _LEAST_COVERED)] = 0.0
     if touched is not None:
-        texture[touched] = 0.0
+        touched = cv2.resize(touched.astype(np.uint8), grey.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        texture[touched > 0] = 0.0
     return np.rint(_STEPS * texture[_BORDER:-_BORDER, _BORDER:-_BORDER]).astype(np.int8)
 
 
@@ -142,7 +147,6 @@ class GelCheck:
         if (self._images - 1) % self._every:
             return
         touched = cv2.dilate((penetration > 0).astype(np.uint8), np.ones((_NEAR, _NEAR), np.uint8))
-        touched = cv2.resize(touched, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
         self._sums[self._looked_at % 2] = self._sums[self._looked_at % 2] + gel_texture(image, touched)
         self._looked_at += 1
         if self._looked_at == self._window:
@@ -154,22 +158,24 @@ class GelCheck:
         if not reference.any():  # such as a simulator's
             return
         found = likeness(reference, first + second)
-        self.sigmas, self.problem = found.sigmas, ""
-        worn = worn_gel(reference, first + second, found.shift) if found.same else np.zeros(1, bool)
-        if not found.same and likeness(first, second).sigmas >= CLEAR:
-            self.problem = (
-                "the no-contact image is of another gel: the fine texture of the images is not found in it; lift the "
-                "finger and call capture_background, and if the gel was changed, run midastouch calibrate again"
-            )
-        elif found.same and found.moved >= MOVED:
+        self.sigmas = found.sigmas
+        if not found.same:
+            self.problem = _OF_ANOTHER_GEL if likeness(first, second).sigmas >= CLEAR else ""
+        elif found.moved >= MOVED:
             self.problem = (
                 f"the gel has moved by {1e3 * self._pixel * found.moved:.2f} mm since the no-contact image; see that "
                 "it is fixed, lift the finger and call capture_background"
             )
-        elif worn.mean() > _LEAST_WORN:
-            down, right = 1e3 * self._pixel * (np.argwhere(worn).mean(axis=0) + _BORDER)
-            self.problem = (
-                f"the gel is dirty or worn on {100 * worn.mean():.0f} % of the image, {right:.0f} mm from its left and "
-                f"{down:.0f} mm from its top: its texture has changed there since the no-contact image; clean it, and "
-                "call capture_background, or change the gel and calibrate"
-            )
+        else:
+            self.problem = self._worn(worn_gel(reference, first + second, found.shift))
+
+    def _worn(self, worn: np.ndarray) -> str:
+        """What is wrong with a gel that is worn at these pixels (H, W) bool; empty if it is next to nothing."""
+        if worn.mean() <= _LEAST_WORN:
+            return ""
+        down, right = 1e3 * self._pixel * (np.argwhere(worn).mean(axis=0) + _BORDER)
+        return (
+            f"the gel is dirty or worn on {100 * worn.mean():.0f} % of the image, {right:.0f} mm from its left and "
+            f"{down:.0f} mm from its top: its texture has changed there since the no-contact image; clean it, and call "
+            "capture_background, or change the gel and calibrate"
+        )

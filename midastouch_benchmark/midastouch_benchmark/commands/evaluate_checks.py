@@ -94,7 +94,7 @@ def _measured(args: argparse.Namespace) -> dict:
             "capture": quality.capture(),
             "contact": quality.contact(),
             "real_sensors": {name: real_checks(tdn_of_real, each, rng) for name, each in presses.items()},
-            "gels": gels_known(tdn_of_real, presses, large, rng),
+            "gels": gels_known(tdn_of_real, presses, large, real, rng),
             "slow_light": slow_light(tdn_of_real, large, real, rng),
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }

@@ -210,11 +210,6 @@ def is_of_today() -> bool:
     return COMMITTED.is_file() and read()[1] == today()
 
 
-def of_real_gel() -> str:
-    """Id of all that a contact depends on that images of real gel show."""
-    return today()[REAL_GEL]
-
-
 def of_estimates() -> str:
     """Id of all that a trial's estimates depend on, beside its own input and settings."""
     return today()[ESTIMATES]

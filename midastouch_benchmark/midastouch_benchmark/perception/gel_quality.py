@@ -30,12 +30,16 @@ _NOISE = 1.5  # grey levels
 
 
 def gels_known(
-    tdn: DepthNet, presses: dict[str, BallPresses], backgrounds: np.ndarray, rng: np.random.Generator
+    tdn: DepthNet,
+    presses: dict[str, BallPresses],
+    backgrounds: np.ndarray,
+    sensor: SensorModel,
+    rng: np.random.Generator,
 ) -> dict[str, dict[str, float]]:
     """By case, trials and the fraction of these in which the check on the gel warns.
 
     tdn, of the sensors' model; presses of different sensors; backgrounds (B, H, W, 3) uint8 of others, of which each
-    pair is taken for one gel or not.
+    pair is taken for one gel or not; sensor: full size.
     """
     said: dict[str, list[bool]] = {
         name: []
@@ -46,7 +50,7 @@ def gels_known(
         penetrations = [tdn.predict(image, each.background) for image in images]
 
         def warns(background: np.ndarray, images=images, penetrations=penetrations) -> str:
-            check = GelCheck(tdn.sensor, every=1, window=_WINDOW)
+            check = GelCheck(sensor, every=1, window=_WINDOW)
             for k in rng.choice(len(images), _WINDOW, replace=False):
                 check.observe(images[k], background, penetrations[k])
             return check.problem

@@ -161,7 +161,5 @@ def texture_behind(
     texture, found = gel_texture(background), 0.0
     for press in presses:
         if not press.problem:
-            pressed = circle(press.contact, _MASK_RADII, sensor).astype(np.uint8)
-            pressed = cv2.resize(pressed, background.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
-            found = found + gel_texture(images[press.name], pressed)
+            found = found + gel_texture(images[press.name], circle(press.contact, _MASK_RADII, sensor))
     return texture, likeness(texture, found).sigmas
