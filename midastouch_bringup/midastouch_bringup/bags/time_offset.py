@@ -32,16 +32,16 @@ class TimeOffset(NamedTuple):
     correlation: float
 
 
-def estimate_time_offset(frames: Iterable[BagFrame]) -> TimeOffset:
+def estimate_time_offset(frames: Iterable[BagFrame], source: str) -> TimeOffset:
     """The offset, of at most half a second either way, from images and the poses at their stamps.
 
-    Raises InputError when they do not tell: too short, an arm that never changes its speed, a sensor that slides over
-    nothing.
+    Raises InputError, naming `source`, when they do not tell: too short, an arm that never changes its speed, a sensor
+    that slides over nothing.
     """
     times, changes, speeds = _activity(frames)
     if len(times) < 2 or times[-1] - times[0] < _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S:
         needed = _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S
-        raise InputError(f"needs {needed:g} s of images with poses; record a longer slide")
+        raise InputError(f"{source}: needs {needed:g} s of images with poses; record a longer slide")
     grid = np.arange(times[0], times[-1], _STEP)
     # roots: neither grows in proportion to the other when it is large
     change, speed = (np.sqrt(np.interp(grid, times, values)) for values in (changes, speeds))
@@ -50,7 +50,7 @@ def estimate_time_offset(frames: Iterable[BagFrame]) -> TimeOffset:
     best = int(agreement.argmax())
     if agreement[best] < _CLEAR or best in (0, len(lags) - 1):
         raise InputError(
-            f"images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST_OFFSET_S:g} s): "
+            f"{source}: images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST_OFFSET_S:g} s): "
             "slide over edges of an object, and start and stop several times"
         )
     before, at, after = agreement[best - 1 : best + 2]

@@ -24,17 +24,11 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_common.errors import InputError
-
     from ..bags.frames import read_bag
     from ..bags.time_offset import estimate_time_offset
 
     frames = read_bag(args.bag, arguments.gel_stream(args))
-    try:
-        offset = estimate_time_offset(frames)
-    except InputError as error:
-        words = str(error)  # those about reading, which is done meanwhile, name the bag
-        raise InputError(words if words.startswith(args.bag) else f"{args.bag}: {words}") from error
+    offset = estimate_time_offset(frames, args.bag)
     late = "late" if offset.seconds >= 0 else "early"
     print(f"images are stamped {1e3 * abs(offset.seconds):.0f} ms too {late} (correlation {offset.correlation:.2f})")
     print(f"add {round(-1e9 * offset.seconds)} to the parameter timestamp_offset of digit_driver")

@@ -46,7 +46,7 @@ STILL = next(frames(stop_and_go, 0.0))
 
 @pytest.mark.parametrize("offset", [-0.15, 0.0, 0.08, 0.3])
 def test_the_offset_is_found_to_a_fraction_of_a_frame(offset):
-    found = estimate_time_offset(frames(stop_and_go, offset))
+    found = estimate_time_offset(frames(stop_and_go, offset), "x.mcap")
     assert found.seconds == pytest.approx(offset, abs=0.005)
     assert found.correlation > 0.8
 
@@ -62,7 +62,7 @@ def test_the_offset_is_found_to_a_fraction_of_a_frame(offset):
 )
 def test_a_recording_that_does_not_tell_is_refused(given, message):
     with pytest.raises(InputError, match=message):
-        estimate_time_offset(given)
+        estimate_time_offset(given, "x.mcap")
 
 
 def test_the_command_says_what_to_set(monkeypatch, capsys):

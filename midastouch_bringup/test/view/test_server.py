@@ -10,11 +10,11 @@ from ports import free_ports
 from midastouch_bringup.view.server import ViewServer
 
 PROGRAM = """#!{python}
-import os, pathlib, socket, sys, time
+import os, pathlib, signal, socket, sys
 given = dict(zip(sys.argv, sys.argv[1:]))
 pathlib.Path({seen!r}).write_text(os.environ.get("CI", ""))
 listening = [socket.create_server((given["--bind"], int(given[name]))) for name in ("--port", "--web-viewer-port")]
-time.sleep(600)
+signal.pause()
 """
 
 
