@@ -85,7 +85,8 @@ def interruptible() -> Iterator[None]:
     """Work that a signal to stop ends between any two instructions of Python, by `Stopped`.
 
     For work that only computes and reads, inside a `stop_event` and in its thread; elsewhere it changes nothing. A
-    signal that has come before ends it at once.
+    signal that has come before ends it at once. What the work raises after a signal is taken for `Stopped`: a library
+    written in C that is being imported makes an ImportError of it.
     """
     arrivals = _arrivals
     try:
@@ -93,6 +94,10 @@ def interruptible() -> Iterator[None]:
         if arrivals.any:
             raise Stopped
         yield
+    except Exception:
+        if arrivals.any:
+            raise Stopped from None
+        raise
     finally:
         arrivals.cut_short = False
 

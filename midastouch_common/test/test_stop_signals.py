@@ -25,6 +25,10 @@ def work(name):
             say(name)
             while name:
                 pass
+        except Stopped:
+            if "importing" in sys.argv:
+                raise ImportError  # as a library in C does
+            raise
         finally:
             stay("cleaning up")
 
@@ -131,9 +135,10 @@ def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
     assert it.end() == (3, "")
 
 
+@pytest.mark.parametrize("options", [("work",), ("work", "importing")])
 @pytest.mark.parametrize("number", STOP)
-def test_a_signal_breaks_off_interruptible_work_but_not_what_cleans_up_after_it(run, number) -> None:
-    it = run(options=("work",))
+def test_a_signal_breaks_off_interruptible_work_but_not_what_cleans_up_after_it(run, number, options) -> None:
+    it = run(options=options)
     it.go_on()
     it.until("working")
     it.send(number)
