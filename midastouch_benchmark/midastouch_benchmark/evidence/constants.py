@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import pkgutil
 import re
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,8 @@ _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 # what messages, trainings and calibrations need makes no estimate
 _ELSEWHERE = ("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network")
 _OF_THE_MACHINE = ("threads",)
+_ROUNDING = 1e-6  # of a number with the seven digits of a float
+_ROUNDED_ZERO = 1e-12
 Constants = dict[str, list[float | str]]
 
 
@@ -52,9 +55,20 @@ def of_filter() -> Constants:
 
 def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
     """Names of those with other values. What only one side has was renamed, added or removed: the probes tell whether
-    that matters. Modules may have a name in common, so that a value more or less is no other value."""
-    differ = ((name, set(one[name]), set(other[name])) for name in one.keys() & other.keys())
-    return [name for name, here, there in differ if not (here <= there or there <= here)]
+    that matters. Modules may have a name in common, so that a value more or less is no other value. What is computed
+    may differ by its rounding: another machine's pseudoinverse has other zeros."""
+    differ = ((name, one[name], other[name]) for name in one.keys() & other.keys())
+    return [name for name, here, there in differ if not (_among(here, there) or _among(there, here))]
+
+
+def _among(some: list[float | str], others: list[float | str]) -> bool:
+    return all(any(_same(each, other) for other in others) for each in some)
+
+
+def _same(one: float | str, other: float | str) -> bool:
+    if isinstance(one, str) or isinstance(other, str):
+        return one == other
+    return math.isclose(one, other, rel_tol=_ROUNDING, abs_tol=_ROUNDED_ZERO)
 
 
 def _of_package(package: ModuleType, elsewhere: tuple[str, ...] = _ELSEWHERE) -> Constants:
