@@ -44,6 +44,7 @@ setup(
             "evaluate = midastouch_benchmark.commands.evaluate",
             "evaluate_checks = midastouch_benchmark.commands.evaluate_checks",
             "evaluate_exploration = midastouch_benchmark.commands.evaluate_exploration",
+            "evaluate_gel = midastouch_benchmark.commands.evaluate_gel",
             "evaluate_presses = midastouch_benchmark.commands.evaluate_presses",
             "evaluate_start = midastouch_benchmark.commands.evaluate_start",
             "evaluate_tdn = midastouch_benchmark.commands.evaluate_tdn",

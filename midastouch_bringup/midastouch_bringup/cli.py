@@ -44,9 +44,9 @@ _OF_OTHERS = "measure, and what other packages bring"
 
 EXIT_INTERRUPTED = 130
 OF_BENCHMARK = (
-    *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-presses"),
-    *("evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "ideal-observer", "identify", "report"),
-    "single-touch",
+    *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-gel"),
+    *("evaluate-presses", "evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "ideal-observer", "identify"),
+    *("report", "single-touch"),
 )
 """Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
 

@@ -132,8 +132,8 @@ def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
     parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
 
 
-def add_object_options(parser: argparse.ArgumentParser) -> None:
-    """Objects, folder, settings, networks, --json."""
+def add_meshes_options(parser: argparse.ArgumentParser) -> None:
+    """--meshes and --objects, as `chosen_meshes` takes them."""
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
         "--objects",
@@ -143,6 +143,11 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         "60 to 160 mm), small_parts and small_cad (smaller than the gel) (default: the paper's ten of --meshes, all of "
         "the bundled)",
     )
+
+
+def add_object_options(parser: argparse.ArgumentParser) -> None:
+    """Objects, folder, settings, networks, --json."""
+    add_meshes_options(parser)
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     add_filter_options(parser)
     add_network_options(parser)

@@ -65,8 +65,8 @@ TABLES = {
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
         exploring.identification, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
-        perception.single_touch, checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light,
-        checks.gels,
+        perception.soft_gel, perception.commanded_depth, perception.single_touch,
+        checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
 } | {"peers": comparisons.baselines, "twins": exploring.alike_objects}  # fmt: skip

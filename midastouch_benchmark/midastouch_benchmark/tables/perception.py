@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ..single_touch.matches import TOP
-from ..statistics.intervals import error_ratio
+from ..statistics.intervals import bootstrap_interval, error_ratio
 from .reports import OPTICS, benchmark_summary, frame_of, report
-from .table import Form, fraction, listed, percent, pose, text, tidy, written
+from .table import Form, Row, between, fraction, is_missing, listed, percent, pose, text, tidy, written
 
 _WANTED = {
     "not calibrated": ((0.7, 1.4), 0.6, (3.3, 6.0), 0.75, 0.3),
@@ -18,6 +19,9 @@ _WANTED = {
 }
 """Of presses: deepest over deepest, correlation at least, radius measured [mm], IoU at least, RMSE inside [mm] at
 most."""
+_WANTED_DEPTH = {"ball": 0.05, "flat face": 0.12}
+"""mm, by what is pressed in: error of the depth, at most."""
+_USUAL_GEL = 3.0  # mm thick
 _DIGIT_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
 _MINI_PRESSES = (
     "presses_mini_6310", "presses_mini_6310_calibrated", "presses_mini_9500", "presses_mini_9500_calibrated"
@@ -170,6 +174,10 @@ def wanted() -> pd.DataFrame:
             ]
     unsteady = max(report(name)["summary"]["brightness_mm"] for name in _DIGIT_PRESSES)
     rows.append(("the most by 10 % of light, mm", unsteady, 3, None, 0.01))
+    for row in _commanded_depths(report("soft_gel")):
+        if row["calibrated"] and row["thickness_mm"] == _USUAL_GEL:
+            about = f"{row['press']} on elastic gel of {_USUAL_GEL:g} mm, calibrated: error of the depth, mm"
+            rows.append((about, row["error"], 2, None, _WANTED_DEPTH[row["press"]]))
     tacto = report("evaluate_tdn")["summary"]
     rows.append(("slides of another renderer: RMSE, mm", tacto["rmse_mm"], 3, None, 0.059))
     rows.append(("slides of another renderer: IoU", tacto["contact_iou"], 3, 0.963, None))
@@ -189,6 +197,73 @@ def _judged(what: str, value: float, digits: int, least: float | None, most: flo
     said = " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
     met = (least is None or value >= least) and (most is None or value <= most)
     return what, said, f"{value:.{digits}f}", "" if met else "missed"
+
+
+def soft_gel() -> pd.DataFrame:
+    """What soft gel does to maps, poses and codes."""
+    return soft_gel_table(report("soft_gel"))
+
+
+def commanded_depth() -> pd.DataFrame:
+    """How deep presses of a known depth are read on soft gel."""
+    return commanded_depth_table(report("soft_gel"))
+
+
+_GEL: dict[str, Form] = {
+    "gel": lambda row: "as fitted" if is_missing(row["thickness_mm"]) else f"elastic, {row['thickness_mm']:g} mm",
+    "calibrated": lambda row: "yes" if row["calibrated"] else "no",
+}
+
+
+def soft_gel_table(content: dict) -> pd.DataFrame:
+    """The same of an `evaluate-gel` result: medians, with 90 % of the touches for the error along the normal."""
+    rows = []
+    for kind, group in _of_gels(content["touches"]):
+        normal = bootstrap_interval(group["normal_mm"], group["object"].tolist(), np.median)
+        spread = {f"q{k}": group["normal_mm"].quantile(k / 100) for k in (5, 95)}
+        one_touch = group["best_m"].sum() / group["random_m"].sum()
+        middle = group.drop(columns=list(kind)).median(numeric_only=True)
+        rows.append(kind | {"trials": len(group), "normal": normal, "one_touch": one_touch} | spread | dict(middle))
+
+    def along_the_normal(row: Row) -> str:
+        most = f"{row['q5']:+.2f} to {row['q95']:+.2f}"
+        return f"{row['normal_mm']:+.2f} mm ({between(row['normal'], '{:+.2f}')}; 90 %: {most})"
+
+    claims = {
+        "deepest over the object's": text("deepest", "{:.2f}"),
+        "area over the object's": text("area", "{:.2f}"),
+        "pose off along the normal": along_the_normal,
+        "across": text("tangential_mm", "{:.2f} mm"),
+        "tilt": text("tilt_deg", "{:.1f} deg"),
+        "one touch": text("one_touch", "{:.3f}"),
+    }
+    return written(tidy(rows), _GEL | {"touches": text("trials")}, claims)
+
+
+def commanded_depth_table(content: dict) -> pd.DataFrame:
+    """The same of an `evaluate-gel` result."""
+    claims = {
+        "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
+        "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
+    }
+    about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
+    return written(tidy(_commanded_depths(content)), about, claims)
+
+
+def _commanded_depths(content: dict) -> Iterator[dict]:
+    for kind, group in _of_gels(content["presses"], "press"):
+        off = group["depth_mm"] - group["commanded_mm"]
+        interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
+        figures = {"bias": off.median(), "error": off.abs().median(), "interval": interval}
+        yield kind | {"trials": len(off)} | figures
+
+
+def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
+    """Rows of an `evaluate-gel` result by what is told apart: that, and its rows."""
+    keys = [*further, "calibrated", "thickness_mm"]
+    frame = tidy(rows).sort_values(keys, na_position="first", kind="stable")
+    for kind, group in frame.groupby(keys, dropna=False, sort=False):
+        yield dict(zip(keys, kind, strict=True)), group
 
 
 def single_touch() -> pd.DataFrame:

@@ -92,6 +92,7 @@ COMMANDS = {
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
     "../shared/data/digit_real/sphere_presses_vocdex",
+    "soft_gel": "midastouch evaluate-gel --meshes ../shared/meshes/ycb --touches 20",
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
     "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",

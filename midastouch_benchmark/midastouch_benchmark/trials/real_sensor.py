@@ -7,6 +7,7 @@ for real gel. Calibrated: the same sensor's presses of a ball go through `midast
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -82,12 +83,23 @@ class RealSensorCache(Cache):
         return Touches.of_images(images, camera.background, networks, {})
 
 
-def calibrate_measured(optics: MeasuredOptics, sensor: SensorModel, rng: np.random.Generator) -> SensorCalibration:
-    """What a person with a ball gets from a sensor: ten presses spread over the gel. Raises InputError as
-    `calibrate`."""
+def _no_layer(depths: np.ndarray) -> np.ndarray:
+    return np.maximum(depths, 0)
+
+
+def calibrate_measured(
+    optics: MeasuredOptics,
+    sensor: SensorModel,
+    rng: np.random.Generator,
+    gel: Callable[[np.ndarray], np.ndarray] = _no_layer,
+) -> SensorCalibration:
+    """What a person with a ball gets from a sensor: ten presses spread over the gel. Raises InputError as `calibrate`.
+
+    gel: what the optics see of objects (N, H, W) m that are so deep in the untouched gel, negative outside of it.
+    """
     camera = MeasuredSensor(optics, sensor, rng)
-    presses = [np.maximum(press, 0) for press in _ball_presses(sensor.for_maps, rng)]
-    images = {f"press_{i:02d}": image for i, image in enumerate(camera.images(np.stack(presses)))}
+    heights = gel(np.stack(_ball_presses(sensor.for_maps, rng)))
+    images = {f"press_{i:02d}": image for i, image in enumerate(camera.images(heights))}
     return calibrate(images, camera.background, _BALL_DIAMETER, sensor, diameter_is_right=True).calibration
 
 

@@ -50,6 +50,7 @@ def test_every_option_is_explained(name, monkeypatch):
     ("arguments", "message"),
     [
         (["evaluate", "no/such/seq"], "no/such/seq: "),
+        (["evaluate-gel", "--objects", "no_such_object"], "no_such_object"),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
         (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: "),
         (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 no-contact images"),

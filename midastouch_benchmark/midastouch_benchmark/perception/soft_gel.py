@@ -1,0 +1,151 @@
+"""What soft gel does to penetration maps, depth, poses and codes; these are made for gel that sinks in by a rule.
+
+Touches at known poses and presses of known depth, as measured sensors see them: the optics are those of real gel, its
+shape is that of an elastic layer. Beside them the same on gel that sinks in by the rule that was fitted to the sensor's
+presses, which is what every other evaluation simulates.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.alignment import PenetrationAlignment
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_perception.contact import Contact
+from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.ball import ball_penetration
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor
+from midastouch_perception.simulation.soft_gel import ElasticLayer
+from midastouch_perception.simulation.solids import Layer, rectangle, stacked
+from midastouch_perception.tcn import TactileCodeNet
+from midastouch_perception.tdn import load_tdn
+
+from ..single_touch.matches import best_matches, single_touch_errors
+from ..trials.real_sensor import calibrate_measured
+
+THICKNESSES = (None, 1.5e-3, 3e-3, 6e-3)
+"""m of the elastic layers; None: by the fitted rule."""
+_BOOK = 5000  # poses among which a touch is looked for
+_AROUND = 1e-3  # m above the gel, within which it may bulge out to the object
+_PRIOR = np.diag([1e-3**2] * 3 + [np.radians(4.0) ** 2] * 3)  # of the pose that is aligned: the filter's, converged
+_TOUCHES_ONLY = ContactSampling(free_fraction=0.0)
+_CHUNK = 250  # maps rendered at a time: bounds memory
+_COMMANDED = 0.25e-3, 1e-3  # m that something is pressed in
+_FROM_MIDDLE = 2e-3  # m, the most
+_RADII = 2.5e-3, 5e-3  # m of balls
+_FACES = 3e-3, 6e-3  # m, sides of flat faces
+
+
+class SoftSensor:
+    """A measured sensor whose gel is an elastic layer, or sinks in by the rule.
+
+    Args: optics, measured; sensor, geometry at full size; thickness, one of `THICKNESSES`. Attributes: sensor; about,
+    what rows of a result say of it; tdn, that reads it, calibrated or not.
+    """
+
+    def __init__(self, optics: MeasuredOptics, sensor: SensorModel, thickness: float | None):
+        small = sensor.for_maps
+        self.sensor, self._layer, self._optics = sensor, None, optics
+        self.about = {"sensor": optics.name, "thickness_mm": None, "calibrated": False}
+        if thickness is not None:
+            self.about["thickness_mm"] = 1e3 * thickness
+            self._layer = ElasticLayer((small.height, small.width), small.pixel_size, thickness)
+            # the layer has sunk in already
+            self._optics = dataclasses.replace(optics, shape=dataclasses.replace(optics.shape, fraction=0.0))
+        self.tdn = load_tdn("fast", sensor)
+
+    def calibrate(self, rng: np.random.Generator) -> None:
+        """By ten presses of a ball, as its owner would."""
+        calibration = calibrate_measured(self._optics, self.sensor, rng, self._heights)
+        self.about = self.about | {"calibrated": True}
+        self.tdn = load_tdn("fast", self.sensor, calibration=calibration)
+
+    def contacts(self, depths: np.ndarray, seed: int) -> list[Contact]:
+        """What objects (N, H, W) m, positive in the untouched gel, are taken for; each image is a stream's first.
+
+        seed: of light and noise.
+        """
+        camera = MeasuredSensor(self._optics, self.sensor, np.random.default_rng(seed))
+        images = camera.images(self._heights(depths))
+        return [DepthStage(self.tdn).process(image, camera.background) for image in images]
+
+    def _heights(self, depths: np.ndarray) -> np.ndarray:
+        if self._layer is None:
+            return np.maximum(depths, 0)
+        return np.stack([self._layer.pressed(np.maximum(each, -_AROUND))[0] for each in depths])
+
+
+class SoftGelTouches:
+    """Touches on one object. Args: mesh; sensor, at full size; tcn; touches, how many; rng."""
+
+    def __init__(
+        self, mesh: ObjectMesh, sensor: SensorModel, tcn: TactileCodeNet, touches: int, rng: np.random.Generator
+    ):
+        self._mesh, self._tcn = mesh, tcn
+        self._poses = sample_contact_poses(mesh, touches, rng, sensor, _TOUCHES_ONLY)
+        self._depths = PenetrationRenderer(mesh, sensor.for_maps, _AROUND).render(self._poses)
+        self._alignment = PenetrationAlignment(mesh, sensor.for_maps, NoiseModel.of(FilterConfig()))
+        self._book = sample_contact_poses(mesh, _BOOK, rng, sensor)
+        parts = np.array_split(self._book, _BOOK // _CHUNK)
+        self._codes = np.concatenate([tcn.encode(self._alignment.render(part)) for part in parts])
+        self._seed = int(rng.integers(2**32))
+
+    def seen_by(self, sensor: SoftSensor) -> Iterator[dict]:
+        """A row for each touch; light and noise are those on every other gel."""
+        contacts = sensor.contacts(self._depths, self._seed)
+        codes = self._tcn.encode(np.stack([contact.penetration for contact in contacts]))
+        errors = single_touch_errors(
+            self._book, self._poses, best_matches(self._codes, codes), np.random.default_rng(self._seed)
+        ).six_vector
+        for k, contact in enumerate(contacts):
+            row = {"best_m": errors.best[k], "random_m": errors.random[k]}
+            if contact.in_contact:
+                row |= self._judged(self._poses[k], self._depths[k], contact.penetration)
+            yield {"object": self._mesh.name} | sensor.about | row
+
+    def _judged(self, pose: np.ndarray, depths: np.ndarray, penetration: np.ndarray) -> dict[str, float]:
+        found = self._alignment.align(pose, _PRIOR, penetration)
+        off = se3.log(se3.inverse(pose) @ found.pose)
+        return {
+            "deepest": float(penetration.max() / depths.max()),
+            "area": float((penetration > 0).sum() / (depths > 0).sum()),
+            "normal_mm": 1e3 * float(off[2]),
+            "tangential_mm": 1e3 * float(np.hypot(*off[:2])),
+            "tilt_deg": float(np.degrees(np.hypot(*off[3:5]))),
+        }
+
+
+class CommandedPresses:
+    """Balls and flat faces that are pressed into the gel as deep as an arm is told to. Args: sensor, at full size;
+    presses, of each kind; rng."""
+
+    def __init__(self, sensor: SensorModel, presses: int, rng: np.random.Generator):
+        self._depths: dict[str, list[np.ndarray]] = {"ball": [], "flat face": []}
+        for _ in range(presses):
+            commanded = rng.uniform(*_COMMANDED)
+            across, along = rng.uniform(-1, 1, 2) * _FROM_MIDDLE
+            radius = rng.uniform(*_RADII)
+            centre = np.array([across, along, float(sensor.sag(across, along)) + commanded - radius])
+            self._depths["ball"].append(ball_penetration(centre, radius, sensor.for_maps))
+            face = stacked([Layer(0.01, (rectangle(*rng.uniform(*_FACES, 2), across, along),))], "face")
+            pose = np.eye(4)
+            pose[2, 3] = 0.005 - commanded
+            self._depths["flat face"].append(PenetrationRenderer(face, sensor.for_maps, _AROUND).render(pose[None])[0])
+        self._seed = int(rng.integers(2**32))
+
+    def seen_by(self, sensor: SoftSensor) -> Iterator[dict]:
+        """A row for each press: how deep it is, and what depth is read."""
+        for kind, depths in self._depths.items():
+            contacts = sensor.contacts(np.stack(depths), self._seed)
+            for there, contact in zip(depths, contacts, strict=True):
+                read = {"commanded_mm": 1e3 * float(there.max()), "depth_mm": 1e3 * contact.depth_m}
+                yield {"press": kind} | sensor.about | read
