@@ -7,6 +7,7 @@ import shlex
 import sys
 
 from midastouch_common.errors import EXIT_BAD_INPUT, InputError
+from midastouch_common.missing_modules import how_to_install
 
 from .commands import (
     build_codebook,
@@ -59,7 +60,8 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="example:\n  midastouch demo\n\n`midastouch COMMAND --help` shows an example.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    version = package_version("midastouch_bringup") or "unknown"  # sources that are not installed have none
+    # from the workspace, from the wheel; sources that are not installed have none
+    version = package_version("midastouch_bringup") or package_version("midastouch") or "unknown"
     parser.add_argument("--version", action="version", version=f"%(prog)s {version}")
     sections = add_commands(parser)
     what = "Where on the object is the touch sensor? Demo, recordings, calibration, simulation and training."
@@ -98,6 +100,9 @@ def main(arguments: list[str] | None = None) -> int:
         return args.run(args)
     except (InputError, OSError) as error:
         _say(f"error: {one_line(error)}")
+        return EXIT_BAD_INPUT
+    except ImportError as error:
+        _say(f"error: {arguments[0]}: {how_to_install(error)}")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         _say("interrupted")

@@ -120,11 +120,8 @@ def _of_presses(args: argparse.Namespace, store, sensor):
 def _live(args: argparse.Namespace, path: Path):
     """From the running sensor, kept at `path`: result, images of the presses, exit code; no result if the guide was
     ended before the last press, or the presses cannot be used."""
-    try:
-        from midastouch_common.ros import spin
-        from midastouch_perception.nodes.calibrate import CalibrateNode
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+    from midastouch_common.ros import spin
+    from midastouch_perception.nodes.calibrate import CalibrateNode
 
     if not args.serial:
         raise InputError("calibrate live: give the sensor's --serial")

@@ -43,11 +43,8 @@ def run(args: argparse.Namespace) -> int:
     objects = bundled_objects()
     if args.object not in objects:
         raise InputError(f"--object {args.object}: not bundled; there are {', '.join(sorted(objects))}")
-    try:
-        from ..processes.supervisor import NodeFailed
-        from ..ros.demo import run_demo
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+    from ..processes.supervisor import NodeFailed
+    from ..ros.demo import run_demo
 
     # a domain of its own: neither another demo nor a robot on the network may hear the nodes
     domain = args.domain if args.domain is not None else claimed_domain()

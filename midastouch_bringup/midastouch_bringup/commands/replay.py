@@ -33,15 +33,10 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
-    from midastouch_common.errors import InputError
-
     from ..replay.source import ReplaySource
 
     ReplaySource(args.source)  # refuses what cannot be played before anything is started
-    try:
-        from ..nodes.replay import main
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+    from ..nodes.replay import main
 
     parameters = {
         "source": args.source,

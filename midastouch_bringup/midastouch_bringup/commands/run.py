@@ -29,12 +29,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_common.errors import InputError
-
-    try:
-        from ..ros.run import manual, prepare, run_setup, values
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+    from ..ros.run import manual, prepare, run_setup, values
 
     if args.show_args:
         print(manual(args.setup))

@@ -44,12 +44,9 @@ def run(args: argparse.Namespace) -> int:
     rerun = require_rerun()
     if args.save and Path(args.save).is_dir():
         raise InputError(f"--save {args.save}: is a folder; name a file, such as {Path(args.save) / 'run.rrd'}")
-    try:
-        from midastouch_common.ros import spin
+    from midastouch_common.ros import spin
 
-        from ..nodes.view import View
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+    from ..nodes.view import View
 
     recording = rerun.RecordingStream("midastouch")
     ros_arguments = ["view", "--ros-args", "-p", f"rate:={args.rate}"]

@@ -128,6 +128,12 @@ def test_the_version_is_that_of_the_package(capsys):
             2,
             "midastouch: error: a: exists and is no folder; choose another place",
         ),
+        (
+            ModuleNotFoundError(name="midastouch_bringup.ros"),
+            2,
+            "midastouch: error: doctor: this needs ROS 2, and there is no module midastouch_bringup.ros; "
+            "source a ROS 2 and its workspace, or run make in a clone",
+        ),
         (KeyboardInterrupt(), 130, "midastouch: interrupted"),
     ],
 )
