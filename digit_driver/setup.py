@@ -1,12 +1,14 @@
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package = "digit_driver"
+manifest = ElementTree.parse("package.xml")
 
 setup(
     name=package,
-    version="0.1.0",
+    version=manifest.findtext("version"),
     # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
     # the namespace package that the folder of the same name is when Python runs in the workspace root.
     package_dir={"": "."},
@@ -27,10 +29,10 @@ setup(
     ],
     package_data={package: ["cameras/*.yaml"]},
     python_requires=">=3.10",
-    maintainer="MidasTouch for ROS 2 maintainers",
-    maintainer_email="maintainers@example.org",
-    description="Driver of the DIGIT tactile sensor.",
-    license="MIT",
+    maintainer=manifest.findtext("maintainer"),
+    maintainer_email=manifest.find("maintainer").get("email"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
     extras_require={"test": ["pytest"]},
     entry_points={
         "console_scripts": [

@@ -1,12 +1,14 @@
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package = "midastouch_bringup"
+manifest = ElementTree.parse("package.xml")
 
 setup(
     name=package,
-    version="0.1.0",
+    version=manifest.findtext("version"),
     # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
     # the namespace package that the folder of the same name is when Python runs in the workspace root.
     package_dir={"": "."},
@@ -38,10 +40,10 @@ setup(
         "tqdm",
     ],
     python_requires=">=3.10",
-    maintainer="MidasTouch for ROS 2 maintainers",
-    maintainer_email="maintainers@example.org",
-    description="Launch, configuration, datasets, evaluation and the midastouch command.",
-    license="MIT",
+    maintainer=manifest.findtext("maintainer"),
+    maintainer_email=manifest.find("maintainer").get("email"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
     extras_require={
         "export": ["h5py", "pyarrow"],
         "open3d": ["libusb-package", "open3d-cpu>=0.19"],

@@ -1,10 +1,13 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package = "midastouch_perception"
+manifest = ElementTree.parse("package.xml")
 
 setup(
     name=package,
-    version="0.1.0",
+    version=manifest.findtext("version"),
     # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
     # the namespace package that the folder of the same name is when Python runs in the workspace root.
     package_dir={"": "."},
@@ -27,10 +30,10 @@ setup(
         "scipy",
     ],
     python_requires=">=3.10",
-    maintainer="MidasTouch for ROS 2 maintainers",
-    maintainer_email="maintainers@example.org",
-    description="From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training.",
-    license="MIT",
+    maintainer=manifest.findtext("maintainer"),
+    maintainer_email=manifest.find("maintainer").get("email"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
     extras_require={
         "import": ["onnx"],
         "test": ["hypothesis", "pytest"],

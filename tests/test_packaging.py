@@ -16,6 +16,8 @@ import packages
 import pytest
 import yaml
 
+from midastouch_common.missing_modules import DISTRIBUTIONS as DISTRIBUTIONS_OF_PIP
+
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON_PACKAGES, CMAKE_PACKAGES = packages.PYTHON, packages.CMAKE
 PACKAGES = [*CMAKE_PACKAGES, *PYTHON_PACKAGES]
@@ -29,6 +31,7 @@ ROSDEP_KEYS = {
     "PIL": "python3-pil",
     "pandas": "python3-pandas",
     "pyudev": "python3-pyudev",
+    "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "sklearn": "python3-sklearn",
     "tabulate": "python3-tabulate",
@@ -37,7 +40,7 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
-PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree", "rosbags"}
+PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
     "h5py",
@@ -66,7 +69,8 @@ DISTRIBUTIONS = {
     "sklearn": "scikit-learn",
     "yaml": "PyYAML",
 }
-_OF_MANIFEST = {"version", "license", "maintainer", "maintainer_email"}
+WHEEL = ["midastouch_kernels", *(set(PYTHON_PACKAGES) - {"digit_driver", "midastouch_benchmark"})]
+PROJECT = (ROOT / "pyproject.toml").read_text()
 SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}
 
 
@@ -97,33 +101,57 @@ def test_manifest_is_complete(package):
     assert root.get("format") == "3"
     assert texts(root, "name") == [package]
     assert texts(root, "license") == ["MIT"]
-    assert texts(root, "version") == texts(manifest("midastouch_msgs"), "version")
     build_type = root.find("export/build_type").text
     assert build_type == ("ament_cmake" if package in CMAKE_PACKAGES else "ament_python")
     dependencies = texts(root, "depend", "exec_depend")
     assert dependencies == sorted(set(dependencies)) or package == "midastouch_msgs"
 
 
-def maintainer(manifest_file: Path) -> tuple[str, str]:
-    """Name and address."""
-    found = ElementTree.parse(manifest_file).getroot().find("maintainer")
-    return found.text, found.get("email")
+def test_version_and_maintainer_are_those_of_pyproject(load_tool):
+    tool = load_tool("stamp_release")
+    assert len(tool.STAMPED) > len(PACKAGES) + 2
+    differing = [path for path in tool.STAMPED if tool.stamped(path.read_text(), PROJECT) != path.read_text()]
+    assert differing == [], "call tools/stamp_release.py"
 
 
-def test_every_package_has_the_maintainer_of_midastouch_msgs():
-    """There it is set; ROS tools want it in each package.xml. CONTRIBUTING.md has the command that changes all."""
-    wanted = maintainer(ROOT / "midastouch_msgs" / "package.xml")
-    manifests = [*ROOT.glob("*/package.xml"), *ROOT.glob("tools/ros_wheels/*/package.xml")]
-    assert {str(file): maintainer(file) for file in manifests} == {str(file): wanted for file in manifests}
+def test_a_release_is_stamped_wherever_it_is_named(load_tool):
+    project = 'version = "1.2.0"\nmaintainers = [{ name = "Tip & Go", email = "a@b.org" }]\n'
+    before = '<?xml version="1.0"?>\n<version>0.1.0</version>\n<maintainer email="x@y.org">X</maintainer>\n'
+    after = '<?xml version="1.0"?>\n<version>1.2.0</version>\n<maintainer email="a@b.org">Tip &amp; Go</maintainer>\n'
+    stamped = load_tool("stamp_release").stamped
+    assert stamped(before, project) == after
+    assert stamped("image: midastouch:0.1.0-cpu\n", project) == "image: midastouch:1.2.0-cpu\n"
 
 
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_pip_is_given_what_the_manifest_says(package):
-    root = manifest(package)
-    given = {word: ast.literal_eval(value) for word, value in setup_words(package).items() if word in _OF_MANIFEST}
-    name, email = maintainer(ROOT / package / "package.xml")
-    wanted = {"version": root.find("version").text, "license": root.find("license").text}
-    assert given == {**wanted, "maintainer": name, "maintainer_email": email}
+def test_one_version_in_pip_and_changelog():
+    version = re.search(r'^version = "(.*)"$', PROJECT, flags=re.M)[1]
+    assert {importlib.metadata.version(package) for package in PYTHON_PACKAGES} == {version}
+    assert re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1] == version
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_debian_packages_depend_on_none_of_pip(package):
+    """bloom would take a pip package for a Debian package of that name; what reads the environment it leaves out."""
+    condition = "$PIP_BREAK_SYSTEM_PACKAGES == 1"
+    of_pip = [child for child in manifest(package) if (child.text or "").endswith("-pip")]
+    assert {child.get("condition") for child in of_pip} <= {condition}
+
+
+def test_what_only_pip_has_is_named_where_it_is_missing():
+    lines = (ROOT / "docker" / "requirements.txt").read_text().splitlines()
+    installed = {line.split("==")[0] for line in lines if "==" in line}
+    # too old in Ubuntu, to build, optional
+    assert installed - {"matplotlib", "nanobind", "onnx"} == set(DISTRIBUTIONS_OF_PIP.values())
+    of_pip = PIP_ONLY | {name for name, key in ROSDEP_KEYS.items() if key.endswith("-pip")}
+    assert of_pip == DISTRIBUTIONS_OF_PIP.keys()
+
+
+def test_the_wheel_holds_and_wants_what_its_packages_do():
+    packed = re.search(r"^wheel.packages = \[\n(.*?)^\]", PROJECT, flags=re.M | re.S)[1]
+    assert re.findall(r'"(.*)"', packed) == [f"{package}/{package}" for package in sorted(WHEEL)]
+    wanted = {name for package in WHEEL[1:] for name in declared_for_pip(package)["always"]} - {*PACKAGES}
+    declared = re.search(r"^dependencies = \[\n(.*?)^\]", PROJECT, flags=re.M | re.S)[1]
+    assert set(re.findall(r'"(.*)"', declared)) == wanted
 
 
 @pytest.mark.parametrize("package", PACKAGES)
