@@ -5,8 +5,9 @@ from __future__ import annotations
 import pandas as pd
 
 from .reports import frame_of, report, reported
-from .table import Form, Row, listed, percent, text, tidy, value, written
+from .table import Form, Row, is_missing, listed, percent, text, tidy, value, written
 
+_SENSOR_HZ = 60
 _SIZES = ("50000", "10000", "1000")
 SCALING: dict[str, Form] = {
     "particles": text("particles", "{:,}"),
@@ -36,9 +37,18 @@ _STAGES = {
 }
 """What is timed by `midastouch bench`: key of its result, and words; with a colon, several of that kind."""
 
+
+def _fractions_of_60_hz(row: Row) -> str:
+    """How much of the sensor's rate the machine can do."""
+    rates = (row.get("end_to_end_hz"), row.get("converged_hz"))
+    return "; ".join("-" if is_missing(hz) else f"{min(100, 100 * hz / _SENSOR_HZ):.0f} %" for hz in rates)
+
+
 _RATES: dict[str, Form] = {
     "rate with 50,000 particles": text("end_to_end_hz", "{:.1f} Hz"),
     "rate once converged": text("converged_hz", "{:.1f} Hz"),
+    "share of 60 Hz with 50,000 particles; once converged": _fractions_of_60_hz,
+    "images while their age was measured": text("pose_age_hz", "{:.0f} Hz"),
     "exact look-ups, spread": percent("lookup_exact_share.spread", 2),
     "exact look-ups, converged": percent("lookup_exact_share.converged", 2),
     "renders": text("renders_per_s", "{:.0f} a second"),
@@ -75,6 +85,7 @@ def speed() -> pd.DataFrame:
         ["fine stage with 50k; 1k particles, p50", "; ".join(f"{fine[n]['p50']:.1f}" for n in _SIZES[::2]) + " ms"],
         ["image to estimate with 50k particles", f"{one['end_to_end_hz']:.0f} Hz"],
         ["image to estimate once converged", f"{one['converged_hz']:.0f} Hz"],
+        ["share of the sensor's 60 Hz: 50k particles; once converged", _fractions_of_60_hz(one)],
         [
             "look-up of 50k particles: spread; converged",
             _two(one["lookup_ms"]["50000"], one["lookup_converged_ms"]["50000"]),
@@ -97,11 +108,16 @@ def speed() -> pd.DataFrame:
         ],
         ["... its memory then", f"{one['filter_rss_mb']:.0f} MiB"],
         [
-            "age of an image when its transform is found, beside 500 Hz of transforms: p50; p95",
+            f"age of an image when its transform is found, beside 500 Hz of transforms{_images_sent(one)}: p50; p95",
             f"{one['pose_age_ms']['p50']:.0f}; {one['pose_age_ms']['p95']:.0f} ms",
         ],
     ]
     return listed(("what", "[bench]"), rows)
+
+
+def _images_sent(one: dict) -> str:
+    """At what rate; reports of before it was stored sent 30."""
+    return f" and {one['pose_age_hz']:.0f} images" if "pose_age_hz" in one else ""
 
 
 def rates(content: dict) -> pd.DataFrame:
