@@ -18,15 +18,16 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "VENV", tmp_path / ".venv")
     monkeypatch.setattr(tool, "PYTHON", tmp_path / ".venv" / "bin" / "python")
     monkeypatch.setattr(tool, "STAMPS", tmp_path / ".venv" / ".setup")
-    monkeypatch.setattr(tool, "RUNNING", tmp_path / ".venv" / ".setup" / "running")
-    monkeypatch.setattr(tool, "LOG", tmp_path / ".venv" / "setup.log")
+    monkeypatch.setattr(tool, "LOGS", tmp_path / ".venv" / "setup")
     monkeypatch.setattr(tool, "LOCK", tmp_path / "lock.txt")
     monkeypatch.setattr(tool, "FIX_EXPORTS", tmp_path / "fix.py")
     monkeypatch.setattr(tool, "INTERFACES", [tmp_path / "msgs"])
+    monkeypatch.setattr(tool, "PYTHON_ONLY", tmp_path / "only.cmake")
     monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
     monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
     (tmp_path / "lock.txt").write_text("numpy==1\n")
     (tmp_path / "fix.py").touch()
+    (tmp_path / "only.cmake").touch()
     (tmp_path / "msgs").mkdir()
     (tmp_path / "msgs" / "A.msg").write_text("bool a\n")
     (tmp_path / "kernels").mkdir()
@@ -37,11 +38,12 @@ def workspace(load_tool, tmp_path, monkeypatch):
     tool.ran = []
 
     def step(name):
-        def action(progress):
+        def action():
             tool.ran.append(name)
             if name == "environment":
                 tool.PYTHON.parent.mkdir(parents=True)
                 tool.PYTHON.touch()
+            return ()
 
         return action
 
@@ -75,6 +77,7 @@ def test_second_call_does_nothing(workspace, capsys):
     [
         ("lock.txt", ["dependencies", "interfaces", "kernels", "packages"]),
         ("msgs/A.msg", ["interfaces"]),
+        ("only.cmake", ["interfaces"]),
         ("kernels/a.cpp", ["kernels"]),
         ("package/setup.py", ["packages"]),
     ],
@@ -95,7 +98,7 @@ def test_renaming_a_message_is_a_change(workspace):
 def test_interrupted_installation_starts_anew(workspace, monkeypatch, step):
     with monkeypatch.context() as patch:
 
-        def interrupted(progress):
+        def interrupted():
             raise KeyboardInterrupt
 
         patch.setattr(workspace, step, interrupted)
@@ -106,16 +109,16 @@ def test_interrupted_installation_starts_anew(workspace, monkeypatch, step):
     assert not (workspace.VENV / "half a package").exists()
 
 
-def test_interrupted_build_goes_on_where_it_was(workspace, monkeypatch):
+def test_interrupted_build_goes_on_where_it_was(workspace, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
 
-        def fails(progress):
-            raise workspace.SetupError("no compiler")
+        def fails():
+            yield workspace.Command([sys.executable, "-c", "exit('no compiler')"], "")
 
         patch.setattr(workspace, "build_interfaces", fails)
-        with pytest.raises(workspace.SetupError):
-            again(workspace)
-    assert again(workspace) == ["interfaces", "kernels", "packages"]
+        with (tmp_path / "lock").open("w") as lock, pytest.raises(workspace.SetupError, match="no compiler"):
+            workspace.set_up(lock)
+    assert again(workspace) == ["interfaces"]
 
 
 def test_moved_environment_is_made_anew(workspace, monkeypatch):
@@ -163,17 +166,61 @@ print(sys.prefix, *sys.argv[1:])
     assert said == f"{sys.base_prefix} an argument\n"
 
 
-def test_failing_command_shows_its_end_and_the_mend(workspace, tmp_path):
-    workspace.VENV.mkdir()
-    with (tmp_path / "lock").open("w") as lock:
-        progress = workspace.Progress("step", lock)
-        command = [sys.executable, "-c", "print('early'); [print('line', i) for i in range(40)]; exit(3)"]
-        with pytest.raises(workspace.SetupError) as error:
-            workspace.run(command, progress, "Mend it so.")
+@pytest.fixture
+def steps(workspace, tmp_path):
+    """Take steps given by the Python code of their only command each; what they have printed is in their logs."""
+
+    def take(**codes):
+        workspace.STAMPS.mkdir(parents=True, exist_ok=True)
+        workspace.LOGS.mkdir(exist_ok=True)
+        steps = [
+            (name, "key", lambda code=code: [workspace.Command([sys.executable, "-c", code], "Mend it so.")], name)
+            for name, code in codes.items()
+        ]
+        with (tmp_path / "lock").open("w") as lock:
+            workspace.take(steps, workspace.Clock(), lock)
+
+    return take
+
+
+def test_failing_command_shows_its_end_and_the_mend(workspace, steps):
+    with pytest.raises(workspace.SetupError) as error:
+        steps(a="print('early'); [print('line', i) for i in range(40)]; exit(3)")
     assert "line 39" in str(error.value)
     assert "early" not in str(error.value)
     assert str(error.value).endswith("Mend it so.")
-    assert "early" in workspace.LOG.read_text()
+    assert "early" in (workspace.LOGS / "a.log").read_text()
+
+
+def test_steps_of_a_stage_run_at_the_same_time(workspace, steps, tmp_path, capsys):
+    """Each waits for the other one: opening a FIFO waits until its other end is opened, too."""
+    os.mkfifo(tmp_path / "fifo")
+    steps(a=f"open({str(tmp_path / 'fifo')!r}).read()", b=f"open({str(tmp_path / 'fifo')!r}, 'w').close()")
+    assert workspace.is_done("a", "key")
+    assert workspace.is_done("b", "key")
+    assert {line.split("s  ")[1] for line in capsys.readouterr().out.splitlines()} >= {"a: done", "b: done"}
+
+
+def test_a_step_that_fails_ends_the_others_and_leaves_them_to_be_done(workspace, steps, tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(workspace.SetupError):
+        steps(waits=f"open({str(tmp_path / 'fifo')!r}).read()", fails="exit(1)")
+    assert not workspace.is_done("waits", "key")
+    assert not workspace.is_done("fails", "key")
+
+
+def test_where_there_is_no_terminal_lines_tell_that_it_goes_on(workspace, monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(workspace.time, "monotonic", lambda: now[0])
+    clock = workspace.Clock()
+    for now[0] in range(13):
+        clock.tick(["messages", "compiled inner loops"])
+    clock.say("messages: done")
+    assert [line.split() for line in capsys.readouterr().out.splitlines()] == [
+        ["5", "s", "messages;", "compiled", "inner", "loops", "..."],
+        ["10", "s", "messages;", "compiled", "inner", "loops", "..."],
+        ["12", "s", "messages:", "done"],
+    ]
 
 
 def test_a_killed_set_up_keeps_others_out_until_its_command_ends(root, tmp_path):
@@ -183,11 +230,12 @@ import fcntl, sys, pathlib
 sys.path.insert(0, {str(root / "tools")!r})
 sys.dont_write_bytecode = True
 import setup_workspace as tool
-tool.LOG = pathlib.Path({str(tmp_path / "log")!r})
+tool.STAMPS = tool.LOGS = pathlib.Path({str(tmp_path)!r})
 with open({str(tmp_path / "lock")!r}, "w") as lock:
     fcntl.flock(lock, fcntl.LOCK_EX)
     child = "import sys; print('up', flush=True); sys.stdin.close(); open({str(tmp_path / "fifo")!r}).read()"
-    tool.run([sys.executable, "-c", child], tool.Progress("step", lock), "")
+    step = lambda: [tool.Command([sys.executable, "-c", child], "")]
+    tool.take([("step", "key", step, "step")], tool.Clock(), lock)
 """
     os.mkfifo(tmp_path / "fifo")
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL)

@@ -3,12 +3,12 @@
 Every target of the Makefile calls it. Each step that succeeds writes a stamp with a hash of its inputs. A step whose
 stamp is right is skipped, so a second call takes a fraction of a second. A set-up that was interrupted while it
 installed packages starts again from an empty environment, because its state is unknown; pip's cache makes that quick.
+Steps that do not need each other run at the same time.
 
 It uses nothing but the standard library of any Python 3, so that an old Python, too, can report that 3.10 is needed.
 """
 
 import argparse
-import contextlib
 import fcntl
 import hashlib
 import os
@@ -26,13 +26,14 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 STAMPS = VENV / ".setup"
-RUNNING = STAMPS / "running"
-LOG = VENV / "setup.log"
-PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install"]
+LOGS = VENV / "setup"
+# Python compiles a module when it is first imported; pip would compile all of them, which takes as long as the rest.
+PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install", "--no-compile"]
 
 LOCK = ROOT / "tools" / "requirements" / "lock.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
+PYTHON_ONLY = ROOT / "tools" / "ros_wheels" / "python_only.cmake"
 KERNELS = ROOT / "midastouch_kernels"
 PACKAGES = sorted(manifest.parent for manifest in ROOT.glob("*/setup.py"))
 
@@ -57,73 +58,97 @@ def content_hash(paths, *extra):
     return digest.hexdigest()
 
 
-class Progress:
-    """One line per step: with a running clock on a terminal, otherwise written at the start and the end of the step."""
+class Command:
+    """A command of a step: its words, variables added to its environment, and what to do if it fails."""
 
-    def __init__(self, title, lock):
-        self.lock = lock
-        self._title = f"{title:<56}"
-        self._start = time.monotonic()
+    def __init__(self, words, fix, **environment):
+        self.words = list(map(str, words))
+        self.fix = fix
+        self.environment = environment
+
+
+class Clock:
+    """What is being done and for how long: over itself on a terminal, otherwise as a line every few seconds."""
+
+    _LINE_EVERY_S = 5
+
+    def __init__(self):
+        self._start = self._said = time.monotonic()
         self._terminal = sys.stdout.isatty()
-        print(self._title, end="", flush=True)
 
-    def tick(self):
+    def tick(self, titles):
+        now = time.monotonic()
+        line = f"{now - self._start:5.0f} s  {'; '.join(titles)} ..."
         if self._terminal:
-            print(f"\r{self._title}{self._elapsed()}", end="", flush=True)
+            print(f"\r\033[K{line[: shutil.get_terminal_size().columns - 1]}", end="", flush=True)
+        elif now - self._said >= self._LINE_EVERY_S:
+            self._said = now
+            print(line, flush=True)
 
-    def end(self, note=""):
-        print((f"\r{self._title}" if self._terminal else "") + self._elapsed(), note, flush=True)
-
-    def _elapsed(self):
-        return f"{time.monotonic() - self._start:5.0f} s"
-
-
-def run(command, progress, fix, **environment):
-    """Run a command and write its output into the log. Raises SetupError with the end of that output and the fix."""
-    variables = {**os.environ, **environment}
-    # The environment's Python re-executes itself once and marks that here; the mark of another Python must go.
-    variables.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-    with LOG.open("ab") as log:
-        log.write(f"\n$ {' '.join(map(str, command))}\n".encode())
-        log.flush()
-        begin = log.tell()
-        process = subprocess.Popen(
-            [str(word) for word in command],
-            cwd=str(ROOT),
-            env=variables,
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            # The command inherits the lock, which then outlasts this process if that is killed.
-            pass_fds=[progress.lock.fileno()],
-        )
-        try:
-            while process.poll() is None:
-                progress.tick()
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(timeout=1)
-        except BaseException:
-            process.terminate()
-            process.wait()
-            raise
-    if process.returncode:
-        tail = LOG.read_bytes()[begin:].decode(errors="replace").rstrip().splitlines()[-25:]
-        raise SetupError("\n".join(["", *("    " + line for line in tail), "", fix]))
+    def say(self, words):
+        self._said = time.monotonic()
+        clear = "\r\033[K" if self._terminal else ""
+        print(f"{clear}{self._said - self._start:5.0f} s  {words}", flush=True)
 
 
-def make_environment(progress):
-    run(
+class Task:
+    """A step that is under way, one command after the other; their output goes into its log.
+
+    A command inherits `lock`, which then outlasts this process if that is killed.
+    """
+
+    def __init__(self, name, title, commands, lock):
+        self.title = title
+        self._log = LOGS / f"{name}.log"
+        self._commands, self._lock = iter(commands), lock
+        self._process = None
+
+    def goes_on(self):
+        """Start the next command if the last one has ended; whether there is one. SetupError if the last has failed."""
+        if self._process is not None and self._process.poll() is None:
+            return True
+        if self._process is not None and self._process.returncode:
+            tail = self._log.read_bytes()[self._begin :].decode(errors="replace").rstrip().splitlines()[-25:]
+            raise SetupError("\n".join(["", *("    " + line for line in tail), "", self._command.fix]))
+        self._command = next(self._commands, None)
+        if self._command is None:
+            return False
+        variables = {**os.environ, **self._command.environment}
+        # The environment's Python re-executes itself once and marks that here; the mark of another Python must go.
+        variables.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+        with self._log.open("ab") as log:
+            log.write(f"\n$ {' '.join(self._command.words)}\n".encode())
+            log.flush()
+            self._begin = log.tell()
+            self._process = subprocess.Popen(
+                self._command.words,
+                cwd=str(ROOT),
+                env=variables,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=[self._lock.fileno()],
+            )
+        return True
+
+    def end(self):
+        """Break off the command."""
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait()
+
+
+def make_environment():
+    yield Command(
         [sys.executable, "-m", "venv", VENV],
-        progress,
         f"{sys.executable} -m venv failed. Is the disk full? Another Python: make PYTHON=python3.12 ...",
     )
 
 
-def install_dependencies(progress):
+def install_dependencies():
     # The lock names every dependency, so pip has nothing to resolve.
-    run(
+    yield Command(
         [*PIP_INSTALL, "--progress-bar", "off", "--no-deps", "--requirement", LOCK],
-        progress,
         "pip could not install the packages. Check the network (behind a proxy set HTTPS_PROXY, with an own "
         "index PIP_INDEX_URL) and the free disk space (2 GB), then run make again.",
         PIP_DEFAULT_TIMEOUT=os.environ.get("PIP_DEFAULT_TIMEOUT", "60"),
@@ -131,38 +156,38 @@ def install_dependencies(progress):
     )
     site_packages = next(VENV.glob("lib/python3.*/site-packages"))
     (site_packages / "ros_wheels_environment.pth").write_text(ENVIRONMENT_PTH)
-    run([PYTHON, FIX_EXPORTS], progress, "tools/ros_wheels/fix_exports.py failed.")
+    yield Command([PYTHON, FIX_EXPORTS], "tools/ros_wheels/fix_exports.py failed.")
 
 
-def build_interfaces(progress):
-    build_with_cmake(progress, INTERFACES)
+def build_interfaces():
+    for source in INTERFACES:
+        yield from build_with_cmake(source, f"-DCMAKE_PROJECT_INCLUDE={PYTHON_ONLY}")
 
 
-def build_kernels(progress):
-    build_with_cmake(progress, [KERNELS])
+def build_kernels():
+    yield from build_with_cmake(KERNELS)
 
 
-def build_with_cmake(progress, sources):
+def build_with_cmake(source, *options):
     variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
-    for source in sources:
-        fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
-        build = VENV / "build" / source.name
-        # A message that was removed from the sources must be removed from the environment as well.
-        manifest = build / "install_manifest.txt"
-        for installed in manifest.read_text().splitlines() if manifest.exists() else []:
-            Path(installed).unlink(missing_ok=True)
-        shutil.rmtree(build, ignore_errors=True)
-        configure = ["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
-        configure += [f"-DCMAKE_INSTALL_PREFIX={VENV}", f"-DPython3_EXECUTABLE={PYTHON}"]
-        run(configure, progress, fix, **variables)
-        install = ["cmake", "--build", build, "--target", "install", "--parallel", os.cpu_count() or 1]
-        run(install, progress, fix, **variables)
+    fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
+    build = VENV / "build" / source.name
+    # A message that was removed from the sources must be removed from the environment as well.
+    manifest = build / "install_manifest.txt"
+    for installed in manifest.read_text().splitlines() if manifest.exists() else []:
+        Path(installed).unlink(missing_ok=True)
+    shutil.rmtree(build, ignore_errors=True)
+    configure = ["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
+    configure += [f"-DCMAKE_INSTALL_PREFIX={VENV}", f"-DPython3_EXECUTABLE={PYTHON}", *options]
+    yield Command(configure, fix, **variables)
+    install = ["cmake", "--build", build, "--target", "install", "--parallel", os.cpu_count() or 1]
+    yield Command(install, fix, **variables)
 
 
-def install_packages(progress):
+def install_packages():
     command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
     command += [argument for package in PACKAGES for argument in ("--editable", package)]
-    run(command, progress, "Installing the packages of this workspace failed.")
+    yield Command(command, "Installing the packages of this workspace failed.")
     # What colcon would install to share (package.xml, launch, config, ...) is linked, so that it is always current.
     index = VENV / "share" / "ament_index" / "resource_index" / "packages"
     for package in PACKAGES:
@@ -183,7 +208,7 @@ def remove_unusable_environment():
         raise SetupError(f"{VENV} was not made by this set-up. Move it away or remove it, then run make again.")
     made_for = STAMPS / "environment"
     reason = None
-    interrupted = RUNNING.exists() and RUNNING.read_text() in ("environment", "dependencies")
+    interrupted = any(is_done(name, UNFINISHED) for name in ("environment", "dependencies"))
     if interrupted or not made_for.exists():
         reason = "an earlier set-up was interrupted"
     elif not PYTHON.exists():
@@ -212,42 +237,54 @@ def set_up(lock):
     remove_unusable_environment()
     dependencies_key = content_hash([LOCK, FIX_EXPORTS], ENVIRONMENT_PTH)
     described_by = [p / name for p in PACKAGES for name in ("setup.py", "setup.cfg", "package.xml")]
-    steps = [
-        ("environment", environment_key(), make_environment, "virtual environment"),
-        ("dependencies", dependencies_key, install_dependencies, "ROS 2 Jazzy and libraries, about 1 GB"),
-        (
-            "interfaces",
-            content_hash(INTERFACES, dependencies_key),
-            build_interfaces,
-            "messages: " + ", ".join(source.name for source in INTERFACES),
-        ),
-        ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
-        (
-            "packages",
-            content_hash(described_by, dependencies_key),
-            install_packages,
-            "packages of the workspace",
-        ),
+    # the steps of a stage do not need each other
+    stages = [
+        [("environment", environment_key(), make_environment, "virtual environment")],
+        [("dependencies", dependencies_key, install_dependencies, "ROS 2 Jazzy and libraries, about 1 GB")],
+        [
+            ("interfaces", content_hash([*INTERFACES, PYTHON_ONLY], dependencies_key), build_interfaces, "messages"),
+            ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
+            ("packages", content_hash(described_by, dependencies_key), install_packages, "packages of the workspace"),
+        ],
     ]
-    todo = [step for step in steps if not is_done(*step[:2])]
-    if not todo:
+    stages = [[step for step in stage if not is_done(*step[:2])] for stage in stages]
+    if not any(stages):
         return
     check_machine()
     STAMPS.mkdir(parents=True, exist_ok=True)
-    LOG.write_text("")
-    print(f"Setting up .venv with Python {platform.python_version()}, details in {LOG.relative_to(ROOT)}")
-    for number, (name, key, action, title) in enumerate(todo, 1):
-        progress = Progress(f"[{number}/{len(todo)}] {title}", lock)
-        RUNNING.write_text(name)
-        (STAMPS / name).unlink(missing_ok=True)
-        try:
-            action(progress)
-        except BaseException:
-            progress.end("failed")
-            raise
-        (STAMPS / name).write_text(key)
-        RUNNING.unlink()
-        progress.end()
+    shutil.rmtree(LOGS, ignore_errors=True)
+    LOGS.mkdir()
+    print(f"Setting up .venv with Python {platform.python_version()}, details in {LOGS.relative_to(ROOT)}/")
+    clock = Clock()
+    for stage in stages:
+        take(stage, clock, lock)
+
+
+def take(steps, clock, lock):
+    """Take steps at the same time, and stamp each that is done. If one fails, the others are broken off."""
+    tasks = {}
+    try:
+        for name, key, action, title in steps:
+            (STAMPS / name).write_text(UNFINISHED)
+            tasks[name, key] = Task(name, title, action(), lock)
+        while tasks:
+            for (name, key), task in list(tasks.items()):
+                if not task.goes_on():
+                    (STAMPS / name).write_text(key)
+                    clock.say(f"{task.title}: done")
+                    del tasks[name, key]
+            if tasks:
+                clock.tick([task.title for task in tasks.values()])
+                time.sleep(0.1)
+    except BaseException:
+        for task in tasks.values():
+            task.end()
+        clock.say(f"{'; '.join(task.title for task in tasks.values())}: not finished")
+        raise
+
+
+UNFINISHED = "unfinished"
+"""Stamp of a step that is under way, or was when the set-up was killed."""
 
 
 def is_done(name, key):
