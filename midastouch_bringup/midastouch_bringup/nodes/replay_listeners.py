@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
 
 from midastouch_common.message_arrays import stamp_ns
@@ -95,8 +94,8 @@ class Listeners:
         return []
 
 
-def _names(infos: Iterable[TopicEndpointInfo]) -> set[str]:
-    """Full names of the nodes that endpoints belong to, as far as they are known yet."""
+def _names(infos: Iterable) -> set[str]:
+    """Full names of the nodes that endpoints (rclpy's `TopicEndpointInfo`) belong to, as far as they are known yet."""
     return {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if info.node_name != _UNKNOWN}
 
 

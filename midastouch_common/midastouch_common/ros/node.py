@@ -24,6 +24,13 @@ class PipelineNode(Node):
     have.
     """
 
+    def __init__(self, *args, **options) -> None:
+        super().__init__(*args, **options)
+        # After Jazzy a context destroys the nodes that are left when it is shut down, and so those that could not be
+        # made, of which `destroy_node` would find only a part.
+        if hasattr(self.context, "untrack_node"):
+            self.context.untrack_node(self)
+
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile, **options) -> Publisher:
         """As rclpy's; the QoS can be overridden by parameters."""
         return self._overridable(super().create_publisher, msg_type, topic, (), qos_profile, options)
