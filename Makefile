@@ -1,10 +1,14 @@
 # make demo | make test | make test-all | make bench | make lint | make soak [MINUTES=10] [MESH=mug.ply] | make audit
 # make evidence [ARGS=--list] | make evidence-check
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
+# Another ROS distribution, in an environment of its own, here .venv-kilted: make ROS=kilted test
 
 PYTHON ?= python3
 MINUTES ?= 10
-BIN := .venv/bin
+TESTS ?= not slow
+# Not what the environment may say: a name as short as this may mean anything there.
+ROS := jazzy
+BIN := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))/bin
 
 # Without bytecode, every process of the tests would compile all modules and tests again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -21,9 +25,10 @@ endif
 demo: setup
 	$(BIN)/midastouch demo
 
-# Without what takes long, a file at a time on every core, which needs no threads beside: under four minutes on two.
+# The tests with these marks: not what takes long. A file at a time on every core, which needs no threads beside: under
+# four minutes on two.
 test: lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" \
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "$(TESTS)" \
 		--numprocesses logical --maxprocesses 4 --dist loadfile
 
 test-all: lint
@@ -53,10 +58,10 @@ soak: setup
 audit:
 	$(PYTHON) -m venv out/audit
 	out/audit/bin/pip install --quiet pip-audit==2.10.1
-	out/audit/bin/pip-audit --require-hashes --disable-pip --requirement tools/requirements/lock.txt
+	out/audit/bin/pip-audit --require-hashes --disable-pip --requirement tools/requirements/lock_$(ROS).txt
 
 lint: setup
 	$(BIN)/ruff check .
 
 setup:
-	@$(PYTHON) tools/setup_workspace.py
+	@ROS=$(ROS) $(PYTHON) tools/setup_workspace.py

@@ -6,6 +6,8 @@ import sys
 
 from documents import DOCUMENTS, ROOT, table
 
+from midastouch_bringup.ros_distribution import KNOWN
+
 
 def test_every_package_is_in_the_table():
     packages = {p.parent.name for p in ROOT.glob("*/package.xml")}
@@ -21,6 +23,17 @@ def test_every_dependency_is_listed_with_its_licence():
     for row in rows.values():
         assert len(row) == 3
         assert all(row)
+
+
+def test_distributions_are_what_doctor_calls_them():
+    """And only those with wheels can be tested."""
+    rows = {row[0].split()[0]: row[1:] for row in table("docs/platforms.md", "## Distributions of ROS 2")}
+    wheels = {path.stem.title() for path in (ROOT / "tools" / "ros_wheels").glob("*.txt")}
+    assert {name for name, (state, _) in rows.items() if state == "tested"} == wheels
+    for beginning, (name, said) in KNOWN.items():
+        state, known = rows[name]
+        assert said.startswith(state)
+        assert f"{beginning[:-1]}." in known
 
 
 def test_python_versions_are_those_of_the_packages():

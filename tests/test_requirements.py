@@ -6,11 +6,12 @@ import pytest
 import yaml
 
 SUPPORTED = ["3.10", "3.11", "3.12", "3.13"]
-SOURCES = ["ros_wheels/run.txt", "ros_wheels/build.txt", "requirements/base.txt", "requirements/dev.txt"]
+LIBRARIES = ["requirements/base.txt", "requirements/dev.txt"]
+DISTRIBUTIONS = ["jazzy", "kilted"]
 
 
-def pins(path, python: str) -> dict[str, str]:
-    """{normalised name: version} of the lines that hold for a Python version."""
+def pins(path, python: str, machine: str = "x86_64") -> dict[str, str]:
+    """{normalised name: version} of the lines that hold for a Python version on a machine."""
     requirements = pytest.importorskip("packaging.requirements")
     utils = pytest.importorskip("packaging.utils")
     found = {}
@@ -18,7 +19,8 @@ def pins(path, python: str) -> dict[str, str]:
         if not line or line.startswith(("#", "--")):
             continue
         requirement = requirements.Requirement(line.partition(" --hash=")[0])
-        if requirement.marker and not requirement.marker.evaluate({"python_version": python}):
+        where = {"python_version": python, "platform_machine": machine}
+        if requirement.marker and not requirement.marker.evaluate(where):
             continue
         (specifier,) = requirement.specifier
         assert specifier.operator == "==", line
@@ -28,24 +30,53 @@ def pins(path, python: str) -> dict[str, str]:
     return found
 
 
+def lock(root, distribution: str):
+    return root / "tools" / "requirements" / f"lock_{distribution}.txt"
+
+
+def test_there_is_a_lock_for_every_distribution_with_wheels(root):
+    assert sorted(path.stem for path in (root / "tools" / "ros_wheels").glob("*.txt")) == DISTRIBUTIONS
+    assert sorted(lock(root, "*").parent.glob("lock_*.txt")) == [lock(root, name) for name in DISTRIBUTIONS]
+
+
 @pytest.mark.parametrize("python", SUPPORTED)
-@pytest.mark.parametrize("source", SOURCES)
-def test_lock_holds_every_pin(root, source, python):
-    wanted = pins(root / "tools" / source, python)
-    locked = pins(root / "tools" / "requirements" / "lock.txt", python)
-    assert wanted
-    assert wanted.items() <= locked.items()
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_lock_holds_every_pin(root, distribution, python):
+    locked = pins(lock(root, distribution), python)
+    for source in (f"ros_wheels/{distribution}.txt", *LIBRARIES):
+        wanted = pins(root / "tools" / source, python)
+        assert wanted
+        assert wanted.items() <= locked.items()
+
+
+@pytest.mark.parametrize("python", SUPPORTED)
+def test_distributions_differ_in_ros_alone(root, python):
+    """What makes estimates is the same, and so are they. ROS names the libraries that its build tools need."""
+    jazzy, kilted = (
+        {name: version for name, version in pins(lock(root, distribution), python).items() if name[:4] != "ros-"}
+        for distribution in DISTRIBUTIONS
+    )
+    assert jazzy == kilted
+
+
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_arm64_has_all_but_ros(root, distribution):
+    for python in SUPPORTED:
+        here, there = (pins(lock(root, distribution), python, machine).keys() for machine in ("x86_64", "aarch64"))
+        assert there <= here
+        assert {name for name in here - there if not name.startswith("ros-")} <= {"ur-rtde"}
+        assert not any(name.startswith("ros-") for name in there)
 
 
 @pytest.mark.parametrize("python", SUPPORTED)
 def test_base_install_has_no_torch(root, python):
-    locked = pins(root / "tools" / "requirements" / "lock.txt", python)
-    assert not {"torch", "open3d"} & locked.keys()
+    assert not {"torch", "open3d"} & pins(lock(root, "jazzy"), python).keys()
 
 
-def test_every_package_is_locked_by_its_content(root):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_every_package_is_locked_by_its_content(root, distribution):
     """One line without a sum, and pip takes whatever the index serves under that name."""
-    lines = (root / "tools" / "requirements" / "lock.txt").read_text().splitlines()
+    lines = lock(root, distribution).read_text().splitlines()
     packages = [line for line in lines if "==" in line]
     assert len(packages) > 100
     assert [line for line in packages if not re.search(r"( --hash=sha256:[0-9a-f]{64})+$", line)] == []

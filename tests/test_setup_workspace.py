@@ -135,6 +135,14 @@ def test_environment_of_someone_else_is_left_alone(workspace):
     assert (workspace.VENV / "theirs").exists()
 
 
+def test_a_distribution_without_wheels_is_named_with_those_that_have_some(load_tool, monkeypatch):
+    monkeypatch.setenv("ROS", "humble")
+    tool = load_tool("setup_workspace")
+    assert tool.VENV.name == ".venv-humble"
+    with pytest.raises(tool.SetupError, match=r"ROS=humble: .* only: jazzy, kilted"):
+        tool.set_up(lock=None)
+
+
 def test_unsupported_python_is_named(load_tool, monkeypatch):
     tool = load_tool("setup_workspace")
     monkeypatch.setattr(tool.sys, "version_info", (3, 9, 1))

@@ -1,4 +1,5 @@
-"""Write tools/requirements/lock.txt: every package of the set-up, dependencies included, pinned by version and content.
+"""Write tools/requirements/lock_*.txt, one for each ROS distribution of tools/ros_wheels: every package of the set-up,
+dependencies included, pinned by version and content.
 
 Run it after changing a requirement file, with one interpreter of each supported Python version:
 
@@ -13,32 +14,30 @@ import tempfile
 from pathlib import Path
 
 TOOLS = Path(__file__).resolve().parent
-SOURCES = [
-    TOOLS / "ros_wheels" / "run.txt",
-    TOOLS / "ros_wheels" / "build.txt",
-    TOOLS / "requirements" / "base.txt",
-    TOOLS / "requirements" / "dev.txt",
-]
-LOCK = TOOLS / "requirements" / "lock.txt"
+DISTRIBUTIONS = sorted((TOOLS / "ros_wheels").glob("*.txt"))
+LIBRARIES = [TOOLS / "requirements" / "base.txt", TOOLS / "requirements" / "dev.txt"]
 # The one package without a wheel; it is pure Python.
 SOURCE_ONLY = "empy"
+FILES = ["--only-binary", ":all:", "--no-binary", SOURCE_ONLY]
 HEADER = f"""\
 # Written by tools/lock_requirements.py: do not edit.
---only-binary :all:
---no-binary {SOURCE_ONLY}
+{" ".join(FILES[:2])}
+{" ".join(FILES[2:])}
 """
+# The oldest glibc that all libraries have wheels for, and what runs there, too.
+ARM64 = [option for glibc in ("2_28", "2_27", "2_17") for option in ("--platform", f"manylinux_{glibc}_aarch64")]
+# What has wheels for x86-64 only, by the beginnings of names: ROS, and a library that only tests of ours ask for.
+ONLY_X86_64 = ("ros-", "ur_rtde")
 
 
-def resolve(interpreter: str, constraints: list[str]) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Let pip resolve the requirement files: returns the Python version "3.x" and {package: (version, SHA-256)}."""
+def ask_pip(interpreter: str, options: list[str], requirements: list[str]) -> tuple[str, dict[str, tuple[str, str]]]:
+    """What pip would install: the Python version "3.x" and {package: (version, SHA-256)}."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
-        pins = Path(folder) / "constraints.txt"
-        pins.write_text("\n".join(constraints))
+        named = Path(folder) / "requirements.txt"
+        named.write_text("\n".join(requirements))
         command = [sys.executable, "-m", "pip", "--python", interpreter, "install", "--quiet", "--dry-run"]
-        command += ["--ignore-installed", "--only-binary", ":all:", "--no-binary", SOURCE_ONLY]
-        command += ["--report", str(report), "--constraint", str(pins)]
-        command += [option for source in SOURCES for option in ("--requirement", str(source))]
+        command += ["--ignore-installed", *FILES, "--report", str(report), *options, str(named)]
         subprocess.run(command, check=True)
         result = json.loads(report.read_text())
     packages = {
@@ -51,30 +50,45 @@ def resolve(interpreter: str, constraints: list[str]) -> tuple[str, dict[str, tu
     return result["environment"]["python_version"], packages
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("interpreters", nargs="+", help="one Python of each supported version, oldest first")
+def lock(distribution: Path, interpreters: list[str]) -> str:
+    """The lines of the lock of one ROS distribution."""
     versions: dict[str, dict[str, list[str]]] = {}
     sums: dict[tuple[str, str], set[str]] = {}
-    newest: dict[str, str] = {}
-    for interpreter in parser.parse_args().interpreters:
+    newest: list[str] = []
+    sources = [option for source in (distribution, *LIBRARIES) for option in ("--requirement", str(source))]
+    for interpreter in interpreters:
         # Later versions get what Python 3.11 gets: fewer combinations to test.
         # Python 3.10 is the exception, as several packages have dropped it.
-        python, packages = resolve(interpreter, [f"{name}=={version}" for name, version in newest.items()])
+        python, packages = ask_pip(interpreter, [*sources, "--constraint"], newest)
+        exact = [f"{name}=={version}" for name, (version, _) in packages.items()]
         if python != "3.10":
-            newest.update({name: version for name, (version, _) in packages.items()})
-        for name, (version, digest) in packages.items():
+            newest = exact
+        libraries = [pin for pin in exact if not pin.startswith(ONLY_X86_64)]
+        other_machine = [*ARM64, "--python-version", python, "--target", "unused", "--no-deps", "--requirement"]
+        _, for_arm64 = ask_pip(interpreter, other_machine, libraries)
+        for name, (version, digest) in [*packages.items(), *for_arm64.items()]:
             sums.setdefault((name, version), set()).add(digest)
+        for name, (version, _) in packages.items():
             versions.setdefault(name, {}).setdefault(version, []).append(python)
-        print(f"Python {python}: {len(packages)} packages")
+        print(f"{distribution.stem}, Python {python}: {len(packages)} packages, {len(for_arm64)} on arm64")
     pythons = {python for chosen in versions.values() for users in chosen.values() for python in users}
     lines = []
     for name in sorted(versions, key=str.lower):
         for version, users in versions[name].items():
-            marker = " or ".join(f'python_version == "{python}"' for python in users)
+            markers = [] if set(users) == pythons else [" or ".join(f'python_version == "{p}"' for p in users)]
+            markers += ['platform_machine == "x86_64"'] if name.startswith(ONLY_X86_64) else []
+            marker = " and ".join(f"({m})" if " or " in m and len(markers) > 1 else m for m in markers)
             hashes = "".join(f" --hash=sha256:{digest}" for digest in sorted(sums[name, version]))
-            lines.append(f"{name}=={version}" + (f" ; {marker}" if set(users) != pythons else "") + hashes)
-    LOCK.write_text(HEADER + "\n".join(lines) + "\n")
+            lines.append(f"{name}=={version}" + (f" ; {marker}" if marker else "") + hashes)
+    return HEADER + "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("interpreters", nargs="+", help="one Python of each supported version, oldest first")
+    interpreters = parser.parse_args().interpreters
+    for distribution in DISTRIBUTIONS:
+        (TOOLS / "requirements" / f"lock_{distribution.stem}.txt").write_text(lock(distribution, interpreters))
 
 
 if __name__ == "__main__":

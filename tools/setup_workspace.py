@@ -1,9 +1,10 @@
-"""Make .venv ready: ROS 2 from PyPI wheels, the pinned packages, our messages, our Python packages.
+"""Make an environment ready: ROS 2 from PyPI wheels, the pinned packages, our messages, our Python packages.
 
-Every target of the Makefile calls it. Each step that succeeds writes a stamp with a hash of its inputs. A step whose
-stamp is right is skipped, so a second call takes a fraction of a second. A set-up that was interrupted while it
-installed packages starts again from an empty environment, because its state is unknown; pip's cache makes that quick.
-Steps that do not need each other run at the same time.
+Every target of the Makefile calls it. The variable ROS names the distribution: jazzy, which lives in .venv, or another
+one, which gets an environment of its own beside it. Each step that succeeds writes a stamp with a hash of its inputs. A
+step whose stamp is right is skipped, so a second call takes a fraction of a second. A set-up that was interrupted while
+installed packages starts again from an empty environment, as its state is unknown; pip's cache makes that quick. Steps
+that do not need each other run at the same time.
 
 It uses nothing but the standard library of any Python 3, so that an old Python, too, can report that 3.10 is needed.
 """
@@ -23,14 +24,15 @@ from pathlib import Path
 from supported_machine import SetupError, check_machine, use_supported_python
 
 ROOT = Path(__file__).resolve().parent.parent
-VENV = ROOT / ".venv"
+ROS = os.environ.get("ROS", "jazzy")
+VENV = ROOT / (".venv" if ROS == "jazzy" else f".venv-{ROS}")
 PYTHON = VENV / "bin" / "python"
 STAMPS = VENV / ".setup"
 LOGS = VENV / "setup"
 # Python compiles a module when it is first imported; pip would compile all of them, which takes as long as the rest.
 PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install", "--no-compile"]
 
-LOCK = ROOT / "tools" / "requirements" / "lock.txt"
+LOCK = ROOT / "tools" / "requirements" / f"lock_{ROS}.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 PYTHON_ONLY = ROOT / "tools" / "ros_wheels" / "python_only.cmake"
@@ -170,7 +172,7 @@ def build_kernels():
 
 def build_with_cmake(source, *options):
     variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
-    fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
+    fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf {VENV.name} and run make again."
     build = VENV / "build" / source.name
     # A message that was removed from the sources must be removed from the environment as well.
     manifest = build / "install_manifest.txt"
@@ -216,7 +218,7 @@ def remove_unusable_environment():
     elif made_for.read_text() != environment_key():
         reason = "it was made in another folder"
     if reason:
-        print(f".venv is made again: {reason}")
+        print(f"{VENV.name} is made again: {reason}")
         shutil.rmtree(VENV)
 
 
@@ -233,14 +235,22 @@ def environment_key():
     return content_hash([], str(ROOT))
 
 
+def check_distribution():
+    """Raise SetupError if there are no wheels of the ROS distribution."""
+    if not LOCK.exists():
+        known = ", ".join(sorted(file.stem.removeprefix("lock_") for file in LOCK.parent.glob("lock_*.txt")))
+        raise SetupError(f"ROS={ROS}: there are wheels of these distributions only: {known}. See docs/platforms.md.")
+
+
 def set_up(lock):
+    check_distribution()
     remove_unusable_environment()
     dependencies_key = content_hash([LOCK, FIX_EXPORTS], ENVIRONMENT_PTH)
     described_by = [p / name for p in PACKAGES for name in ("setup.py", "setup.cfg", "package.xml")]
     # the steps of a stage do not need each other
     stages = [
         [("environment", environment_key(), make_environment, "virtual environment")],
-        [("dependencies", dependencies_key, install_dependencies, "ROS 2 Jazzy and libraries, about 1 GB")],
+        [("dependencies", dependencies_key, install_dependencies, f"ROS 2 {ROS.title()} and libraries, about 1 GB")],
         [
             ("interfaces", content_hash([*INTERFACES, PYTHON_ONLY], dependencies_key), build_interfaces, "messages"),
             ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
@@ -254,7 +264,7 @@ def set_up(lock):
     STAMPS.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(LOGS, ignore_errors=True)
     LOGS.mkdir()
-    print(f"Setting up .venv with Python {platform.python_version()}, details in {LOGS.relative_to(ROOT)}/")
+    print(f"Setting up {VENV.name} with Python {platform.python_version()}, details in {LOGS.relative_to(ROOT)}/")
     clock = Clock()
     for stage in stages:
         take(stage, clock, lock)

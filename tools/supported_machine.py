@@ -20,7 +20,7 @@ def check_machine():
     if sys.platform != "linux" or platform.machine() != "x86_64":
         raise SetupError(
             f"The ROS 2 wheels exist for Linux on x86-64 only, this is {platform.system()} on "
-            f"{platform.machine()}. Use a system ROS 2 Jazzy and colcon (CONTRIBUTING.md) or docker/."
+            f"{platform.machine()}. Use a system ROS 2 and colcon (CONTRIBUTING.md) or docker/; see docs/platforms.md."
         )
     if not OLDEST <= sys.version_info[:2] <= NEWEST:
         raise SetupError(

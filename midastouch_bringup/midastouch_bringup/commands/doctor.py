@@ -25,9 +25,9 @@ MODULES = (
     ("onnxruntime", "onnxruntime", "networks", True, _SET_UP),
     ("matplotlib", "matplotlib", "plots", True, _SET_UP),
     ("rosbags", "rosbags", "bags", True, _SET_UP),
-    ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
+    ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2"),
     ("midastouch_msgs.msg", "midastouch_msgs", "our messages", True, f"{_SET_UP}, or colcon build"),
-    ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
+    ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2"),
     ("midastouch_kernels", "midastouch_kernels", "compiled inner loops", True, f"{_SET_UP}, or colcon build"),
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
@@ -63,11 +63,13 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..machine import machine_info
+    from ..ros_distribution import ros_distribution
     from ..text_table import text_table
 
     info = machine_info()
     print(f"{info['cpu']}, {info['cores']} cores, {info['memory_gib']} GiB, {info['system']}")
-    print(f"Python {info['python']}\n")
+    print(f"Python {info['python']}")
+    print(ros_distribution() or "no ROS 2", end="\n\n")
     rows, fixes = [], []
     for module, distribution, purpose, required, fix in MODULES:
         version, problem = _module_state(module, distribution)
