@@ -50,6 +50,13 @@ def test_bases_are_stages_or_tagged_images(stage):
     assert base in STAGES or re.fullmatch(r"ros:jazzy-ros-base-noble(@sha256:[0-9a-f]{64})?", base)
 
 
+@pytest.mark.parametrize("path", sorted(DOCKER.iterdir()), ids=lambda path: path.name)
+def test_nothing_is_of_one_kind_of_machine(path):
+    """The image is built for x86-64 and arm64 from the same text; the one who builds says for which."""
+    instructions = re.sub(r"^\s*#.*\n", "", path.read_text(), flags=re.M)
+    assert re.findall(r"--platform|\bplatform:|x86|amd64|i386|arm64|aarch64", instructions) == []
+
+
 @pytest.mark.parametrize("stage", FINAL)
 def test_final_images_run_as_a_user_who_is_not_root(stage):
     users = [argument for word, argument in history(stage) if word == "USER"]

@@ -54,6 +54,8 @@ def results(module) -> dict[str, np.ndarray]:
     lights = rng.standard_normal((3, 3)).astype(np.float32)
     rays = tangent.astype(np.float32)
     return {
+        "moved": np.hstack(drawn(module, 7, 1000)),
+        "aligned": aligned(module, scene, poses[0], penetration[0] - np.float32(1e-3), gel_depth, tangent),
         "penetration": penetration,
         "normals": normals,
         "farthest": module.farthest_points(points, 100),
@@ -61,6 +63,30 @@ def results(module) -> dict[str, np.ndarray]:
         "shade": module.shade(gel_depth, normals[0], rays, rays, lights, abs(lights), 1.0, 0.1, 0.1, 0.8),
         "neighbours": module.neighbours(np.unique(rng.integers(0, 900, 300)), 10, 100, 1),
     }
+
+
+def assert_same(found, expected: dict[str, np.ndarray]) -> None:
+    """What `results` gave elsewhere is what it gives here, but for rounding: to 1e-5 of the largest value."""
+    for key, value in expected.items():
+        wrong = np.abs(found[key] - value) > 1e-5 * np.abs(value).max()
+        # rounding decides which of two triangles a pixel on their common edge shows
+        assert wrong.mean() < 1e-3, f"{key}: {wrong.sum()} of {wrong.size}"
+
+
+def drawn(module, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and quaternions of particles at rest that were moved by noise."""
+    positions, quaternions = np.zeros((count, 3), np.float32), np.tile(np.float32([0, 0, 0, 1]), (count, 1))
+    step = np.float32([0, 0, 0, 0, 0, 0, 1])
+    module.compose(0, count, positions, quaternions, step, np.full(6, 1e-3, np.float32), module.NormalStream(seed))
+    return positions, quaternions
+
+
+def aligned(module, scene, pose, measured, gel_depth, tangent) -> np.ndarray:
+    """The pose that a map measured at `pose` leads to from 1 mm beside."""
+    alignment = module.MapAlignment(scene, tangent, tangent, gel_depth.astype(float), 1e6)
+    start = pose.copy()
+    start[0, 3] += 1e-3
+    return alignment.align(pose, 1e-6 * np.eye(6), measured, start)[0]
 
 
 def load(name: str):
