@@ -172,7 +172,7 @@ def build_kernels():
 
 def build_with_cmake(source, *options):
     variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
-    fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf {VENV.name} and run make again."
+    fix = f"Compiling {source.name} failed. If compiler or cmake have changed, rm -rf {VENV.name} and run make again."
     build = VENV / "build" / source.name
     # A message that was removed from the sources must be removed from the environment as well.
     manifest = build / "install_manifest.txt"
