@@ -34,7 +34,7 @@ def commands(service):
 
 
 def test_compose_services_build_stages_that_exist():
-    version = re.search(r'version="([^"]+)"', (ROOT / "midastouch_bringup" / "setup.py").read_text())[1]
+    version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), flags=re.M)[1]
     assert {"demo", "live", "dev"} == COMPOSE["services"].keys()
     for name, service in COMPOSE["services"].items():
         assert service["profiles"] == [name]

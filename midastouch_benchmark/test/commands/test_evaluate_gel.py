@@ -42,4 +42,4 @@ def test_thicker_gel_gives_way_further_beside_a_touch(result):
 def test_its_tables_show_what_was_measured(result):
     gels = ["as fitted", "elastic, 1.5 mm", "elastic, 3 mm", "elastic, 6 mm"]
     assert soft_gel_table(result)["gel"].tolist() == 2 * gels
-    assert commanded_depth_table(result)["presses"].tolist() == 16 * [6]
+    assert commanded_depth_table(result)["presses"].tolist() == 16 * ["6"]

@@ -63,6 +63,6 @@ class ElasticLayer:
         raise InputError(f"no contact of a gel with an object {1e3 * goal.max():.2g} mm deep in it is found")
 
     def _height(self, pressure: np.ndarray) -> np.ndarray:
-        """Displacement (H, W) float32 m by pressures (H, W), in units of the gel's plane-strain modulus."""
+        """Displacement (H, W) float32 m by pressures (H, W), in units of E / (1 - nu^2) of the gel."""
         rows, columns = self._shape
         return fft.irfft2(fft.rfft2(pressure, self._full) * self._compliance, self._full)[:rows, :columns]
