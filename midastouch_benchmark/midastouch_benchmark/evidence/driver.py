@@ -7,6 +7,7 @@ report in the making beside them, and only a whole one takes its place among the
 from __future__ import annotations
 
 import datetime
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from .plan import KEPT, Step, remember_seconds
 
 Say = Callable[[str], object]
 _LEFT = ("missing_trials", "missing_slides")
+_OURS = re.compile(r"(?<!\S)midastouch ")
 
 
 def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: Say = print) -> list[str]:
@@ -71,7 +73,7 @@ def _make(step: Step, jobs: int, minutes: float | None) -> bool:
 
 def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> str:
     """What a shell is given to write the report to a file."""
-    words = step.command.replace("midastouch", f"{sys.executable} -m midastouch_bringup.cli", 1)
+    words = _OURS.sub(f"{sys.executable} -m midastouch_bringup.cli ", step.command)
     if step.shared_out:
         words += f" --jobs {jobs}" + (f" --minutes {minutes:.1f}" if minutes else "")
     return f"{words} --json {made}"

@@ -73,7 +73,9 @@ COMMANDS = {
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
-    "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
+    "evaluate_tdn_held_out": "for name in 019_pitcher_base 032_knife 043_phillips_screwdriver 052_extra_large_clamp "
+    "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do midastouch simulate ../shared/meshes/ycb/$name.ply --seed 7 "
+    "--out out/held_out/$name; done && midastouch evaluate-tdn out/held_out/*",
     "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
     "--ball-diameter 0.0088 --px-per-mm 18.68 --check-labels",
     "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
@@ -93,9 +95,9 @@ COMMANDS = {
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
     "../shared/data/digit_real/sphere_presses_vocdex",
     "soft_gel": "midastouch evaluate-gel --meshes ../shared/meshes/ycb --touches 20",
-    "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
-    "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
-    "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "single_touch": f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN} --queries 2000",
+    "single_touch_random": f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN} --queries 500 "
+    "--lighting random --backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",
