@@ -74,8 +74,8 @@ COMMANDS = {
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "for name in 019_pitcher_base 032_knife 043_phillips_screwdriver 052_extra_large_clamp "
-    "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do midastouch simulate ../shared/meshes/ycb/$name.ply --seed 7 "
-    "--out out/held_out/$name; done && midastouch evaluate-tdn out/held_out/*",
+    "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do [ -d out/held_out/$name ] || midastouch simulate "
+    "../shared/meshes/ycb/$name.ply --seed 7 --out out/held_out/$name; done && midastouch evaluate-tdn out/held_out/*",
     "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
     "--ball-diameter 0.0088 --px-per-mm 18.68 --check-labels",
     "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
