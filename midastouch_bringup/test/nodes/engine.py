@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.message_arrays import ENCODINGS
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_common.ros.testing import RosGraph
 
+PERIOD = 1 / 60
+"""s between two images."""
 BASE_FROM_OBJECT = np.eye(4)
 BASE_FROM_OBJECT[:3, 3] = 0.4, -0.1, 0.2
 
@@ -33,3 +37,9 @@ class Engine:
             for frame, pose in places.items()
         ]
         self._tf.publish(TFMessage(transforms=transforms))
+
+
+def penetration(message: Image) -> np.ndarray:
+    """The map (H, W) m in a message."""
+    assert message.encoding == "32FC1"
+    return np.frombuffer(message.data, ENCODINGS["32FC1"][0]).reshape(message.height, message.width)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import types
 
 import numpy as np
 import pytest
-from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
+from filter_bench import OBJECT, Bench, skipped
 from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, loader_of, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
@@ -19,8 +18,6 @@ from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.loaded_object import LoadedObject
-from midastouch_filter.nodes import finger_topics
-from midastouch_filter.nodes.finger_topics import MapSource
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode
 
@@ -222,71 +219,3 @@ def test_two_simulated_sensors_tell_what_one_cannot(graph, gripper):
     error = se3.inverse(gripper.above[-1]) @ pose_from_msg(poses[-1].pose.pose)
     assert np.linalg.norm(error[:3, 3]) < 1e-3
     assert se3.rotation_angle(error[:3, :3]) < math.radians(3)
-
-
-def penetration(depth: float) -> np.ndarray:
-    out = np.zeros((160, 120), np.float32)
-    out[60:80, 40:60] = depth
-    return out
-
-
-def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
-    monkeypatch.setattr(finger_topics, "CLOUD_TIMEOUT", 30.0)
-    bench = Bench(graph, **OBJECT)
-    clouds = graph.publisher(PointCloud2, "tactile/points")
-    depths = [1e-3, 5e-4, 2e-4]
-    for stamp in (1, 2, 3):
-        bench.tf.publish(tf_msg(stamp * SECOND, T_BASE_OBJ))
-    for stamp in (1, 2, 3):
-        bench.codes.publish(code_msg(stamp * SECOND))
-    for stamp, depth in zip((1, 2, 3), depths, strict=True):
-        clouds.publish(cloud_msg(stamp * SECOND, penetration(depth)))
-    graph.spin_until(lambda: len(bench.statuses) == 3)
-    for measurement, depth in zip(bench.filter.measurements, depths, strict=True):
-        np.testing.assert_allclose(measurement.penetration, reduced_penetration(penetration(depth)), atol=1e-7)
-
-
-def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
-    bench = Bench(graph, **OBJECT)
-    clouds = graph.publisher(PointCloud2, "tactile/points")
-    stamps = [SECOND + 16_000_000 * k for k in range(30)]
-    for stamp in stamps:
-        clouds.publish(cloud_msg(stamp, penetration(1e-3)))
-        bench.codes.publish(code_msg(stamp))
-    for stamp in (stamps[0], stamps[-1]):
-        bench.tf.publish(tf_msg(stamp, T_BASE_OBJ))
-    graph.spin_until(lambda: len(bench.statuses) == len(stamps))
-    assert all(measurement.penetration is not None for measurement in bench.filter.measurements)
-
-
-def test_a_cloud_whose_successor_is_there_is_not_waited_for():
-    callbacks = []
-    node = types.SimpleNamespace(
-        create_subscription=lambda kind, topic, callback, profile: callbacks.append(callback),
-        count_publishers=lambda topic: 1,
-    )
-    penetrations = MapSource(node, 1, False, on_cloud=lambda: None, on_bad=lambda reason: None)
-    (on_points,) = callbacks
-    on_points(cloud_msg(2 * SECOND, penetration(1e-3)))
-    assert [penetrations.awaited(stamp * SECOND, 0.0) for stamp in (1, 2, 3)] == [False, False, True]
-
-
-def test_a_lost_or_broken_cloud_costs_the_map_only(graph):
-    bench = Bench(graph, **OBJECT)
-    clouds = graph.publisher(PointCloud2, "tactile/points")
-    clouds.publish(cloud_msg(1 * SECOND, penetration(1e-3)))
-    broken = cloud_msg(3 * SECOND, penetration(1e-3))
-    broken.point_step = 0
-    clouds.publish(broken)
-    for stamp in (1, 2, 3, 4):
-        bench.frame(stamp * SECOND, T_BASE_OBJ, in_contact=stamp != 4)
-    penetrations = [measurement.penetration is not None for measurement in bench.filter.measurements]
-    assert penetrations == [True, False, False, False]
-    status = bench.statuses[-1]
-    assert skipped(status)["no_relief"] == 2
-    assert bench.node.diagnostics.counts["bad_clouds"] == 1
-
-
-def test_without_refinement_no_clouds_are_taken(graph):
-    graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), {**OBJECT, "refinement": False})
-    assert graph.companion.count_subscribers("tactile/points") == 0
