@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_bringup.result_file import to_json
 
-    from ..tables.perception import commanded_depth_table, soft_gel_table
+    from ..tables.soft_gel import commanded_depth_table, soft_gel_table
     from ..tables.table import terminal
 
     result = to_json(_measured(args))
@@ -57,10 +57,10 @@ def _measured(args: argparse.Namespace) -> dict:
     sensor = SensorModel.load("digit_real")
     tcn, sensors = load_tcn("fast", sensor), []
     for number, name in enumerate(measured_sensors()):
+        optics = MeasuredOptics.load(name)
         for thickness in THICKNESSES:
-            plain, calibrated = (SoftSensor(MeasuredOptics.load(name), sensor, thickness) for _ in range(2))
-            calibrated.calibrate(np.random.default_rng([args.seed, number]))
-            sensors += [plain, calibrated]
+            sensors.append(SoftSensor(optics, sensor, thickness))
+            sensors.append(SoftSensor(optics, sensor, thickness, np.random.default_rng([args.seed, number])))
     pressed = CommandedPresses(sensor, args.presses, np.random.default_rng(args.seed))
     presses = [row for each in sensors for row in pressed.seen_by(each)]
     touches = []

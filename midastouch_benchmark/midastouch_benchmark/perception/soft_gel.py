@@ -30,7 +30,7 @@ from midastouch_perception.tcn import TactileCodeNet
 from midastouch_perception.tdn import load_tdn
 
 from ..single_touch.matches import best_matches, single_touch_errors
-from ..trials.real_sensor import calibrate_measured
+from ..trials.real_sensor import calibrate_measured, within_gel
 
 THICKNESSES = (None, 1.5e-3, 3e-3, 6e-3)
 """m of the elastic layers; None: by the fitted rule."""
@@ -48,39 +48,43 @@ _FACES = 3e-3, 6e-3  # m, sides of flat faces
 class SoftSensor:
     """A measured sensor whose gel is an elastic layer, or sinks in by the rule.
 
-    Args: optics, measured; sensor, geometry at full size; thickness, one of `THICKNESSES`. Attributes: sensor; about,
-    what rows of a result say of it; tdn, that reads it, calibrated or not.
+    Args: optics, measured; sensor, geometry at full size; thickness, one of `THICKNESSES`; presses, of the ten presses
+    of a ball by which it is calibrated, or None if it is not. Attribute: about, what rows of a result say of it.
     """
 
-    def __init__(self, optics: MeasuredOptics, sensor: SensorModel, thickness: float | None):
-        small = sensor.for_maps
-        self.sensor, self._layer, self._optics = sensor, None, optics
-        self.about = {"sensor": optics.name, "thickness_mm": None, "calibrated": False}
+    def __init__(
+        self,
+        optics: MeasuredOptics,
+        sensor: SensorModel,
+        thickness: float | None,
+        presses: np.random.Generator | None = None,
+    ):
+        self._sensor, self._optics, self._layer = sensor, optics, None
         if thickness is not None:
-            self.about["thickness_mm"] = 1e3 * thickness
+            small = sensor.for_maps
             self._layer = ElasticLayer((small.height, small.width), small.pixel_size, thickness)
             # the layer has sunk in already
             self._optics = dataclasses.replace(optics, shape=dataclasses.replace(optics.shape, fraction=0.0))
-        self.tdn = load_tdn("fast", sensor)
-
-    def calibrate(self, rng: np.random.Generator) -> None:
-        """By ten presses of a ball, as its owner would."""
-        calibration = calibrate_measured(self._optics, self.sensor, rng, self._heights)
-        self.about = self.about | {"calibrated": True}
-        self.tdn = load_tdn("fast", self.sensor, calibration=calibration)
+        self.about = {
+            "sensor": optics.name,
+            "calibrated": presses is not None,
+            "thickness_mm": None if thickness is None else 1e3 * thickness,
+        }
+        known = None if presses is None else calibrate_measured(self._optics, sensor, presses, self._heights)
+        self._tdn = load_tdn("fast", sensor, calibration=known)
 
     def contacts(self, depths: np.ndarray, seed: int) -> list[Contact]:
         """What objects (N, H, W) m, positive in the untouched gel, are taken for; each image is a stream's first.
 
         seed: of light and noise.
         """
-        camera = MeasuredSensor(self._optics, self.sensor, np.random.default_rng(seed))
+        camera = MeasuredSensor(self._optics, self._sensor, np.random.default_rng(seed))
         images = camera.images(self._heights(depths))
-        return [DepthStage(self.tdn).process(image, camera.background) for image in images]
+        return [DepthStage(self._tdn).process(image, camera.background) for image in images]
 
     def _heights(self, depths: np.ndarray) -> np.ndarray:
         if self._layer is None:
-            return np.maximum(depths, 0)
+            return within_gel(depths)
         return np.stack([self._layer.pressed(np.maximum(each, -_AROUND))[0] for each in depths])
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from . import accuracy, checks, comparisons, exploring, figures, perception, speed, trust
+from . import accuracy, checks, comparisons, exploring, figures, perception, soft_gel, speed, trust
 from .reports import (
     COMMANDS,
     CONDITIONS,
@@ -65,7 +65,7 @@ TABLES = {
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
         exploring.identification, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
-        perception.soft_gel, perception.commanded_depth, perception.single_touch,
+        soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch,
         checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )

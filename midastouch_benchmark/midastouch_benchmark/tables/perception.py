@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from ..single_touch.matches import TOP
-from ..statistics.intervals import bootstrap_interval, error_ratio
+from ..statistics.intervals import error_ratio
 from .reports import OPTICS, benchmark_summary, frame_of, report
-from .table import Form, Row, between, fraction, is_missing, listed, percent, pose, text, tidy, written
+from .soft_gel import commanded_depths
+from .table import Form, fraction, listed, percent, pose, text, tidy, written
 
 _WANTED = {
-    "with ten others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
+    "with 10 others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
     "the model's": ((0.9, 1.1), (0.85, 1.15), 0.07, 0.85),
 }
 """Of presses, by the calibration: measured over true radius, deepest over deepest, RMSE inside [mm] at most,
@@ -170,7 +170,7 @@ def wanted() -> pd.DataFrame:
         ("slides of another renderer: RMSE, mm", tacto["rmse_mm"], 3, None, 0.050),
         ("slides of another renderer: IoU", tacto["contact_iou"], 3, 0.965, None),
     ]
-    for row in _commanded_depths(report("soft_gel")):
+    for row in commanded_depths(report("soft_gel")):
         if row["calibrated"] and row["thickness_mm"] == _USUAL_GEL:
             about = f"{row['press']} on elastic gel of {_USUAL_GEL:g} mm, calibrated: error of the depth, mm"
             rows.append((about, row["error"], 2, None, _WANTED_DEPTH[row["press"]]))
@@ -188,8 +188,8 @@ def _wanted_of_presses() -> Iterator[tuple]:
     radii = {}
     for name in (*_DIGIT_PRESSES, *_MINI_PRESSES):
         one = report(name)
-        how = "with ten others" if one["calibrated_with"] else "the model's" if one["model_calibration"] else None
-        if how is None:
+        how = _press_row(one)["how"]
+        if how not in _WANTED:
             continue
         ball, summary = 1e3 * one["ball_diameter"], one.get("against_fit") or one["summary"]
         radii[how, ball] = summary["felt_radius_mm"]
@@ -209,73 +209,6 @@ def _judged(what: str, value: float, digits: int, least: float | None, most: flo
     said = " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
     met = (least is None or value >= least) and (most is None or value <= most)
     return what, said, f"{value:.{digits}f}", "" if met else "missed"
-
-
-def soft_gel() -> pd.DataFrame:
-    """What soft gel does to maps, poses and codes."""
-    return soft_gel_table(report("soft_gel"))
-
-
-def commanded_depth() -> pd.DataFrame:
-    """How deep presses of a known depth are read on soft gel."""
-    return commanded_depth_table(report("soft_gel"))
-
-
-_GEL: dict[str, Form] = {
-    "gel": lambda row: "as fitted" if is_missing(row["thickness_mm"]) else f"elastic, {row['thickness_mm']:g} mm",
-    "calibrated": lambda row: "yes" if row["calibrated"] else "no",
-}
-
-
-def soft_gel_table(content: dict) -> pd.DataFrame:
-    """The same of an `evaluate-gel` result: medians, with 90 % of the touches for the error along the normal."""
-    rows = []
-    for kind, group in _of_gels(content["touches"]):
-        normal = bootstrap_interval(group["normal_mm"], group["object"].tolist(), np.median)
-        spread = {f"q{k}": group["normal_mm"].quantile(k / 100) for k in (5, 95)}
-        one_touch = group["best_m"].sum() / group["random_m"].sum()
-        middle = group.drop(columns=list(kind)).median(numeric_only=True)
-        rows.append(kind | {"trials": len(group), "normal": normal, "one_touch": one_touch} | spread | dict(middle))
-
-    def along_the_normal(row: Row) -> str:
-        most = f"{row['q5']:+.2f} to {row['q95']:+.2f}"
-        return f"{row['normal_mm']:+.2f} mm ({between(row['normal'], '{:+.2f}')}; 90 %: {most})"
-
-    claims = {
-        "deepest over the object's": text("deepest", "{:.2f}"),
-        "area over the object's": text("area", "{:.2f}"),
-        "pose off along the normal": along_the_normal,
-        "across": text("tangential_mm", "{:.2f} mm"),
-        "tilt": text("tilt_deg", "{:.1f} deg"),
-        "one touch": text("one_touch", "{:.3f}"),
-    }
-    return written(tidy(rows), _GEL | {"touches": text("trials")}, claims)
-
-
-def commanded_depth_table(content: dict) -> pd.DataFrame:
-    """The same of an `evaluate-gel` result."""
-    claims = {
-        "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
-        "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
-    }
-    about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
-    return written(tidy(_commanded_depths(content)), about, claims)
-
-
-def _commanded_depths(content: dict) -> Iterator[dict]:
-    for kind, group in _of_gels(content["presses"], "press"):
-        off = group["depth_mm"] - group["commanded_mm"]
-        interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
-        figures = {"bias": off.median(), "error": off.abs().median(), "interval": interval}
-        yield kind | {"trials": len(off)} | figures
-
-
-def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
-    """Rows of an `evaluate-gel` result by what is told apart: that, and its rows."""
-    keys = [*further, "calibrated", "thickness_mm"]
-    frame = tidy(rows).sort_values(keys, na_position="first", kind="stable")
-    for kind, group in frame.groupby(keys, dropna=False, sort=False):
-        yield dict(zip(keys, kind, strict=True)), group
 
 
 def single_touch() -> pd.DataFrame:

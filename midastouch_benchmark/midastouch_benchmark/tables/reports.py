@@ -21,6 +21,7 @@ _REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --code
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
+_SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
 _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """What is done to the slides, by the name of the protocol and of its report."""
@@ -95,9 +96,9 @@ COMMANDS = {
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
     "../shared/data/digit_real/sphere_presses_vocdex",
     "soft_gel": "midastouch evaluate-gel --meshes ../shared/meshes/ycb --touches 20",
-    "single_touch": f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN} --queries 2000",
-    "single_touch_random": f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN} --queries 500 "
-    "--lighting random --backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "single_touch": f"{_SINGLE_TOUCH} --queries 2000",
+    "single_touch_random": f"{_SINGLE_TOUCH} --queries 500 --lighting random "
+    "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",

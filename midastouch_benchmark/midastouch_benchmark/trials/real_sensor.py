@@ -83,7 +83,8 @@ class RealSensorCache(Cache):
         return Touches.of_images(images, camera.background, networks, {})
 
 
-def _no_layer(depths: np.ndarray) -> np.ndarray:
+def within_gel(depths: np.ndarray) -> np.ndarray:
+    """Penetration (N, H, W) m of objects that are so deep in the untouched gel, negative outside of it."""
     return np.maximum(depths, 0)
 
 
@@ -91,11 +92,11 @@ def calibrate_measured(
     optics: MeasuredOptics,
     sensor: SensorModel,
     rng: np.random.Generator,
-    gel: Callable[[np.ndarray], np.ndarray] = _no_layer,
+    gel: Callable[[np.ndarray], np.ndarray] = within_gel,
 ) -> SensorCalibration:
     """What a person with a ball gets from a sensor: ten presses spread over the gel. Raises InputError as `calibrate`.
 
-    gel: what the optics see of objects (N, H, W) m that are so deep in the untouched gel, negative outside of it.
+    gel: what the optics see of objects, given as to `within_gel`.
     """
     camera = MeasuredSensor(optics, sensor, rng)
     heights = gel(np.stack(_ball_presses(sensor.for_maps, rng)))

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from midastouch_benchmark.tables.perception import commanded_depth_table, soft_gel_table
+from midastouch_benchmark.tables.soft_gel import commanded_depth_table, soft_gel_table
 from midastouch_bringup import cli
 
 

@@ -1,0 +1,80 @@
+"""Tables of what soft gel does to maps, depth, poses and codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from ..statistics.intervals import bootstrap_interval
+from .reports import report
+from .table import Form, Row, between, is_missing, text, tidy, written
+
+_GEL: dict[str, Form] = {
+    "gel": lambda row: "as fitted" if is_missing(row["thickness_mm"]) else f"elastic, {row['thickness_mm']:g} mm",
+    "calibrated": lambda row: "yes" if row["calibrated"] else "no",
+}
+
+
+def soft_gel() -> pd.DataFrame:
+    """What soft gel does to maps, poses and codes."""
+    return soft_gel_table(report("soft_gel"))
+
+
+def commanded_depth() -> pd.DataFrame:
+    """How deep presses of a known depth are read on soft gel."""
+    return commanded_depth_table(report("soft_gel"))
+
+
+def soft_gel_table(content: dict) -> pd.DataFrame:
+    """The same of an `evaluate-gel` result: medians, with 90 % of the touches for the error along the normal."""
+    rows = []
+    for kind, group in _of_gels(content["touches"]):
+        normal = bootstrap_interval(group["normal_mm"], group["object"].tolist(), np.median)
+        spread = {f"q{k}": group["normal_mm"].quantile(k / 100) for k in (5, 95)}
+        one_touch = group["best_m"].sum() / group["random_m"].sum()
+        middle = group.drop(columns=list(kind)).median(numeric_only=True)
+        rows.append(kind | {"trials": len(group), "normal": normal, "one_touch": one_touch} | spread | dict(middle))
+
+    def along_the_normal(row: Row) -> str:
+        most = f"{row['q5']:+.2f} to {row['q95']:+.2f}"
+        return f"{row['normal_mm']:+.2f} mm ({between(row['normal'], '{:+.2f}')}; 90 %: {most})"
+
+    claims = {
+        "deepest over the object's": text("deepest", "{:.2f}"),
+        "area over the object's": text("area", "{:.2f}"),
+        "pose off along the normal": along_the_normal,
+        "across": text("tangential_mm", "{:.2f} mm"),
+        "tilt": text("tilt_deg", "{:.1f} deg"),
+        "one touch": text("one_touch", "{:.3f}"),
+    }
+    return written(tidy(rows), _GEL | {"touches": text("trials")}, claims)
+
+
+def commanded_depth_table(content: dict) -> pd.DataFrame:
+    """The same of an `evaluate-gel` result."""
+    claims = {
+        "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
+        "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
+    }
+    about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
+    return written(tidy(commanded_depths(content)), about, claims)
+
+
+def commanded_depths(content: dict) -> Iterator[dict]:
+    """A row for each kind of press and gel of an `evaluate-gel` result: what was pressed in, how many times, median
+    bias and error [mm] of the depth that is read."""
+    for kind, group in _of_gels(content["presses"], "press"):
+        off = group["depth_mm"] - group["commanded_mm"]
+        interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
+        figures = {"bias": off.median(), "error": off.abs().median(), "interval": interval}
+        yield kind | {"trials": len(off)} | figures
+
+
+def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
+    """Rows of an `evaluate-gel` result by what is told apart: that, and its rows."""
+    keys = [*further, "calibrated", "thickness_mm"]
+    frame = tidy(rows).sort_values(keys, na_position="first", kind="stable")
+    for kind, group in frame.groupby(keys, dropna=False, sort=False):
+        yield dict(zip(keys, kind, strict=True)), group
