@@ -28,6 +28,8 @@ ROS = os.environ.get("ROS", "jazzy")
 VENV = ROOT / (".venv" if ROS == "jazzy" else f".venv-{ROS}")
 PYTHON = VENV / "bin" / "python"
 STAMPS = VENV / ".setup"
+UNFINISHED = "unfinished"
+"""Stamp of a step that is under way, or was when the set-up was killed."""
 LOGS = VENV / "setup"
 # Python compiles a module when it is first imported; pip would compile all of them, which takes as long as the rest.
 PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install", "--no-compile"]
@@ -291,10 +293,6 @@ def take(steps, clock, lock):
             task.end()
         clock.say(f"{'; '.join(task.title for task in tasks.values())}: not finished")
         raise
-
-
-UNFINISHED = "unfinished"
-"""Stamp of a step that is under way, or was when the set-up was killed."""
 
 
 def is_done(name, key):
