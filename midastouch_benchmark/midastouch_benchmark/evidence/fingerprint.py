@@ -2,10 +2,10 @@
 
     .venv/bin/midastouch fingerprint --write
 
-It has three parts, `perception` (simulator, networks, renderer, codebook), `estimates` (these and the filter) and
-`real_gel` (the perception and what is made of images of real gel: calibrations, slopes, contact), each made of numbers
-that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today
-under their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
+It has three parts, `perception` (simulator, networks, renderer, codebook), `estimates` (these, the slides and the
+filter) and `real_gel` (the perception and what is made of images of real gel: calibrations, slopes, contact), each made
+of numbers that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today under
+their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
 times as far as inputs that are off in the sixth digit have moved it, and three times that on another machine.
 """
 
@@ -110,7 +110,7 @@ def steady(seeds: range = range(_NUDGES)) -> Fingerprint:
 @cache
 def scenes() -> list[Scene]:
     """Those that are probed, made once."""
-    return [Scene.of("handle_tool", 0), Scene.of("eyebolt", 1)]
+    return [Scene.of("handle_tool"), Scene.of("eyebolt")]
 
 
 def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[str]]:

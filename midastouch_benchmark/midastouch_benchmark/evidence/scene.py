@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -16,13 +17,14 @@ from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.grasp import simulate_grasps
-from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+from midastouch_perception.simulation.slide import measure_poses
 
 from ..trials.cache import LIGHT
 from ..trials.setup import Networks
 from ..trials.trial import FRAME_TIME, TrialFrame
 
-_LENGTH, _STEP = 0.144, 12e-3  # m: each touch is a keyframe
+# by object; each touch is a keyframe. In a file, so that another way to simulate slides leaves what is made of touches
+_POSES_OF = Path(__file__).parent / "poses.npz"
 _POSES = 3_000
 NUDGE = 1e-6
 """How far the inputs of a nudged probe are off, relative to their size: as far as machines differ."""
@@ -30,17 +32,17 @@ NUDGE = 1e-6
 
 @dataclass(frozen=True)
 class Scene:
-    """A small object, known by touch: mesh, networks, true poses (N, 4, 4) of a slide."""
+    """A small object, known by touch: mesh, networks, true poses (N, 4, 4) of touches 12 mm apart."""
 
     mesh: ObjectMesh
     networks: Networks
     poses: np.ndarray
 
     @classmethod
-    def of(cls, name: str, seed: int) -> Scene:
-        """Of a bundled object; the seed fixes all that it fixes for a simulated slide."""
-        mesh, networks = ObjectMesh.load(bundled_objects()[name]), Networks.load(light=LIGHT)
-        return cls(mesh, networks, simulate_slide(mesh, networks.sensor, _LENGTH, np.random.default_rng(seed), _STEP))
+    def of(cls, name: str) -> Scene:
+        """Of a bundled object whose poses are in the file."""
+        with np.load(_POSES_OF) as poses:
+            return cls(ObjectMesh.load(bundled_objects()[name]), Networks.load(light=LIGHT), poses[name])
 
     @cached_property
     def codebook(self) -> Codebook:

@@ -12,7 +12,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
-from .slide import MIN_PROGRESS, Ahead, Grip, pressed_pose, somewhere, straight_on
+from .slide import MIN_PROGRESS, Ahead, Grip, carried, pressed_pose, somewhere, straight_on
 
 _PRESS, _MAX_TILT = (0.5e-3, 1e-3), np.radians(5.0)  # of simulated slides
 _IN_AIR = 4  # times as fast as on the surface
@@ -85,7 +85,7 @@ class SimulatedFinger:
         Yields nothing if no such position can be touched, or no way through the air leads there.
         """
         (normal,) = self._mesh.smooth_normals(goal[None])
-        frame = _carried(self._frame, normal)
+        frame = carried(self._frame, normal)
         yield from self._down_on(self._places(goal, frame, _towards(self._point, goal, frame), 0.0))
 
     def touches(self, goal: np.ndarray) -> bool:
@@ -99,7 +99,7 @@ class SimulatedFinger:
         """
         self.pose = se3.inverse(moved) @ self.pose
         (self._point,), _, _ = self._mesh.closest_points(self.pose[None, :3, 3])
-        self._frame = _carried(self.pose[:3, :3], self._mesh.smooth_normals(self._point[None])[0])
+        self._frame = carried(self.pose[:3, :3], self._mesh.smooth_normals(self._point[None])[0])
         if self.touching:
             pose, self.touching = self._pressed(self._point, self._frame)
             self.pose = pose if self.touching else self.pose
@@ -112,7 +112,7 @@ class SimulatedFinger:
         """A step of `length` m in a direction (3,), if it leads on and the gel can be pressed on there."""
         self._grip.shake()
         ahead = straight_on(self._mesh, self._point, direction, length)
-        frame = _carried(self._frame, ahead.normal)
+        frame = carried(self._frame, ahead.normal)
         pose, reachable = self._pressed(ahead.point, frame)
         if not reachable or ahead.moved < MIN_PROGRESS * length:
             return None
@@ -142,7 +142,7 @@ class SimulatedFinger:
             gone += ahead.moved
             if ahead.moved < MIN_PROGRESS * self._step or gone > length + _AROUND:
                 return
-            point, direction, frame = ahead.point, ahead.heading, _carried(frame, ahead.normal)
+            point, direction, frame = ahead.point, ahead.heading, carried(frame, ahead.normal)
 
     def _way_through_the_air(self, goal: np.ndarray) -> np.ndarray | None:
         """Poses (N, 4, 4) to a pressed one, as low as nothing is in the way; None if there always is."""
@@ -157,10 +157,7 @@ class SimulatedFinger:
         return None
 
     def _pressed(self, point: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, bool]:
-        upright = se3.frame_from_normal(frame[None, :, 2], np.zeros(1))[0]
-        x = upright.T @ frame[:, 0]
-        yaw = np.arctan2(x[1], x[0])
-        return pressed_pose(self._reachability, point, frame[:, 2], yaw, self._grip.tilt, self._grip.depth)
+        return pressed_pose(self._reachability, point, frame, self._grip.tilt, self._grip.depth)
 
     def _straight(self, start: np.ndarray, goal: np.ndarray, pace: int) -> np.ndarray:
         """Poses (N, 4, 4) after `start` up to a goal (4, 4), `pace` steps at a time."""
@@ -181,13 +178,3 @@ def _over(point: np.ndarray, frame: np.ndarray, height: float) -> np.ndarray:
 
 def _raised(pose: np.ndarray, height: float) -> np.ndarray:
     return pose @ se3.make(np.eye(3), np.array([0.0, 0.0, height]))
-
-
-def _carried(frame: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """A frame (3, 3) turned the shortest way, until its z axis is the normal (3,)."""
-    axis = np.cross(frame[:, 2], normal)
-    sine, cosine = np.linalg.norm(axis), frame[:, 2] @ normal
-    if sine < 1e-9:
-        return se3.frame_from_normal(normal[None], np.zeros(1))[0] if cosine < 0 else frame
-    angle = np.arctan2(sine, cosine)
-    return se3.exp(np.concatenate([np.zeros(3), axis * angle / sine]))[:3, :3] @ frame

@@ -10,13 +10,15 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
-from ..rendering.contact_poses import Reachability, pose_from_contact
+from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
 
 STEP = 1.5e-3
 """m between two images of a simulated slide."""
 _PRESS = 0.5e-3, 1e-3  # m
 _MAX_TILT = np.radians(5.0)
+_MOST_TURN = np.radians(10.0)  # between two images: 200 deg/s at 20 images a second
+_DRIFT = np.radians([0, 0, 0, 0, 0, 1.0])  # of yaw, a step
 _TRIES = 64
 _AROUND = 20_000  # surface points among which a leap looks for its goal
 _GOALS = 200  # of these, so many are looked at
@@ -48,14 +50,23 @@ def straight_on(mesh: ObjectMesh, point: np.ndarray, heading: np.ndarray, step: 
     return Ahead(ahead, normal, tangent / max(np.linalg.norm(tangent), 1e-12), float(np.linalg.norm(moved)))
 
 
+def carried(frame: np.ndarray, normal: np.ndarray, most: float = np.pi) -> np.ndarray:
+    """A frame (3, 3) turned the shortest way, by at most so many rad, towards its z axis being the normal (3,)."""
+    axis = np.cross(frame[:, 2], normal)
+    sine, cosine = np.linalg.norm(axis), frame[:, 2] @ normal
+    # towards the opposite every way is the shortest
+    axis = axis / sine if sine > 1e-9 else frame[:, 0]
+    return se3.exp(np.concatenate([np.zeros(3), min(np.arctan2(sine, cosine), most) * axis]))[:3, :3] @ frame
+
+
 def pressed_pose(
-    reachability: Reachability, point: np.ndarray, normal: np.ndarray, yaw: float, tilt: np.ndarray, depth: float
+    reachability: Reachability, point: np.ndarray, frame: np.ndarray, tilt: np.ndarray, depth: float
 ) -> tuple[np.ndarray, bool]:
-    """Gel pose T_obj_gel (4, 4) that presses `depth` m at a point (3,), turned by yaw, tilted by `tilt` (2,) rad about
-    its x and y axes; and whether it can be reached and touches."""
-    angle, azimuth = np.linalg.norm(tilt), np.arctan2(tilt[1], tilt[0])
-    as_array = [np.array([value]) for value in (yaw, angle, azimuth, depth)]
-    poses, reachable = reachability.settle(pose_from_contact(point[None], normal[None], *as_array), as_array[3])
+    """Gel pose T_obj_gel (4, 4) that presses `depth` m at a point (3,), its axes `frame` (3, 3) tilted by `tilt` (2,)
+    rad about x and y; and whether it can be reached and touches."""
+    tilted = frame @ se3.exp(np.concatenate([np.zeros(3), tilt, np.zeros(1)]))[:3, :3]
+    pose = se3.make(tilted, point - depth * tilted[:, 2])
+    poses, reachable = reachability.settle(pose[None], np.array([depth]))
     return poses[0], bool(reachable[0])
 
 
@@ -64,7 +75,7 @@ def somewhere(mesh: ObjectMesh, reachability: Reachability, depth: float, rng: n
     for _ in range(_TRIES):
         (start,), _, _ = mesh.sample_surface(1, rng)
         (normal,) = mesh.smooth_normals(start[None])
-        if pressed_pose(reachability, start, normal, 0.0, np.zeros(2), depth)[1]:
+        if pressed_pose(reachability, start, _turned(normal, 0.0), np.zeros(2), depth)[1]:
             return start
     raise InputError(f"{mesh.name}: no reachable point to start a slide; is the mesh closed and in metres?")
 
@@ -124,9 +135,9 @@ def simulate_slide(
     """Gel poses T_obj_gel (N, 4, 4) of one slide of `length` m in steps of `step` m.
 
     The sensor follows straightest geodesics; after a quarter of the object's diagonal, or where it cannot go on, it
-    takes a new heading. Yaw drifts 1 deg a step and changes sense with the heading; press [m] and tilt [rad] walk
-    within their bounds. With a `leap` one step is that. Raises InputError if no reachable path is found (object
-    smaller than a few steps).
+    takes a new heading. As at the end of an arm, it pivots on a rim: its normal turns by at most 10 deg a step. Yaw
+    drifts 1 deg a step and changes sense with the heading; press [m] and tilt [rad] walk within their bounds. With a
+    `leap` one step is that. Raises InputError if no reachable path is found (object smaller than a few steps).
     """
     n = max(round(length / step), 1)
     walk = _Walk(mesh, sensor, rng, step)
@@ -146,7 +157,9 @@ class _Walk:
         self._mesh, self._rng, self._step = mesh, rng, step
         self._reachability = Reachability(mesh, sensor)
         self._position = somewhere(mesh, self._reachability, _PRESS[0], rng)
-        self._grip, self._yaw = Grip(rng, _PRESS, _MAX_TILT), rng.uniform(0, 2 * np.pi)
+        self._grip = Grip(rng, _PRESS, _MAX_TILT)
+        # the gel's axes (3, 3) before it is tilted
+        self._frame = _turned(mesh.smooth_normals(self._position[None])[0], rng.uniform(0, 2 * np.pi))
         self._heading, self._turn, self._left = np.zeros(3), 1.0, 0.0
         self._frames = 0
 
@@ -158,19 +171,28 @@ class _Walk:
             if self._left <= 0 or not self._heading.any():
                 self._heading = random_tangent(mesh.smooth_normals(self._position[None])[0], rng)
                 self._turn, self._left = rng.choice([-1.0, 1.0]), 0.25 * mesh.diagonal * rng.uniform(0.4, 1)
-            ahead = straight_on(mesh, self._position, self._heading, self._step)
-            yaw = self._yaw + self._turn * np.radians(1)
-            pose, reachable = pressed_pose(self._reachability, ahead.point, ahead.normal, yaw, grip.tilt, grip.depth)
+            ahead = self._as_far_as_it_turns(straight_on(mesh, self._position, self._heading, self._step))
+            frame = carried(self._frame, ahead.normal) @ se3.exp(self._turn * _DRIFT)[:3, :3]
+            pose, reachable = pressed_pose(self._reachability, ahead.point, frame, grip.tilt, grip.depth)
             if reachable and ahead.moved > MIN_PROGRESS * self._step:
                 break
             self._left = 0.0
         else:
             raise InputError(f"{mesh.name}: the slide got stuck after {self._frames} frames; try another seed")
-        self._yaw = yaw
         self._left -= ahead.moved
-        self._heading, self._position = ahead.heading, ahead.point
+        self._heading, self._position, self._frame = ahead.heading, ahead.point, frame
         self._frames += 1
         return pose
+
+    def _as_far_as_it_turns(self, ahead: Ahead) -> Ahead:
+        """A step, or the part of one over a rim that the gel makes between two images."""
+        turn = np.arccos(np.clip(self._frame[:, 2] @ ahead.normal, -1, 1))
+        if turn <= _MOST_TURN:
+            return ahead
+        normal = carried(self._frame, ahead.normal, _MOST_TURN)[:, 2]
+        tangent = self._heading - (self._heading @ normal) * normal
+        point = self._position + _MOST_TURN / turn * (ahead.point - self._position)
+        return Ahead(point, normal, tangent / max(np.linalg.norm(tangent), 1e-12), ahead.moved)
 
     def leap(self, leap: Leap, last: np.ndarray) -> np.ndarray:
         """The pose (4, 4) as far from the `last` (4, 4) as the leap has it; with an angle, where the surface faces away
@@ -182,11 +204,10 @@ class _Walk:
             order = np.argsort(normals @ last[:3, 2], kind="stable")
             yaws = _yaws(normals, last[:3, :3], leap.angle)
         for k in order:
-            pose, reachable = pressed_pose(
-                self._reachability, goals[k], normals[k], yaws[k], np.zeros(2), self._grip.depth
-            )
+            frame = _turned(normals[k], yaws[k])
+            pose, reachable = pressed_pose(self._reachability, goals[k], frame, np.zeros(2), self._grip.depth)
             if reachable:
-                self._position, self._yaw, self._left = goals[k], yaws[k], 0.0
+                self._position, self._frame, self._left = goals[k], frame, 0.0
                 self._grip.tilt = np.zeros(2)
                 self._frames += 1
                 return pose
@@ -198,6 +219,10 @@ class _Walk:
         off = np.abs(np.linalg.norm(points - self._position, axis=1) - distance)
         points = points[np.argsort(off, kind="stable")[:_GOALS]]
         return points, self._mesh.smooth_normals(points)
+
+
+def _turned(normal: np.ndarray, yaw: float) -> np.ndarray:
+    return se3.frame_from_normal(normal[None], np.array([yaw]))[0]
 
 
 def _yaws(normals: np.ndarray, last: np.ndarray, angle: float) -> np.ndarray:

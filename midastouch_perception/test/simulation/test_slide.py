@@ -21,10 +21,11 @@ def test_slide_stays_in_contact_in_even_steps(name, sensor):
     assert deepest.max() < 2.2e-3
 
 
-def test_turns_between_frames_are_small(tool, sensor):
-    poses = simulate_slide(tool, sensor, 0.1, np.random.default_rng(1))
+@pytest.mark.parametrize("name", ["handle_tool", "eyebolt"])
+def test_an_arm_can_turn_from_each_frame_to_the_next(name, sensor):
+    poses = simulate_slide(ObjectMesh.load(bundled_objects()[name]), sensor, 0.3, np.random.default_rng(1))
     turns = se3.rotation_angle(se3.inverse(poses[:-1])[:, :3, :3] @ poses[1:, :3, :3])
-    assert np.degrees(np.median(turns)) < 8
+    assert np.degrees(turns.max()) < 13
 
 
 def test_same_seed_same_slide(tool, sensor):
