@@ -30,7 +30,12 @@ def known_fingerprint(request) -> Iterator[None]:
             patch.setattr(
                 fingerprint,
                 "today",
-                lambda: {"perception": "5ee00000", "estimates": "e5710000", "real_gel": "9e100000"},
+                lambda: {
+                    "perception": "5ee00000",
+                    "slides": "51de0000",
+                    "estimates": "e5710000",
+                    "real_gel": "9e100000",
+                },
             )
         yield
 

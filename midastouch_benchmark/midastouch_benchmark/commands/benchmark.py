@@ -116,8 +116,13 @@ def run(args: argparse.Namespace) -> int:
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
     parts = [part for init in result["summary"].get(DEFAULT, {}) for part in of_start(result, init)]
     rows = shown([*parts, *of_variants(result)])
-    made_by = ("estimates", "real_gel") if protocol.real_gel else ("estimates",)
-    return options.conclude(args, result, rows, *left_out, *options.left(missing, "trial"), parts=made_by)
+    notes = [*left_out, *options.left(missing, "trial")]
+    return options.conclude(args, result, rows, *notes, parts=("estimates", *_beside_slides(protocol)))
+
+
+def _beside_slides(protocol: Protocol) -> tuple[str, ...]:
+    """Parts of the fingerprint on which its touches depend, too."""
+    return ("real_gel",) if protocol.real_gel else ()
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
@@ -125,7 +130,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     from ..trials.campaign import Plan
     from ..trials.setup import load_filter_config
 
-    folder = options.campaign_folder(args, "real_gel" if protocol.real_gel else "perception")
+    folder = options.campaign_folder(args, *_beside_slides(protocol))
     slides = protocol.slides.of_length(args.length)
     size = args.codebook_size or protocol.codebook_size
     return Plan(

@@ -195,12 +195,13 @@ def _one(name: str, available: dict[str, Path], where: str) -> Path:
     return available[fitting[0]]
 
 
-def campaign_folder(args: argparse.Namespace, part: str = "perception") -> Path:
-    """Where --out keeps what is made by the present code of this part of the fingerprint, apart from what other code
-    made."""
+def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
+    """Where --out keeps the slides that are made by the present code, and what depends on them and on these parts of
+    the fingerprint, apart from what other code made."""
     from ..evidence.fingerprint import today
 
-    return Path(args.out).resolve() / today()[part]  # workers may run elsewhere
+    made_by = "+".join(today()[part] for part in ("slides", *parts))
+    return Path(args.out).resolve() / made_by  # workers may run elsewhere
 
 
 @contextmanager

@@ -57,7 +57,7 @@ def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
     """Names of those with other values. What only one side has was renamed, added or removed: the probes tell whether
     that matters. Modules may have a name in common, so that a value more or less is no other value. What is computed
     may differ by its rounding: another machine's pseudoinverse has other zeros."""
-    differ = ((name, one[name], other[name]) for name in one.keys() & other.keys())
+    differ = ((name, one[name], other[name]) for name in sorted(one.keys() & other.keys()))
     return [name for name, here, there in differ if not (_among(here, there) or _among(there, here))]
 
 

@@ -1,4 +1,4 @@
-"""What the filter, identification and advice answer on small scenes, under each protocol, and slides, as numbers.
+"""What the filter, identification and advice answer on small scenes, under each protocol, as numbers.
 
 Each run is short, and its touches lie far apart: much happens before an error of the last bit has grown.
 """
@@ -19,7 +19,6 @@ from midastouch_filter.core.state import STATES
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_filter.identification.identification import Identification
-from midastouch_perception.simulation.slide import simulate_slide
 
 from ..trials import disturbances
 from ..trials.protocols import PROTOCOLS
@@ -33,7 +32,6 @@ _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.
 _FEW = {"max_particles": 1_000, "kld_sampling": False}
 """Settings of most probes: one particle more or less would give every other one another random number."""
 _MOST = 16  # frames
-_SLIDE = 0.09  # m
 _ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in what is touched, by what
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
 
@@ -60,13 +58,7 @@ def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lamb
     out["codes"] = _run(eyebolt, nudge(eyebolt.frames), codes, "paper", 0.5)
     out["identity"] = _identity(scenes, frames, few)
     out["advice"] = _advice(tool, frames, few)
-    return out | {f"slide, {each.mesh.name}": _slide(each) for each in scenes}
-
-
-def _slide(scene: Scene) -> Probe:
-    """Poses of a simulated slide, as the trials' are made."""
-    poses = simulate_slide(scene.mesh, scene.networks.sensor, _SLIDE, np.random.default_rng(0))
-    return Probe(np.hstack([poses[:, :3, 3], poses[:, :3, :2].reshape(-1, 6)]), [1e-6] * 3 + [1e-4] * 6)
+    return out
 
 
 def _run(scene: Scene, frames: list[TrialFrame], config: FilterConfig, init: str, beta: float) -> Probe:

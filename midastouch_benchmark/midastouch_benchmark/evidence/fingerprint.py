@@ -2,18 +2,19 @@
 
     .venv/bin/midastouch fingerprint --write
 
-It has three parts, `perception` (simulator, networks, renderer, codebook), `estimates` (these, the slides and the
-filter) and `real_gel` (the perception and what is made of images of real gel: calibrations, slopes, contact), each made
-of numbers that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today under
-their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
-times as far as inputs that are off in the sixth digit have moved it, and three times that on another machine.
+It has four parts, `perception` (simulated images, networks, renderer, codebook), `slides` (simulated ones and their
+images), `estimates` (all these, and the filter) and `real_gel` (the perception and what is made of images of real gel:
+calibrations, slopes, contact), each made of numbers that probes measure and of the values of constants.
+`reports/fingerprint.json` holds those of today under their ids. Code whose numbers agree with them has these ids, on
+whatever machine: each number may be off four times as far as inputs that are off in the sixth digit have moved it, and
+three times that on another machine.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -33,14 +34,15 @@ from ..trials import disturbances, protocols
 from . import constants
 from .constants import Constants
 from .filter_probes import filter_probes
-from .perception_probes import perception_probes
+from .perception_probes import perception_probes, slide_probes
 from .probe import Probe, Probes
 from .real_gel_probes import real_gel_probes
 from .scene import Scene, nudged, off
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMITTED = ROOT / "reports" / "fingerprint.json"
-PERCEPTION, ESTIMATES, REAL_GEL = "perception", "estimates", "real_gel"
+PERCEPTION, SLIDES, ESTIMATES, REAL_GEL = "perception", "slides", "estimates", "real_gel"
+_DEPENDS_ON = {SLIDES: (PERCEPTION,), ESTIMATES: (PERCEPTION, SLIDES), REAL_GEL: (PERCEPTION,)}
 RENEW = "midastouch fingerprint --write"
 _CACHE = ROOT / "out" / "cache" / "fingerprint"
 _NUDGES = 6
@@ -90,6 +92,7 @@ def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fing
         touched = real_gel_probes(both[0].mesh, both[0].poses, partial(off, rng=rng))
     return {
         PERCEPTION: Part(seen, constants.of_perception(both[0].networks)),
+        SLIDES: Part(slide_probes(both), {}),
         ESTIMATES: Part(answered, constants.of_filter()),
         REAL_GEL: Part(touched, constants.of_calibration()),
     }
@@ -114,7 +117,7 @@ def scenes() -> list[Scene]:
 
 
 def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[str]]:
-    """By part, what every run of the code has otherwise; what changes images or codes changes estimates.
+    """By part, what every run of the code has otherwise, its own or what it depends on.
 
     runs: the first as the inputs are, others with nudged ones: where a particle more or less happens to lead
     elsewhere, one of them agrees, and where the code has changed, none does.
@@ -123,17 +126,19 @@ def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[st
     for part, one in committed.items():
         first, *others = (one.differences(run[part]) for run in runs)
         changed[part] = [each for each in first if all(each in other for other in others)]
-    for part in changed.keys() - {PERCEPTION}:
-        changed[part] = [*changed[PERCEPTION], *changed[part]]
-    return changed
+    return {part: [each for one in _with_causes(part, changed) for each in changed[one]] for part in changed}
+
+
+def _with_causes(part: str, there: Collection[str]) -> list[str]:
+    """The part, after those of the parts that are there on which it depends."""
+    return [*(each for each in _DEPENDS_ON.get(part, ()) if each in there), part]
 
 
 def ids(fingerprint: Fingerprint) -> dict[str, str]:
     """Names for the parts of one that agrees with no other, by their content."""
     texts = {part: json.dumps(one.to_json(), sort_keys=True) for part, one in fingerprint.items()}
-    for part in texts.keys() - {PERCEPTION}:
-        texts[part] += texts[PERCEPTION]
-    return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in texts.items()}
+    whole = {part: "".join(texts[each] for each in _with_causes(part, texts)) for part in texts}
+    return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in whole.items()}
 
 
 def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tuple[Fingerprint, dict[str, list[str]]]:
@@ -153,12 +158,10 @@ def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tup
 def write(path: Path = COMMITTED) -> dict[str, list[str]]:
     """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
     old, named = read(path) if path.is_file() else ({}, {})
-    changed = {part: ["there was none"] for part in (PERCEPTION, ESTIMATES, REAL_GEL) if part not in old}
-    if old:
-        _, differs = _compared(old, lambda seed: measure(seed=seed))
-        changed |= differs
-        if not any(changed.values()):
-            return changed
+    now, changed = _compared(old, lambda seed: measure(seed=seed))
+    changed |= {part: ["there was none"] for part in now if part not in old}
+    if not any(changed.values()):
+        return changed
     found = steady()
     names = ids(found)
     found = {part: one if changed[part] else old[part] for part, one in found.items()}

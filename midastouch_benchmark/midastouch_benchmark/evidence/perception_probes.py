@@ -1,4 +1,5 @@
-"""What simulator, networks, renderer and codebook make of fixed poses, as numbers; each stage gets its own input."""
+"""What simulator, networks, renderer and codebook make of fixed poses, as numbers; each stage gets its own input. And
+which poses a slide has."""
 
 from __future__ import annotations
 
@@ -7,12 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import simulate_slide
 
 from .probe import Probe, Probes
 from .scene import Scene
 
 _TOUCHES, _ENTRIES, _NUMBERS = 4, 12, 12  # touches, entries of a codebook, numbers of a code
 _BLOCKS = 4, 3  # of an image or a map
+_SLIDE = 0.09  # m
 Nudge = Callable[[np.ndarray], np.ndarray]
 
 
@@ -36,6 +39,16 @@ def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Pro
         "book's codes": Probe(book.codes[entries, :_NUMBERS], [2e-3] * _NUMBERS),
         "calibration of codes": Probe(np.array([[book.meta["temperature"], book.meta["outlier"]]]), [1e-6] * 2),
     }
+
+
+def slide_probes(scenes: list[Scene]) -> Probes:
+    """By object; of a slide over each."""
+    return {each.mesh.name: _slide(each) for each in scenes}
+
+
+def _slide(scene: Scene) -> Probe:
+    poses = simulate_slide(scene.mesh, scene.networks.sensor, _SLIDE, np.random.default_rng(0))
+    return Probe(np.hstack([poses[:, :3, 3], poses[:, :3, :2].reshape(-1, 6)]), [1e-6] * 3 + [1e-4] * 6)
 
 
 def block_means(pictures: np.ndarray) -> np.ndarray:
