@@ -256,8 +256,9 @@ def set_up(lock):
         [
             ("interfaces", content_hash([*INTERFACES, PYTHON_ONLY], dependencies_key), build_interfaces, "messages"),
             ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
-            ("packages", content_hash(described_by, dependencies_key), install_packages, "packages of the workspace"),
         ],
+        # after them: pip reads what is installed, and fails over what another step is just writing
+        [("packages", content_hash(described_by, dependencies_key), install_packages, "packages of the workspace")],
     ]
     stages = [[step for step in stage if not is_done(*step[:2])] for stage in stages]
     if not any(stages):

@@ -35,10 +35,12 @@ if TYPE_CHECKING:
 
 
 class _Answered(NamedTuple):
-    """What fingers measured in a step, the first one's touch, and whether the answer can be trusted."""
+    """What fingers measured in a step, the first one's touch, seconds since the step before, and whether the answer can
+    be trusted."""
 
     measured: list[Finger]
     touch: Measurement
+    elapsed: float | None
     trusted: bool
 
 
@@ -135,7 +137,8 @@ class ParticleFilter:
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
         others: what further fingers on the same object measure, by name, also while this one is in the air; any of them
         may be missing in any frame.
-        elapsed: seconds since the last step; None: unknown, and nothing is learnt about the arm's clock.
+        elapsed: seconds since the last step, to which the deferred work is limited in proportion; None: unknown, and
+        nothing is learnt about the arm's clock.
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
@@ -150,7 +153,7 @@ class ParticleFilter:
         outcome = self._step(self._belief, odometry, touches, elapsed)
         estimate = self._reporter.estimate(self._belief, outcome)
         self._watch.restart()
-        self._answered = _Answered(outcome.measured, measurement, estimate.status.state == CONVERGED)
+        self._answered = _Answered(outcome.measured, measurement, elapsed, estimate.status.state == CONVERGED)
         return estimate
 
     def deferred_update(self) -> None:
@@ -158,7 +161,7 @@ class ParticleFilter:
         if self._answered is None:
             return
         last, self._answered = self._answered, None
-        self._policies.refine.deferred_update(self._belief, last.measured)
+        self._policies.refine.deferred_update(self._belief, last.measured, last.elapsed)
         self._policies.correct.observe(self._belief, last.touch, last.trusted)
 
     # ------------------------------------------------------------------ answers

@@ -183,9 +183,7 @@ class Localiser:
             return None
         self._object.take_growth()
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
-        timed = moved is not None and stamp is not None and self._stamp is not None
-        # not where the last stamp was far ahead by mistake
-        elapsed = 1e-9 * (stamp - self._stamp) if timed and stamp > self._stamp else None
+        elapsed = None if moved is None else seconds_between(self._stamp, stamp)
         self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
         self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate
@@ -194,6 +192,11 @@ class Localiser:
         """As `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
         if self.filter is not None:
             self.filter.deferred_update()
+
+
+def seconds_between(before: int | None, now: int | None) -> float | None:
+    """Of two stamps [ns]; None if one is unknown, or the first was far ahead by mistake."""
+    return 1e-9 * (now - before) if before is not None and now is not None and now > before else None
 
 
 def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ void bind_belief(nb::module_&);
 void bind_canvas(nb::module_&);
 void bind_colour_table(nb::module_&);
 void bind_farthest_points(nb::module_&);
+void bind_gaussian(nb::module_&);
 void bind_image(nb::module_&);
 void bind_integration(nb::module_&);
 void bind_map_odometry(nb::module_&);
@@ -55,6 +56,7 @@ NB_MODULE(MODULE_NAME, m) {
     bind_canvas(m);
     bind_colour_table(m);
     bind_farthest_points(m);
+    bind_gaussian(m);
     bind_image(m);
     bind_integration(m);
     bind_map_odometry(m);

@@ -101,10 +101,8 @@ class PenetrationAlignment:
         factor = evidence_slope / (self._pixel * max(touched, 1))
         if factor >= 1.0:
             return posterior
-        prior, total = np.linalg.inv(covariance), np.linalg.inv(posterior.covariance)
-        wider = np.linalg.inv(prior + factor * (total - prior))
-        offset = wider @ (factor * total @ se3.log(se3.inverse(pose) @ posterior.pose))
-        return replace(posterior, pose=pose @ se3.exp(offset), covariance=0.5 * (wider + wider.T))
+        pose, covariance = kernels.weaken(pose, covariance, posterior.pose, posterior.covariance, factor)
+        return replace(posterior, pose=pose, covariance=covariance)
 
 
 def without_jitter(
@@ -115,11 +113,7 @@ def without_jitter(
     An arm reports each pose with an error of its own that does not stay: the penetration sees the sum of both, and only
     the mode's part of the innovation may move the particles for good (conditioning of a joint Gaussian).
     """
-    total = prior + jitter
-    gain = np.linalg.solve(total, prior).T
-    offset = gain @ se3.log(se3.inverse(pose) @ posterior.pose)
-    covariance = prior - gain @ (total - posterior.covariance) @ gain.T
-    return pose @ se3.exp(offset), 0.5 * (covariance + covariance.T)
+    return kernels.condition(pose, prior, jitter, posterior.pose, posterior.covariance)
 
 
 def align_in_turn(
@@ -179,9 +173,9 @@ def align_until_settled(
 
 
 def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4)."""
-    on = adjoint(motion)
-    return on @ covariance @ on.T
+    """Covariance (..., 6, 6) of a pose's own frame after the frame went on by `motion` (4, 4)."""
+    flat = np.ascontiguousarray(covariance).reshape(-1, 6, 6)
+    return kernels.transform_covariances(flat, np.ascontiguousarray(motion)).reshape(covariance.shape)
 
 
 def adjoint(motion: np.ndarray) -> np.ndarray:

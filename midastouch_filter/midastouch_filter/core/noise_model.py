@@ -122,8 +122,8 @@ class Effort:
     With several fingers, the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook
     entries are some 20 deg apart, which moves a further finger by centimetres.
     carried: hypotheses of the last comparison that are compared again, whether codes bring them up or not.
-    lookups_per_step (of candidates) and alignments_per_step bound what one step takes; `alignments` bound the
-    competitors that are followed in all.
+    lookups_per_second (of candidates) and alignments_per_second bound what it takes of a core; frames farther apart
+    than `longest` [s] count as that. `alignments` bound the competitors that are followed in all.
     settled_after: touches after which a hypothesis' rotation is known well enough to say where further fingers are.
     """
 
@@ -138,7 +138,8 @@ class Effort:
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     carried: int = 16
-    lookups_per_step: int = 7500
+    lookups_per_second: int = 150_000
     alignments: int = 1500
-    alignments_per_step: int = 90
+    alignments_per_second: int = 1_800
+    longest: float = 0.05
     settled_after: int = 3

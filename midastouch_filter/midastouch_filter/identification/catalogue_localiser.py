@@ -20,7 +20,7 @@ from ..core.state import AMBIGUOUS, CONVERGED
 from ..core.touch import Measurement
 from ..core.workers import Workers
 from ..loaded_object import LoadedObject
-from ..localiser import Localiser
+from ..localiser import Localiser, seconds_between
 from .catalogue import Catalogue, Entry
 from .identification import Identification
 from .identity import Identity
@@ -56,6 +56,7 @@ class CatalogueLocaliser(Localiser):
         self._loaded: dict[str, LoadedObject] = {}
         self._models: dict[str, ObjectModel] = {}
         self._last: np.ndarray | None = None
+        self._last_stamp: int | None = None
 
     @property
     def identity(self) -> Identity | None:
@@ -102,8 +103,9 @@ class CatalogueLocaliser(Localiser):
         if self._identification is None:
             return super().process(T_base_gel, measurement, others, stamp)
         moved = None if self._last is None else se3.inverse(self._last) @ T_base_gel
-        anew = self._identification.step(moved, measurement)
-        self._last = T_base_gel
+        elapsed = None if moved is None else seconds_between(self._last_stamp, stamp)
+        anew = self._identification.step(moved, measurement, elapsed)
+        self._last, self._last_stamp = T_base_gel, stamp
         if anew:
             identity = self._identification.identity
             self._follow(identity)

@@ -24,8 +24,9 @@ from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
 from ..core.touch import Measurement, require_network
 from ..core.workers import Workers
-from ..smoothing.competitor_search import CompetitorSearch, SearchPace
+from ..smoothing.competitor_search import CompetitorSearch
 from ..smoothing.contest import Contest
+from ..smoothing.pace import Pace
 from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from .catalogue import Catalogue
 from .identity import CandidateObject, Identity
@@ -49,7 +50,7 @@ class Identification:
         self._catalogue, self._config, self._noise = catalogue, config, noise
         codes = np.concatenate([entry.codebook.codes for entry in catalogue.entries])
         self._scores = CodeScores(codes, catalogue.calibration, config, Workers(config.threads))
-        self._pace = SearchPace(_EFFORT.lookups_per_step)
+        self._pace = Pace(_EFFORT)
         self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
@@ -74,8 +75,9 @@ class Identification:
         since = [each.motion for each in keyframes if each.stretch == self.window.stretch]
         return se3.inverse(self.window.motion) @ np.array(since).reshape(-1, 4, 4)
 
-    def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
-        """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
+    def step(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None = None) -> bool:
+        """One frame: motion since the last (4, 4), None if unknown; elapsed [s], as of `Pace.grant`; whether the
+        identity was found anew.
 
         What the filter refuses is passed over; raises InputError if the code comes from another network.
         """
@@ -85,6 +87,7 @@ class Identification:
             self._keep(touch)
         if self._running is None and self._news >= self._wait and len(self.window) >= _EFFORT.fewest:
             self._news, self._running = 0, self._run()
+        self._pace.grant(elapsed)
         found = next(self._running) if self._running else None
         if found is None:
             return False
@@ -143,7 +146,7 @@ class Identification:
         onward = se3.inverse(self._found_at) @ window.keyframes[-1].motion
         carried = [(k, hypothesis.pose @ onward) for k, hypothesis in best]
         ranked = yield from self._ranked(views, carried)
-        race, likelihoods = Race(window), {}
+        race, likelihoods = Race(window, self._pace), {}
         for starts, most in ((carried, np.inf), (ranked, _EFFORT.alignments)):
             for k, pose in starts:
                 if race.alignments >= most:

@@ -64,7 +64,7 @@ class CoarseOnly:
         """Change the belief by what was measured; whether maps explain the dominant mode."""
         return False
 
-    def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
+    def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
         """Correct the belief by the last touches, including the present ones, whose estimate is already given."""
 
     def published(self, belief: Belief) -> Published:

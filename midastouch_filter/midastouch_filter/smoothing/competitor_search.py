@@ -15,6 +15,7 @@ from ..core.lookup import NearestEntry, PoseLookup
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import distinct, far_from
 from ..core.touch import Measurement
+from .pace import Pace
 
 _OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _BASIN = 0.008  # m: alignment ends at the same optimum from anywhere within; 1 rad counts as 10 mm
@@ -40,20 +41,6 @@ class Competitors:
     cloud_scores: np.ndarray
 
 
-class SearchPace:
-    """Bounds the look-ups of one step for all searches that share it. Args: most, poses in one step."""
-
-    def __init__(self, most: int):
-        self.most, self._looked_up = most, 0
-
-    def pause(self, part: slice) -> Iterator[None]:
-        """Yield None before `part` is looked up, if that would be more than one step may do."""
-        self._looked_up += part.stop - part.start
-        if self._looked_up > self.most:
-            self._looked_up = part.stop - part.start
-            yield None
-
-
 class CompetitorSearch:
     """Looks for the hypotheses that explain keyframes best, in slices: each generator yields None between two of them.
 
@@ -67,12 +54,12 @@ class CompetitorSearch:
         symmetry: Symmetry,
         noise: NoiseModel,
         effort: Effort,
-        pace: SearchPace | None = None,
+        pace: Pace | None = None,
     ):
         self._lookup, self._symmetry = lookup, symmetry
         self._around = lookup.neighbours[:, :ENTRIES_AROUND] if isinstance(lookup, PoseLookup) else None
         self._margin, self._effort = noise.code_margin, effort
-        self._pace = pace or SearchPace(effort.lookups_per_step)
+        self._pace = pace or Pace(effort)
 
     def find(self, window: WeighedWindow, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
         """The competitors of `taken`, poses (4, 4) at the newest keyframe, by the touches of the window."""
@@ -99,13 +86,18 @@ class CompetitorSearch:
         poses = np.concatenate(out)
         entries = np.empty(len(poses), int)
         for part in self._slices(len(poses)):
-            yield from self._pace.pause(part)
+            yield from self._pause(part)
             entries[part] = self._lookup.exact(poses[part])
         return poses[np.unique(entries, return_index=True)[1]]
 
+    def _pause(self, part: slice) -> Iterator[None]:
+        """Yield None before `part` is looked up, if that has to wait for the next frame."""
+        if self._pace.used_up_by(part.stop - part.start):
+            yield None
+
     def _slices(self, count: int) -> list[slice]:
-        """What is looked up at once: no more than in one step."""
-        size = self._pace.most
+        """What is looked up at once: no more than in one frame."""
+        size = self._pace.lookups
         return [slice(low, min(low + size, count)) for low in range(0, count, size)]
 
     def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -132,7 +124,7 @@ class CompetitorSearch:
         scores = np.zeros((len(candidates), len(window.weights)))
         for k in range(len(window.weights)):
             for part in self._slices(len(candidates)):
-                yield from self._pace.pause(part)
+                yield from self._pause(part)
                 scores[part, k] = self._of(candidates[part], newest, window, k)
         recent = [keyframe.stretch == newest.stretch for keyframe in window.keyframes]
         best = window.best_suffix(scores)

@@ -76,12 +76,12 @@ class FixedLagSmoother(FineStage):
             self.checked = explained and self._is_trusted(belief)
         return explained
 
-    def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
+    def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
         if mapped_of(measured):
             with self._watch.stage("hindsight"):
-                self._reevaluate(belief, measured)
+                self._reevaluate(belief, measured, elapsed)
 
-    def _reevaluate(self, belief: Belief, measured: list[Finger]) -> None:
+    def _reevaluate(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
         """Keep the touch, and go on asking whether other hypotheses explain the last ones as well."""
         reevaluation = self._reevaluation
         if reevaluation.due:
@@ -92,7 +92,7 @@ class FixedLagSmoother(FineStage):
         narrow = [mode for mode in belief.modes if is_narrow(mode, self._config)]
         contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
         if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
-            comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
+            comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]], elapsed)
             if comparison is not None:
                 self._believe(belief, comparison)
                 self.comparison, self._compared_at = comparison, reevaluation.motion

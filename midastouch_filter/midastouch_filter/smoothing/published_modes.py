@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
 
@@ -60,12 +59,13 @@ def published_modes(
 def _covariance(modes: list[Mode], belief: Belief) -> np.ndarray:
     """Of the whole belief about the pose of the first mode: of the modes and, in so far as their weights leave
     something, of all particles."""
-    first, named = modes[0], sum(mode.weight for mode in modes)
-    covariance = first.weight * first.covariance
-    for mode in modes[1:]:
-        turned = Rotation.from_matrix(mode.pose[:3, :3] @ first.pose[:3, :3].T).as_rotvec()
-        offset = np.append(mode.pose[:3, 3] - first.pose[:3, 3], turned)
-        covariance = covariance + mode.weight * (mode.covariance + np.outer(offset, offset))
+    first, poses = modes[0], np.stack([mode.pose for mode in modes])
+    turned = se3.log(se3.make(poses[:, :3, :3] @ first.pose[:3, :3].T, np.zeros((len(modes), 3))))[:, 3:]
+    offset = np.hstack([poses[:, :3, 3] - first.pose[:3, 3], turned])
+    weights = np.array([mode.weight for mode in modes])
+    named = weights.sum()
+    within = np.stack([mode.covariance for mode in modes])
+    covariance = np.einsum("m,mij->ij", weights, within) + (weights * offset.T) @ offset
     if named > 1.0 - _NOTHING:
         return covariance / named
     # mode 0 are the first one's own particles, if it has any

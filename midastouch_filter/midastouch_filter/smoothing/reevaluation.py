@@ -30,6 +30,7 @@ from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, distinct, far
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .contest import Contest
+from .pace import Pace
 from .window_likelihood import Alignments, Race, WindowLikelihood, hypothesis_posterior
 
 _POSSIBLE = 1e-4  # probability of a hypothesis from which on it is compared again
@@ -87,7 +88,8 @@ class Reevaluation:
         self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
         self._symmetry, self._count, self._explains = symmetry, n_poses, config.penetration_fit
         self._unknown_prior = config.unknown_prior
-        self._search = CompetitorSearch(lookup, symmetry.exact, noise, effort)
+        self._pace = Pace(effort)
+        self._search = CompetitorSearch(lookup, symmetry.exact, noise, effort, self._pace)
         self._window = KeyframeWindow(
             config.smoothing_touches, config.smoothing_spacing, noise.touch_correlation, effort.shortlist
         )
@@ -162,12 +164,13 @@ class Reevaluation:
             self._wait = self._effort.anew
         return self._running is None and (self._since < self._wait or len(self._window) < self._effort.fewest)
 
-    def compare(self, modes: list[np.ndarray]) -> Comparison | None:
+    def compare(self, modes: list[np.ndarray], elapsed: float | None = None) -> Comparison | None:
         """Work on the comparison for one slice; returns it once it is complete, else None.
 
-        modes: poses (4, 4) of the filter's own modes at present. All of them are among the hypotheses; the others are
-        their competitors.
+        elapsed [s], as of `Pace.grant`. modes: poses (4, 4) of the filter's own modes at present. All of them are among
+        the hypotheses; the others are their competitors.
         """
+        self._pace.grant(elapsed)
         if self._running is None:
             self._since = 0
             self._running = self._run(modes)
@@ -189,7 +192,7 @@ class Reevaluation:
         onward = se3.inverse(self._carried_at) @ newest
         starts += [pose @ onward for pose in self._carried]
         competitors = yield from self._search.find(window, starts)
-        race = Race(window)
+        race = Race(window, self._pace)
         likelihood = WindowLikelihood(
             window, self._alignment, self._noise, self._effort, self._explains, race, self._alignments
         )

@@ -22,6 +22,7 @@ from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import ANOTHER, pose_distance
 from ..core.touch import Measurement
+from .pace import Pace
 
 _WORSE = 0.01  # fraction of a map by which a start may explain less than it did, and no other is tried
 
@@ -77,11 +78,22 @@ class Alignments:
 class Race:
     """What the likelihoods of one window share, be it on several objects.
 
+    Args: window; pace, None for what is done at once.
     Attributes: best (K,), highest sum so far of the evidence from each keyframe on; alignments, number of them.
     """
 
-    def __init__(self, window: WeighedWindow):
+    def __init__(self, window: WeighedWindow, pace: Pace | None = None):
         self.best, self.alignments = np.full(len(window.keyframes), -np.inf), 0
+        self._pace, self._in_frame = pace, 0
+
+    def used_up_by(self, alignments: int) -> bool:
+        """Count so many alignments that were done; whether the next ones have to wait for the next frame."""
+        self.alignments += alignments
+        self._in_frame += alignments
+        if self._pace is None or self._in_frame < self._pace.alignments:
+            return False
+        self._in_frame -= self._pace.alignments
+        return True
 
 
 class WindowLikelihood:
@@ -142,9 +154,7 @@ class WindowLikelihood:
                 slope = self._noise.evidence_slope(residual_ratio[k])
                 aligned = self._alignment.of_unknown_scale(pose, covariance + jitter, maps, aligned, slope)
                 pose, covariance = without_jitter(pose, covariance, jitter, aligned)
-            before = self._race.alignments // self._effort.alignments_per_step
-            self._race.alignments += descents
-            if self._race.alignments // self._effort.alignments_per_step > before:
+            if self._race.used_up_by(descents):
                 yield None
             hopeless = total - self._race.best[k] < self._noise.refuted
             self._race.best[k] = max(self._race.best[k], total)

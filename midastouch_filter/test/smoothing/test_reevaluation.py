@@ -14,6 +14,7 @@ from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
+from midastouch_filter.smoothing.pace import Pace
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
@@ -59,6 +60,7 @@ class Slide:
 
     others: tuple | list = ()  # what a second finger measures, touch by touch
     effort = Effort()
+    elapsed = None  # s between two frames
 
     def __init__(self, world, mesh, truth):
         coarse = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
@@ -100,7 +102,7 @@ class Slide:
             assert not reevaluation.due
         for _ in range(1000):
             before = self.alignment.done
-            answer = reevaluation.compare(modes)
+            answer = reevaluation.compare(modes, self.elapsed)
             self.slices.append(self.alignment.done - before)
             if answer is not None:
                 self.exhaustive, self.elsewhere, self.contest = answer.exhaustive, answer.elsewhere, answer.contest
@@ -262,10 +264,20 @@ def test_one_touch_says_nothing(symmetric):
 def test_a_comparison_is_done_in_slices_and_not_at_once_again(symmetric):
     truth = symmetric.truth[-1]
     assert symmetric.run([np.eye(4), HALF_TURN], [truth]) is not None
-    most = symmetric.effort.alignments_per_step
+    most = Pace(symmetric.effort).alignments
     assert sum(symmetric.slices) > 2 * most
     assert max(symmetric.slices) <= most
     assert symmetric.reevaluation.rests(contradicted=False)
+
+
+def test_a_fast_camera_s_frames_are_given_less_work(symmetric, monkeypatch):
+    truth, effort = symmetric.truth[-1], symmetric.effort
+    at_leisure = symmetric.run([np.eye(4), HALF_TURN], [truth])
+    monkeypatch.setattr(symmetric, "elapsed", 1 / 60)
+    found = symmetric.run([np.eye(4), HALF_TURN], [truth])
+    # one start is not broken off in the middle of its descents
+    assert max(symmetric.slices) < effort.alignments_per_second / 60 + 8
+    assert [each.probability for each in found] == [each.probability for each in at_leisure]
 
 
 def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven, monkeypatch):
