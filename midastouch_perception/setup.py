@@ -36,6 +36,7 @@ setup(
     license=manifest.findtext("license"),
     extras_require={
         "import": ["onnx"],
+        "openvino": ["openvino"],
         "test": ["hypothesis", "pytest"],
         "train": ["onnx", "onnxscript", "safetensors", "torch>=2.6"],
     },

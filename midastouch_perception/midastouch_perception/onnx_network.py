@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
+
+from .backends import CPU, load_backend
 
 WEIGHTS = Path(__file__).parent / "weights"
 
@@ -27,30 +27,18 @@ def network_path(kind: str, name_or_path: str | Path) -> Path:
 
 
 class OnnxNetwork:
-    """An ONNX file run by ONNX Runtime on the CPU, with at most `threads` threads and no more than there are cores.
+    """An ONNX file, run with at most `threads` threads and no more than there are cores; backend, as `load_backend`.
 
     Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
-    beside the file); outputs, their names. Raises InputError: unknown name, no such file, not an ONNX network,
-    missing or broken card.
+    beside the file); outputs, their names; backend, the name of the one in use. Raises InputError: unknown name, no
+    such file, not an ONNX network, missing or broken card, unusable backend.
     """
 
-    def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
+    def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1, backend: str = CPU):
         path = network_path(kind, name_or_path)
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = min(threads, len(os.sched_getaffinity(0)))
-        options.inter_op_num_threads = 1
-        # threads that wait for work busily would take the cores from the rest of the pipeline
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 3
-        try:
-            self.session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # ONNX Runtime's exceptions have no common base
-            reason = str(error).splitlines()[0]
-            raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
-        self._options = onnxruntime.RunOptions()
-        self._options.only_execute_path_to_fetches = True  # not the layers of other outputs too
-        self._inputs = [i.name for i in self.session.get_inputs()]
-        self.outputs = [o.name for o in self.session.get_outputs()]
+        self._backend = load_backend(path, threads, backend)
+        self._inputs, self.outputs = list(self._backend.inputs), self._backend.outputs
+        self.backend = self._backend.name
         self.card, self._path = read_card(path), path
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
@@ -65,8 +53,7 @@ class OnnxNetwork:
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
         """The output of that name, by default the first, for the network's inputs in their
         declared order, float32 with the batch first."""
-        names = [output or self.outputs[0]]
-        return self.session.run(names, dict(zip(self._inputs, inputs, strict=True)), self._options)[0]
+        return self._backend.run(dict(zip(self._inputs, inputs, strict=True)), output or self.outputs[0])
 
 
 def read_card(network: Path) -> dict:

@@ -18,6 +18,7 @@ from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileContact
 
+from ..backends import AUTO, BACKENDS
 from ..contact import Contact
 from ..gel_texture import GelCheck
 from ..pipeline import DepthStage
@@ -35,6 +36,11 @@ _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
 PARAMETERS = (
     Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
+    Parameter(
+        "backend",
+        AUTO,
+        f"What runs the network: {', '.join(BACKENDS[1:])}; auto: the fastest that is installed and answers alike",
+    ),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     Parameter(
         "background",
@@ -108,13 +114,16 @@ class TdnNode(ManagedNode):
         self._fit = FitCheck(self._map_sensor)
         store = store_of(self.parameters["background_folder"], self.parameters["serial"])
         self.say(f"loading the depth network '{self.parameters['tdn']}'")
-        tdn = None if self._given else load_tdn(self.parameters["tdn"], self._sensor)
+        tdn = (
+            None if self._given else load_tdn(self.parameters["tdn"], self._sensor, backend=self.parameters["backend"])
+        )
         kept = store.load_calibration(self._sensor) if store and tdn else None
         self._calibration = CalibrationInUse(tdn, kept, self._sensor)
+        self._backend = tdn.backend if tdn else "given"
         self._touched = TouchedBackground(tdn)
         self._gel = GelCheck(self._sensor)
         self._stage = self._given or DepthStage(tdn, self._fit, self._touched, self._gel)
-        self.say(f"loading the background; calibration: {self._calibration}")
+        self.say(f"backend: {self._backend}; loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
         self._background = SensorBackground(self._sensor, self.parameters["background"], store, frames)
         if self._background.image is not None:
@@ -192,6 +201,7 @@ class TdnNode(ManagedNode):
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= {**self._fit.values, **self._gel.values, "calibration": str(self._calibration)}
+        values["backend"] = self._backend
         if (
             problem := self._images_from.problem
             or self._background.problem

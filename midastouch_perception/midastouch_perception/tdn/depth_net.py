@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..backends import CPU
 from ..onnx_network import OnnxNetwork
 from ..sensor_calibration.calibration import SensorCalibration, scale_problem
 from ..sensor_model import SensorModel
@@ -16,10 +17,10 @@ from .inputs import ContactLight, check_image, reduce_image
 class DepthNet(ABC):
     """A tactile depth network in an ONNX file: image and background to penetration (paper section 4.1).
 
-    Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew. Raises
-    InputError if the calibration is another sensor model's.
-    Attributes: network_id; sensor, the map-resolution sensor model; calibration_in_use, that of the sensor, else the
-    one that comes with its model, or None.
+    Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew; backend,
+    that runs the network. Raises InputError if the calibration is another sensor model's.
+    Attributes: network_id; backend, the name of the one in use; sensor, the map-resolution sensor model;
+    calibration_in_use, that of the sensor, else the one that comes with its model, or None.
     """
 
     _threads = 1
@@ -29,8 +30,9 @@ class DepthNet(ABC):
         name_or_path: str | Path = "fast",
         sensor: SensorModel | None = None,
         calibration: SensorCalibration | None = None,
+        backend: str = CPU,
     ):
-        self._network = OnnxNetwork("tdn", name_or_path, self._threads)
+        self._network = OnnxNetwork("tdn", name_or_path, self._threads, backend)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
         self._background: tuple[np.ndarray, ContactLight] | None = None
@@ -46,6 +48,10 @@ class DepthNet(ABC):
     @property
     def network_id(self) -> str:
         return self._network.network_id
+
+    @property
+    def backend(self) -> str:
+        return self._network.backend
 
     @property
     @abstractmethod

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..backends import CPU
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
@@ -37,8 +38,9 @@ class FcrnDepthNet(DepthNet):
         name_or_path: str | Path,
         sensor: SensorModel | None = None,
         calibration: SensorCalibration | None = None,
+        backend: str = CPU,
     ):
-        super().__init__(name_or_path, sensor, calibration)
+        super().__init__(name_or_path, sensor, calibration, backend)
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
 
     def height(self, image: np.ndarray) -> np.ndarray:

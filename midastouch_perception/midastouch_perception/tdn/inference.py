@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..backends import CPU
 from ..onnx_network import WEIGHTS, network_path, read_card
 from ..sensor_calibration.calibration import SensorCalibration, plain_slopes
 from ..sensor_model import SensorModel
@@ -33,8 +34,9 @@ class TactileDepthNet(DepthNet):
         name_or_path: str | Path = "fast",
         sensor: SensorModel | None = None,
         calibration: SensorCalibration | None = None,
+        backend: str = CPU,
     ):
-        super().__init__(name_or_path, sensor, calibration)
+        super().__init__(name_or_path, sensor, calibration, backend)
         self._network.require_inputs("difference", "geometry")
         self._geometry = geometry_input(self.sensor)[None]
         learnt = SensorModel.load(_LEARNT_ON[self.sensor.light]).for_maps
@@ -85,15 +87,17 @@ def load_tdn(
     name_or_path: str | Path = "fast",
     sensor: SensorModel | None = None,
     calibration: SensorCalibration | None = None,
+    backend: str = CPU,
 ) -> DepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
 
     A name stands for the network that was trained for the sensor's light, as `fast_relative` for real gel.
-    calibration: of that very sensor, or None. Raises InputError: unknown network, another sensor's calibration.
+    calibration: of that very sensor, or None; backend, as `load_backend`. Raises InputError: unknown network or
+    backend, another sensor's calibration.
     """
     sensor = sensor or SensorModel.load("digit_tacto")
     if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():
         name_or_path = f"{name_or_path}_{sensor.light}"
     card = read_card(network_path("tdn", name_or_path))
     network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet
-    return network(name_or_path, sensor, calibration)
+    return network(name_or_path, sensor, calibration, backend)
