@@ -28,6 +28,7 @@ from .core.state import CONVERGED
 from .core.touch import Measurement
 from .core.workers import Workers
 from .policies import Policies, default_policies
+from .smoothing.pace import InTime, always
 from .step import Reporter, Step
 
 if TYPE_CHECKING:
@@ -156,12 +157,16 @@ class ParticleFilter:
         self._answered = _Answered(outcome.measured, measurement, elapsed, estimate.status.state == CONVERGED)
         return estimate
 
-    def deferred_update(self) -> None:
-        """Run the work that only later estimates need: best called between an answer and the next touch."""
+    def deferred_update(self, in_time: InTime = always) -> None:
+        """Run the work that only later estimates need: best called between an answer and the next touch.
+
+        What it takes is limited by the time since the last frame; by `in_time`, too, where a machine may be too slow:
+        estimates then depend on that.
+        """
         if self._answered is None:
             return
         last, self._answered = self._answered, None
-        self._policies.refine.deferred_update(self._belief, last.measured, last.elapsed)
+        self._policies.refine.deferred_update(self._belief, last.measured, last.elapsed, in_time)
         self._policies.correct.observe(self._belief, last.touch, last.trusted)
 
     # ------------------------------------------------------------------ answers

@@ -18,6 +18,7 @@ from .core.initialisation import checked_prior
 from .core.touch import Measurement
 from .filter import ParticleFilter
 from .loaded_object import LoadedObject
+from .smoothing.pace import InTime, always
 
 # Widest start: the paper's, appendix C (sigma_t = diagonal / 3, sigma_r = 60 degrees at beta = 1)
 _WIDEST_ROTATION = math.radians(60.0)
@@ -188,10 +189,10 @@ class Localiser:
         self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate
 
-    def deferred_update(self) -> None:
+    def deferred_update(self, in_time: InTime = always) -> None:
         """As `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
         if self.filter is not None:
-            self.filter.deferred_update()
+            self.filter.deferred_update(in_time)
 
 
 def seconds_between(before: int | None, now: int | None) -> float | None:

@@ -17,7 +17,8 @@ from midastouch_msgs.msg import TactileCode
 
 from ..core.state import STALE, UNINITIALISED
 from ..core.touch import Measurement, measurement_from_msg
-from ..localiser import Localiser
+from ..localiser import Localiser, seconds_between
+from ..smoothing.pace import until_next_frame
 from ..timeline import Judgement, Timeline
 from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait
@@ -50,6 +51,7 @@ class CodeProcessor:
         self.network_id = ""
         self._timeline = Timeline(self._newest_transform, clock.now)
         self._last_arrival: float | None = None
+        self._last_stamp: int | None = None
         self._silent = False
         self._base, self._sensor = self._parameters["base_frame_id"], self._parameters["sensor_frame_id"]
         self._queue = TransformQueue(
@@ -168,6 +170,8 @@ class CodeProcessor:
             self.report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
+        in_time = until_next_frame(seconds_between(self._last_stamp, stamp), self._clock.steady_now)
+        self._last_stamp = stamp
         sensor = self._localiser.sensor
         if self._maps is not None and sensor is not None and measurement.in_contact:
             measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
@@ -184,7 +188,7 @@ class CodeProcessor:
             return
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
         self._on_estimate(stamp)
-        self._localiser.deferred_update()
+        self._localiser.deferred_update(in_time)
 
     def _on_transforms_jump(self, stamp: int) -> None:
         self._obey(self._timeline.ask_again())

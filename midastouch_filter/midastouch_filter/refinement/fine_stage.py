@@ -64,8 +64,13 @@ class CoarseOnly:
         """Change the belief by what was measured; whether maps explain the dominant mode."""
         return False
 
-    def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
-        """Correct the belief by the last touches, including the present ones, whose estimate is already given."""
+    def deferred_update(
+        self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: Callable[[], bool]
+    ) -> None:
+        """Correct the belief by the last touches, including the present ones, whose estimate is already given.
+
+        elapsed: seconds since the frame before, None if unknown; in_time: whether there is time left.
+        """
 
     def published(self, belief: Belief) -> Published:
         """What is answered."""

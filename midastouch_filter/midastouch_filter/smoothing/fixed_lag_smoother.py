@@ -22,6 +22,7 @@ from ..core.resampling import Resampler
 from ..core.touch import Measurement
 from ..refinement.fine_stage import FineStage, Published, impose_fractions, mapped_of
 from ..refinement.refinement import Refinement, is_narrow
+from .pace import InTime
 from .published_modes import owners_of, published_modes
 from .reevaluation import Comparison, Reevaluation
 
@@ -76,12 +77,12 @@ class FixedLagSmoother(FineStage):
             self.checked = explained and self._is_trusted(belief)
         return explained
 
-    def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
+    def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
         if mapped_of(measured):
             with self._watch.stage("hindsight"):
-                self._reevaluate(belief, measured, elapsed)
+                self._reevaluate(belief, measured, elapsed, in_time)
 
-    def _reevaluate(self, belief: Belief, measured: list[Finger], elapsed: float | None) -> None:
+    def _reevaluate(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
         """Keep the touch, and go on asking whether other hypotheses explain the last ones as well."""
         reevaluation = self._reevaluation
         if reevaluation.due:
@@ -92,7 +93,8 @@ class FixedLagSmoother(FineStage):
         narrow = [mode for mode in belief.modes if is_narrow(mode, self._config)]
         contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
         if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
-            comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]], elapsed)
+            poses = [mode.pose for mode in narrow[: self._config.refined_modes]]
+            comparison = reevaluation.compare(poses, elapsed, in_time)
             if comparison is not None:
                 self._believe(belief, comparison)
                 self.comparison, self._compared_at = comparison, reevaluation.motion

@@ -30,7 +30,7 @@ from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, distinct, far
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .contest import Contest
-from .pace import Pace
+from .pace import InTime, Pace, always
 from .window_likelihood import Alignments, Race, WindowLikelihood, hypothesis_posterior
 
 _POSSIBLE = 1e-4  # probability of a hypothesis from which on it is compared again
@@ -164,13 +164,15 @@ class Reevaluation:
             self._wait = self._effort.anew
         return self._running is None and (self._since < self._wait or len(self._window) < self._effort.fewest)
 
-    def compare(self, modes: list[np.ndarray], elapsed: float | None = None) -> Comparison | None:
+    def compare(
+        self, modes: list[np.ndarray], elapsed: float | None = None, in_time: InTime = always
+    ) -> Comparison | None:
         """Work on the comparison for one slice; returns it once it is complete, else None.
 
-        elapsed [s], as of `Pace.grant`. modes: poses (4, 4) of the filter's own modes at present. All of them are among
-        the hypotheses; the others are their competitors.
+        elapsed [s], in_time: as of `Pace.grant`. modes: poses (4, 4) of the filter's own modes at present. All of them
+        are among the hypotheses; the others are their competitors.
         """
-        self._pace.grant(elapsed)
+        self._pace.grant(elapsed, in_time)
         if self._running is None:
             self._since = 0
             self._running = self._run(modes)

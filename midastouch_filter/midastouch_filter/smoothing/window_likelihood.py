@@ -90,9 +90,9 @@ class Race:
         """Count so many alignments that were done; whether the next ones have to wait for the next frame."""
         self.alignments += alignments
         self._in_frame += alignments
-        if self._pace is None or self._in_frame < self._pace.alignments:
+        if self._pace is None or self._pace.leaves(self._in_frame, self._pace.alignments):
             return False
-        self._in_frame -= self._pace.alignments
+        self._in_frame = max(self._in_frame - self._pace.alignments, 0)
         return True
 
 

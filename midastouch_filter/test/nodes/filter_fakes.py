@@ -84,7 +84,7 @@ class FakeFilter:
         status = replace(status, symmetry=self.object.symmetry.describe())
         return Estimate(modes, status, covariance, self.calibration)
 
-    def deferred_update(self) -> None:
+    def deferred_update(self, in_time=None) -> None:
         self.deferred_updates.append(len(self.measurements))
 
     def advise(self, wanted) -> Advice:

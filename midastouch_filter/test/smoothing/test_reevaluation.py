@@ -14,7 +14,7 @@ from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.smoothing.pace import Pace
+from midastouch_filter.smoothing.pace import Pace, always, until_next_frame
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
@@ -61,6 +61,7 @@ class Slide:
     others: tuple | list = ()  # what a second finger measures, touch by touch
     effort = Effort()
     elapsed = None  # s between two frames
+    in_time = staticmethod(always)
 
     def __init__(self, world, mesh, truth):
         coarse = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
@@ -102,7 +103,7 @@ class Slide:
             assert not reevaluation.due
         for _ in range(1000):
             before = self.alignment.done
-            answer = reevaluation.compare(modes, self.elapsed)
+            answer = reevaluation.compare(modes, self.elapsed, self.in_time)
             self.slices.append(self.alignment.done - before)
             if answer is not None:
                 self.exhaustive, self.elsewhere, self.contest = answer.exhaustive, answer.elsewhere, answer.contest
@@ -278,6 +279,26 @@ def test_a_fast_camera_s_frames_are_given_less_work(symmetric, monkeypatch):
     # one start is not broken off in the middle of its descents
     assert max(symmetric.slices) < effort.alignments_per_second / 60 + 8
     assert [each.probability for each in found] == [each.probability for each in at_leisure]
+
+
+def test_work_whose_time_is_up_waits_for_the_next_frame(symmetric, monkeypatch):
+    truth = symmetric.truth[-1]
+    at_leisure = symmetric.run([np.eye(4), HALF_TURN], [truth])
+    monkeypatch.setattr(symmetric, "in_time", lambda: False)
+    found = symmetric.run([np.eye(4), HALF_TURN], [truth])
+    # one start is not broken off in the middle of its descents
+    assert max(symmetric.slices) < Pace(symmetric.effort).alignments / 4 + 8
+    assert [each.probability for each in found] == [each.probability for each in at_leisure]
+
+
+def test_a_frame_s_time_is_half_of_that_between_two():
+    now = [5.0]
+    in_time = until_next_frame(0.1, lambda: now[0])
+    now[0] = 5.04
+    assert in_time()
+    now[0] = 5.06
+    assert not in_time()
+    assert until_next_frame(None, lambda: now[0])()
 
 
 def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven, monkeypatch):
