@@ -9,6 +9,7 @@ import packages
 import pytest
 
 from midastouch_bringup.cli import add_commands, build_parser
+from midastouch_common.missing_modules import EXTRAS, install_extra
 
 FOLDERS = [*packages.PYTHON, "midastouch_kernels"]
 SOURCES = sorted(
@@ -20,7 +21,6 @@ SOURCES = sorted(
 # after a colon or "see ", or in backticks: to the end of the sentence
 COMMAND = re.compile(r"(?:: |see |`|\n  )midastouch ([a-z][a-z-]*[^`;,()\n]*)")
 NAME = re.compile(r"\bmidastouch ([a-z]+-[a-z-]*[a-z])")
-REQUIREMENTS = re.compile(r"tools/requirements/\w+\.txt")
 
 
 def text(node: ast.AST) -> str:
@@ -71,6 +71,11 @@ def test_every_command_that_is_mentioned_exists():
 
 
 def test_every_list_of_requirements_is_there():
-    named = {file for _, message in MESSAGES for file in REQUIREMENTS.findall(message)}
-    assert len(named) > 3
-    assert [file for file in named if not (packages.ROOT / file).is_file()] == []
+    for name, distributions in EXTRAS.items():
+        file = packages.ROOT / "tools" / "requirements" / f"{name}.txt"
+        assert install_extra(name) == f".venv/bin/pip install -r {file.relative_to(packages.ROOT)}"
+        assert {line.split("==")[0] for line in file.read_text().splitlines() if "==" in line} == set(distributions)
+    # they are named in one place, which knows whether this is a clone
+    assert {file for file, message in MESSAGES if ".venv/bin/pip" in message} == {
+        "midastouch_common/midastouch_common/missing_modules.py"
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from pathlib import Path
 
 DISTRIBUTIONS = {
     "distributed": "distributed",
@@ -15,16 +16,38 @@ DISTRIBUTIONS = {
     "trimesh": "trimesh",
 }
 """Module: distribution on PyPI, of what neither Ubuntu nor ROS packages, so that no Debian package can depend on it."""
+EXTRAS = {
+    "export": ("h5py", "pyarrow"),
+    "open3d": ("libusb-package", "open3d-cpu"),
+    "train": ("onnx", "onnxscript", "safetensors", "torch"),
+    "view": ("rerun-sdk",),
+}
+"""Distributions on PyPI of what few users need, by name."""
+CLONE = Path(__file__).resolve().parents[2]
+"""Where the repository is, if this is one."""
 _OF_ROS = re.compile(
     r"(rclpy|ament_index_python|launch|launch_\w+|\w+_(msgs|srvs|interfaces)|midastouch_\w+\.(nodes|ros))(\..*)?"
 )
+
+
+def pip_install(*distributions: str) -> str:
+    """The command that installs these for this Python."""
+    return f"{sys.executable} -m pip install {' '.join(distributions)}"
+
+
+def install_extra(name: str) -> str:
+    """The command that installs one of `EXTRAS`: of tested versions where this is a clone of the repository."""
+    requirements = Path("tools", "requirements", f"{name}.txt")
+    if (CLONE / requirements).is_file():
+        return f".venv/bin/pip install -r {requirements}"
+    return pip_install(*EXTRAS[name])
 
 
 def how_to_install(error: ImportError) -> str:
     """One line: what the import did not find, and the command or page that brings it."""
     name = error.name or ""
     if name in DISTRIBUTIONS:
-        return f"there is no module {name}; install it: {sys.executable} -m pip install {DISTRIBUTIONS[name]}"
+        return f"there is no module {name}; install it: {pip_install(DISTRIBUTIONS[name])}"
     if _OF_ROS.fullmatch(name):
         return (
             f"this needs ROS 2, and there is no module {name}; source a ROS 2 and its workspace, or run make in a clone"

@@ -9,6 +9,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_file, sha256
+from midastouch_common.missing_modules import install_extra, pip_install
 
 from .state_dict import matched, plain_names
 from .tcn import minkloc3d_network
@@ -21,7 +22,6 @@ EXPECTED_SHAPES = {
 }
 # where training scripts put the state dict, if the file holds more than that
 _STATE_KEYS = ("state_dict", "model_state_dict", "model")
-_TRAIN_EXTRA = ".venv/bin/pip install -r tools/requirements/train.txt"
 
 
 def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) -> Path:
@@ -53,7 +53,7 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
     try:
         from .tdn.fcrn_graph import save_fcrn  # only this needs the package onnx
     except ImportError as error:
-        raise InputError(f"{path}: writing this network needs the package onnx: .venv/bin/pip install onnx") from error
+        raise InputError(f"{path}: writing this network needs the package onnx: {pip_install('onnx')}") from error
     return save_fcrn(state, card, Path(out))
 
 
@@ -82,7 +82,9 @@ def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
     except InputError:
         raise
     except ModuleNotFoundError as error:
-        raise InputError(f"{path}: reading this file needs the package {error.name}; {_TRAIN_EXTRA}") from error
+        raise InputError(
+            f"{path}: reading this file needs the package {error.name}; {install_extra('train')}"
+        ) from error
     except Exception as error:  # damaged bytes make torch's and NumPy's readers fail in any way
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InputError(f"{path}: not a complete checkpoint of tensors alone ({reason}); get it again") from error

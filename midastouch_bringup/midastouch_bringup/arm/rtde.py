@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import pip_install
 
 _PROTOCOL = 2
 _VERSION, _RECIPE, _START, _TEXT = b"V", b"O", b"S", b"M"
@@ -117,7 +118,7 @@ def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]
     try:
         from rtde_receive import RTDEReceiveInterface
     except ImportError as error:
-        raise InputError("ur_tf needs the Python package ur-rtde; install it: .venv/bin/pip install ur-rtde") from error
+        raise InputError(f"ur_tf needs the Python package ur-rtde; install it: {pip_install('ur-rtde')}") from error
 
     def connect(robot_ip: str, rate: float) -> RtdeReceiver:
         require_outputs(robot_ip, RTDE_PORT, _OUTPUTS, rate, timeout)

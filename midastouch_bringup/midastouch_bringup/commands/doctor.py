@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from midastouch_common.missing_modules import install_extra
+
 from . import arguments
 from .plugins import BrokenCommand, commands_of_others
 
 _SET_UP = "make setup"
-_TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
-_OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; sudo apt install libgl1 libegl1 libx11-6"
-_VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
-_EXPORT = ".venv/bin/pip install -r tools/requirements/export.txt"
+_OPEN3D = f"{install_extra('open3d')}; sudo apt install libgl1 libegl1 libx11-6"
 
 # module, distribution, what it is for, required, the command that fixes it
 MODULES = (
@@ -32,10 +31,10 @@ MODULES = (
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
-    ("torch", "torch", "training, CUDA", False, _TRAIN),
-    ("rerun", "rerun-sdk", "midastouch view", False, _VIEW),
-    ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, _EXPORT),
-    ("h5py", "h5py", "midastouch export --format hdf5", False, _EXPORT),
+    ("torch", "torch", "training, CUDA", False, install_extra("train")),
+    ("rerun", "rerun-sdk", "midastouch view", False, install_extra("view")),
+    ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, install_extra("export")),
+    ("h5py", "h5py", "midastouch export --format hdf5", False, install_extra("export")),
     ("midastouch_bringup.inspection.library", "open3d-cpu", "midastouch inspect", False, _OPEN3D),
 )
 _PROGRAMS = (

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from midastouch_common.missing_modules import install_extra
+
 from . import arguments
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ def add_parser(subparsers) -> None:
         "write recordings as a LeRobot dataset or as HDF5",
         "midastouch export out/demo/run.mcap --format lerobot --out out/dataset",
         "One episode for each bag: images, poses, and what the bag has of penetration maps, estimates, states and\n"
-        "truth. What is in the files: docs/exports.md. Needs: .venv/bin/pip install -r tools/requirements/export.txt.",
+        f"truth. What is in the files: docs/exports.md. Needs: {install_extra('export')}.",
     )
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
     parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
@@ -56,6 +58,5 @@ def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
         else:
             from ..export.hdf5 import write_hdf5 as write
     except ModuleNotFoundError as error:
-        install = ".venv/bin/pip install -r tools/requirements/export.txt"
-        raise InputError(f"--format {name} needs {error.name}: {install}") from error
+        raise InputError(f"--format {name} needs {error.name}: {install_extra('export')}") from error
     return write

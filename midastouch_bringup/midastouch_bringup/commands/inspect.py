@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from midastouch_common.missing_modules import install_extra
+
 from . import arguments
 
 
@@ -19,7 +21,7 @@ def add_parser(subparsers) -> None:
         "  midastouch inspect out/drill.json --export out/drill",
         "Takes a bag with results, of the demo or the recorder, or a result of `midastouch evaluate`, which has\n"
         "the published poses alone. Without --save and --export it opens a window. --save needs no display.\n"
-        "Needs Open3D: .venv/bin/pip install -r tools/requirements/open3d.txt.",
+        f"Needs Open3D: {install_extra('open3d')}.",
     )
     parser.add_argument("run_or_bag", metavar="RUN_OR_BAG", help="bag, or JSON file of midastouch evaluate")
     parser.add_argument("--mesh", help="file or bundled object (default: what the run says)")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import install_extra
 
 from . import arguments
 
@@ -59,9 +60,7 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
 def training_options(args: argparse.Namespace) -> TrainingOptions:
     """The options both commands have. Raises InputError without PyTorch, or if there is nothing to resume."""
     if importlib.util.find_spec("torch") is None:
-        raise InputError(
-            "training needs PyTorch, which is not installed; run: .venv/bin/pip install -r tools/requirements/train.txt"
-        )
+        raise InputError(f"training needs PyTorch, which is not installed; run: {install_extra('train')}")
     # before PyTorch loads: its OpenMP threads would fight the renderer's and the rendering workers for the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     resume = Path(args.resume) if args.resume else None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from midastouch_common.missing_modules import install_extra
+
 from . import arguments
 
 
@@ -18,7 +20,7 @@ def add_parser(subparsers) -> None:
         "midastouch view --namespace left --save out/left.rrd",
         "Listens to the nodes over DDS (same ROS_DOMAIN_ID) and serves a page to this machine only, unless\n"
         "--host says otherwise. On another computer: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT.\n"
-        "Needs Rerun: .venv/bin/pip install -r tools/requirements/view.txt.\n"
+        f"Needs Rerun: {install_extra('view')}.\n"
         "Its page is Rerun's: it sends no data away, but may ask for Rerun's newest version and a font.",
     )
     parser.add_argument("--namespace", default="", help="of the nodes (default: none)")

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
+from midastouch_common.missing_modules import pip_install
 
 from .archive import check_or_record, extract, recorded
 from .transfer import fetch
@@ -80,7 +81,7 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
     """
     program = gdown or shutil.which("gdown", path=str(Path(sys.executable).parent)) or shutil.which("gdown")
     if program is None:
-        raise InputError("YCB-Slide lies on a shared drive that only gdown can list: .venv/bin/pip install gdown")
+        raise InputError(f"YCB-Slide lies on a shared drive that only gdown can list: {pip_install('gdown')}")
     target = folder / part
     target.mkdir(parents=True, exist_ok=True)
     command = [program, "--folder", FOLDERS[part], "--continue", "--output", str(target)]

@@ -6,8 +6,8 @@ from __future__ import annotations
 from types import ModuleType
 
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import install_extra
 
-INSTALL = ".venv/bin/pip install -r tools/requirements/open3d.txt"
 SYSTEM = "libgl1, libegl1, libx11-6 and libusb-1.0-0 (the last also from PyPI: libusb-package)"
 
 
@@ -17,6 +17,6 @@ def require_open3d() -> ModuleType:
         from .library import open3d
     except ImportError as error:
         if isinstance(error, ModuleNotFoundError):
-            raise InputError(f"this needs Open3D (105 MB): {INSTALL}") from error
+            raise InputError(f"this needs Open3D (105 MB): {install_extra('open3d')}") from error
         raise InputError(f"Open3D does not load ({error}); it wants {SYSTEM} of the system") from error
     return open3d

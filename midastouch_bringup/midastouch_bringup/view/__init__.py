@@ -5,8 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 from midastouch_common.errors import InputError
-
-INSTALL = ".venv/bin/pip install -r tools/requirements/view.txt"
+from midastouch_common.missing_modules import install_extra
 
 
 def require_rerun() -> ModuleType:
@@ -14,5 +13,5 @@ def require_rerun() -> ModuleType:
     try:
         import rerun
     except ImportError as error:
-        raise InputError(f"the live view needs Rerun (170 MB): {INSTALL}") from error
+        raise InputError(f"the live view needs Rerun (170 MB): {install_extra('view')}") from error
     return rerun
