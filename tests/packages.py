@@ -9,6 +9,7 @@ PYTHON = [
     "digit_driver",
     "midastouch_perception",
     "midastouch_filter",
+    "midastouch_motion",
     "midastouch_bringup",
     "midastouch_benchmark",
 ]

@@ -1,0 +1,56 @@
+"""One motion at a time, as long as the guard lets it: what the node does at each control period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .contact_servo import ContactServo
+from .guard import Guard, Seen
+from .skills import BackOff, Ended, Skill
+
+
+class Controller:
+    """Args: servo; guard.
+
+    Attributes: servo; guard; skill, that is carried out, None while nothing is.
+    """
+
+    def __init__(self, servo: ContactServo, guard: Guard):
+        self.servo, self.guard = servo, guard
+        self.skill: Skill | None = None
+        self._reason: Ended | None = None  # of a motion that is over, while the gel backs off
+
+    @property
+    def path(self) -> float:
+        """m gone in the present motion."""
+        return self.skill.path if self.skill is not None else 0.0
+
+    def begin(self, skill: Skill) -> None:
+        """Carry out a skill from now on."""
+        self.skill, self._reason = skill, None
+
+    def step(self, now: float, seen: Seen) -> tuple[np.ndarray, Ended | None]:
+        """The twist (6,) at `now` [s], and how the motion has ended if it has: then the twist is zero.
+
+        seen: but for its depth, which is the servo's. What is too deep is pulled back before the motion ends.
+        """
+        seen.depth = self.servo.depth
+        problem = self.guard.problem(now, seen)
+        backs_off = self._reason is not None
+        if problem and self.guard.is_too_deep(problem):
+            if not backs_off:
+                self._reason, self.skill = Ended(False, problem), BackOff()
+        elif problem:
+            return self._end(now, self._reason or Ended(False, problem))
+        answer = self.skill.step(self.servo, now, seen.position)
+        if isinstance(answer, Ended):
+            return self._end(now, self._reason or answer)
+        return self.servo.command(now, answer), None
+
+    def cancel(self, now: float) -> np.ndarray:
+        """Stop at once; the twist of that, zero."""
+        return self._end(now, Ended(False, "cancelled"))[0]
+
+    def _end(self, now: float, how: Ended) -> tuple[np.ndarray, Ended]:
+        self.skill, self._reason = None, None
+        return self.servo.stop(now), how

@@ -1,0 +1,77 @@
+"""What has to hold while an arm moves; what does not is the reason for which it stops.
+
+This is no safety function: it is as reliable as the software that it runs in. Speed, force and stop of the arm itself
+are what protects people.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from midastouch_common.errors import InputError
+
+_TOO_DEEP = " deep, more than"
+
+
+@dataclass
+class Seen:
+    """What is known at a moment. Times [s] of the newest `enable`, image and pose, -inf before the first; position (3,)
+    m of the gel in the base frame; depth m; lost, whether the filter says so; listeners and commanders of the twist
+    topic, numbers of subscriptions and publishers."""
+
+    enabled: float = -math.inf
+    image: float = -math.inf
+    pose: float = -math.inf
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    depth: float = 0.0
+    lost: bool = False
+    listeners: int = 0
+    commanders: int = 0
+
+
+@dataclass(frozen=True)
+class Guard:
+    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m, not to be exceeded; hold and stale, s
+    for which an `enable` holds, and after which images and poses are too old. Raises InputError for an empty box."""
+
+    low: np.ndarray
+    high: np.ndarray
+    depth: float
+    hold: float = 0.1
+    stale: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (np.asarray(self.low) < self.high).all():
+            raise InputError(f"the box from {_in_mm(self.low)} to {_in_mm(self.high)} mm is empty")
+
+    def problem(self, now: float, seen: Seen) -> str:
+        """Why the arm has to stop, in words; empty if it may go on."""
+        if now - seen.enabled > self.hold:
+            return "not enabled: ~/enable has to be repeated while the arm may move"
+        if seen.listeners == 0:
+            return "nobody follows the twists: is the arm's controller running, and its topic remapped?"
+        if seen.commanders > 1:
+            return "another node commands twists, too; stop it"
+        for what, stamp in (("image", seen.image), ("transform of the gel", seen.pose)):
+            if now - stamp > self.stale:
+                age = now - stamp
+                return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
+        if seen.lost:
+            return "the filter is lost"
+        if not ((self.low <= seen.position) & (seen.position <= self.high)).all():
+            return f"the gel is at {_in_mm(seen.position)} mm, outside of the box"
+        if seen.depth > self.depth:
+            return f"{1e3 * seen.depth:.2f} mm{_TOO_DEEP} {1e3 * self.depth:.2f}"
+        return ""
+
+    @staticmethod
+    def is_too_deep(problem: str) -> bool:
+        """Whether that, and nothing else, is the problem: the gel has to be pulled back."""
+        return _TOO_DEEP in problem
+
+
+def _in_mm(position: np.ndarray) -> str:
+    return "(" + ", ".join(f"{1e3 * value:.0f}" for value in position) + ")"

@@ -1,0 +1,122 @@
+"""The motions: touch until a depth is reached, slide along, lift, and back off from what is too deep.
+
+Each is asked for the twist of the moment, and answers how it has ended once it has.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from .contact_servo import ContactServo
+
+_SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
+_REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
+
+
+class Ended(NamedTuple):
+    """Whether a motion did what was asked, and how it ended, in words."""
+
+    success: bool
+    message: str
+
+
+class Skill(Protocol):
+    """Attribute: path, m gone so far."""
+
+    path: float
+
+    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
+        """The twist (6,) at `now` [s] of a gel that is at a position (3,) m, in any frame at rest; or how it ended."""
+
+
+class _Moving:
+    """Counts the path."""
+
+    def __init__(self) -> None:
+        self.path, self._at = 0.0, None
+
+    def _gone(self, position: np.ndarray) -> float:
+        if self._at is not None:
+            self.path += float(np.linalg.norm(position - self._at))
+        self._at = position.copy()
+        return self.path
+
+
+class Touch(_Moving):
+    """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, and hold
+    `depth` m."""
+
+    def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
+        super().__init__()
+        self._depth, self._distance = depth, distance
+        self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
+        self._settled: float | None = None
+
+    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
+        gone = self._gone(position)
+        if not servo.touching:
+            self._settled = None
+            if gone > self._distance:
+                return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
+            return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
+        if abs(servo.depth - self._depth) > _SETTLED:
+            self._settled = None
+        elif self._settled is None:
+            self._settled = now
+        elif now - self._settled > _SETTLED_FOR:
+            return Ended(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
+        return servo.pressed(self._depth, np.zeros(2))
+
+
+class Slide(_Moving):
+    """Go on for `length` m in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
+
+    Where the contact is lost, it is looked for straight below.
+    """
+
+    def __init__(self, heading: float, length: float, depth: float):
+        super().__init__()
+        self._along = np.array([np.cos(heading), np.sin(heading)])
+        self._length, self._depth = length, depth
+        self._lost: np.ndarray | None = None
+
+    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
+        gone = self._gone(position)
+        if gone >= self._length:
+            return Ended(True, f"slid {1e3 * gone:.0f} mm")
+        if servo.touching:
+            self._lost = None
+            return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along)
+        if self._lost is None:
+            if gone == 0.0:
+                return Ended(False, "nothing touches: touch first")
+            self._lost = position.copy()
+        if np.linalg.norm(position - self._lost) > self._depth + _REACH:
+            return Ended(False, f"the contact was lost after {1e3 * gone:.0f} mm: over an edge, or off the object")
+        return np.array([0, 0, -servo.approach_speed(self._depth), 0, 0, 0.0])
+
+
+class Lift(_Moving):
+    """Straight off the surface, by a height [m]."""
+
+    def __init__(self, height: float):
+        super().__init__()
+        self._height = height
+
+    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
+        if self._gone(position) >= self._height:
+            return Ended(True, f"lifted by {1e3 * self._height:.0f} mm")
+        return np.array([0, 0, servo.limits.air_speed, 0, 0, 0.0])
+
+
+class BackOff(_Moving):
+    """Straight back until the depth is half of what is allowed, or as far as a gel is thick."""
+
+    _MOST = 5e-3  # m
+
+    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
+        if servo.depth < 0.5 * servo.limits.depth or self._gone(position) > self._MOST:
+            return Ended(True, "backed off")
+        return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])

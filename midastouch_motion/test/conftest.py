@@ -1,0 +1,112 @@
+"""A gel on an arm that answers late, over objects whose images come late."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_motion.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_motion.controller import Controller
+from midastouch_motion.guard import Guard, Seen
+from midastouch_motion.simulated_arm import SimulatedArm
+from midastouch_motion.skills import Ended, Skill
+from midastouch_perception.contact import Contact
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.rendering.contact_poses import Reachability
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.slide import somewhere
+
+SENSOR = SensorModel.load("digit_tacto").for_maps
+PERIOD = 0.01  # s of control
+_LEAST_AREA = 1.5e-6  # m^2
+
+
+@dataclass
+class World:
+    """An object, and the delays [s] of images and arm; noise of the depth [m]."""
+
+    mesh: ObjectMesh
+    image_delay: float = 0.05
+    arm_latency: float = 0.05
+    fps: float = 30.0
+    noise: float = 3e-5
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        self._renderer = PenetrationRenderer(self.mesh, SENSOR)
+        self.rng = np.random.default_rng(0)
+
+    def depth(self, pose: np.ndarray) -> float:
+        """True depth [m] at a gel pose (4, 4) on the object."""
+        return float(self._renderer.render(pose[None])[0].max())
+
+    def look(self, now: float, pose: np.ndarray) -> Measured:
+        """What an image of `now` shows."""
+        contact = Contact.of(np.maximum(self._renderer.render(pose[None])[0], 0), SENSOR)
+        if contact.area_m2 < _LEAST_AREA:
+            return Measured(now, 0.0, np.zeros(2))
+        points = cloud_from_penetration(contact.penetration, contact.penetration > 0, SENSOR)
+        return Measured(now, max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6), slope_of(points))
+
+    def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
+        """Carry out the skills one after the other, from a gel pose (4, 4)."""
+        arm, servo = SimulatedArm(pose, self.arm_latency), ContactServo(self.limits, self.arm_latency)
+        controller = Controller(servo, Guard(np.full(3, -1.0), np.full(3, 1.0), self.limits.depth, stale=0.2))
+        out, coming, now, due = Run(), deque(), 0.0, 0.0
+        servo.measure(0.0, self.look(-self.image_delay, pose))
+        for skill in skills:
+            ended = None
+            controller.begin(skill)
+            while ended is None and now < seconds:
+                now += PERIOD
+                here = arm.advance(now)
+                if now >= due:
+                    coming.append((now + self.image_delay, self.look(now, here)))
+                    due += 1 / self.fps
+                while coming and coming[0][0] <= now:
+                    servo.measure(now, coming.popleft()[1])
+                out.depths.append(self.depth(here))
+                seen = Seen(now, servo.stamp, now, here[:3, 3], listeners=1, commanders=1)
+                twist, ended = controller.step(now, seen)
+                arm.command(now, twist)
+            out.ended.append(ended)
+        out.pose, out.servo = arm.advance(now + 1.0), servo
+        return out
+
+
+@dataclass
+class Run:
+    """How each skill ended, None if it did not; depths [m], true ones, at each period; pose (4, 4) at the end."""
+
+    ended: list[Ended | None] = field(default_factory=list)
+    depths: list[float] = field(default_factory=list)
+    pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    servo: ContactServo | None = None
+
+
+@pytest.fixture(scope="session")
+def world() -> Callable[..., World]:
+    """Makes a world of a bundled object."""
+
+    def make(name: str, **settings) -> World:
+        return World(ObjectMesh.load(bundled_objects()[name]), **settings)
+
+    return make
+
+
+def above(mesh: ObjectMesh, rng: np.random.Generator, height: float, tilt: float = 0.0) -> np.ndarray:
+    """A gel pose (4, 4) over a random place that can be touched, tilted by so many rad."""
+    reachability = Reachability(mesh, SensorModel.load("digit_tacto"))
+    point = somewhere(mesh, reachability, 0.5e-3, rng)
+    frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 6.28, 1))[0]
+    axis = rng.standard_normal(2)
+    turn = se3.exp(np.array([0, 0, 0, *(tilt * axis / np.linalg.norm(axis)), 0]))
+    return se3.make(frame, point + height * frame[:, 2]) @ turn

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from midastouch_common.errors import InputError
+from midastouch_motion.contact_servo import ContactServo, Limits, Measured, slope_of
+
+
+def plane(slope, size):
+    """Points of a plane through the gel's apex, `size` m across."""
+    x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, 11)] * 2)
+    return np.stack([x.ravel(), y.ravel(), slope[0] * x.ravel() + slope[1] * y.ravel()], axis=1)
+
+
+def test_the_slope_is_that_of_the_points_and_less_where_they_are_close():
+    np.testing.assert_allclose(slope_of(plane((0.1, -0.05), 0.04)), [0.1, -0.05], rtol=0.05)
+    assert np.linalg.norm(slope_of(plane((0.1, -0.05), 0.001))) < 0.02
+    assert not slope_of(np.zeros((2, 3))).any()
+
+
+def test_limits_that_are_none_are_refused():
+    with pytest.raises(InputError, match="limit speed: 0 is not"):
+        Limits(speed=0.0)
+    with pytest.raises(InputError, match="limit depth: nan is not"):
+        Limits(depth=float("nan"))
+
+
+def servo_at(now, depth, slope=(0.0, 0.0), age=0.05):
+    servo = ContactServo(Limits(), 0.05)
+    servo.stop(now - 0.01)
+    servo.measure(now, Measured(now - age, depth, np.array(slope)))
+    return servo
+
+
+def test_what_was_commanded_since_an_image_counts():
+    servo = servo_at(0.0, 0.3e-3)
+    assert servo.depth == pytest.approx(0.3e-3)
+    for k in range(1, 6):
+        servo.command(0.01 * k, np.array([0, 0, -0.005, 0.1, 0, 0]))
+    # 50 ms at 5 mm/s, less what it took to get as fast
+    assert servo.depth == pytest.approx(0.3e-3 + 0.04 * 0.005, rel=0.2)
+    assert servo.slope[1] == pytest.approx(-0.1 * 0.04, rel=0.3)
+    servo.stop(0.06)
+    servo.measure(0.2, Measured(0.15, 0.4e-3, np.zeros(2)))
+    assert servo.depth == pytest.approx(0.4e-3), "all of it is in the image"
+
+
+def test_the_gel_is_turned_until_it_lies_flat():
+    for slope in ((0.1, 0.0), (0.0, 0.1), (-0.1, 0.05)):
+        servo = servo_at(0.0, 0.5e-3, slope)
+        twist = servo.pressed(0.5e-3, np.zeros(2))
+        servo = servo_at(0.0, 0.5e-3, slope)
+        for k in range(1, 30):
+            servo.command(0.01 * k, twist)
+        assert np.linalg.norm(servo.slope) < np.linalg.norm(slope)
+
+
+def test_limits_hold_and_stopping_is_at_once():
+    servo = servo_at(0.0, 0.5e-3)
+    sent = [servo.command(0.01 * k, np.array([1.0, 0, 0, 0, 9.0, 0])) for k in range(40)]
+    speeds = [np.linalg.norm(twist[:3]) for twist in sent]
+    assert max(speeds) == pytest.approx(Limits().speed)
+    assert max(np.diff([0.0, *speeds])) <= Limits().acceleration * 0.01 + 1e-9
+    assert max(np.linalg.norm(twist[3:]) for twist in sent) == pytest.approx(Limits().turn_speed)
+    assert not servo.stop(0.5).any()
+
+
+def test_a_slower_pipeline_is_approached_and_answered_more_slowly():
+    quick, slow = servo_at(0.0, 0.0, age=0.02), servo_at(0.0, 0.0, age=0.4)
+    assert slow.delay > quick.delay
+    assert slow.gain < quick.gain
+    assert slow.approach_speed(0.5e-3) < quick.approach_speed(0.5e-3) <= Limits().air_speed

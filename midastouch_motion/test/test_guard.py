@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from midastouch_common.errors import InputError
+from midastouch_motion.guard import Guard, Seen
+from midastouch_motion.simulated_arm import SimulatedArm
+
+GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3)
+
+
+def seen(**changes) -> Seen:
+    well = {"enabled": 10.0, "image": 9.96, "pose": 9.99, "listeners": 1, "commanders": 1}
+    return Seen(**well | changes)
+
+
+def test_while_all_is_well_the_arm_may_move():
+    assert GUARD.problem(10.0, seen()) == ""
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"enabled": 9.8}, "not enabled"),
+        ({"enabled": -np.inf}, "not enabled"),
+        ({"listeners": 0}, "nobody follows"),
+        ({"commanders": 2}, "another node commands"),
+        ({"image": 9.85}, "the newest image is 150 ms old"),
+        ({"image": -np.inf}, "no image came yet"),
+        ({"pose": 9.0}, "the newest transform of the gel is 1000 ms old"),
+        ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
+        ({"lost": True}, "the filter is lost"),
+        ({"position": np.array([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
+    ],
+)
+def test_each_fault_stops_it(changes, reason):
+    with pytest.raises(AssertionError, match=reason):
+        raise AssertionError(GUARD.problem(10.0, seen(**changes)))
+
+
+def test_an_empty_box_is_refused():
+    with pytest.raises(InputError, match="empty"):
+        Guard(np.zeros(3), np.array([0.1, 0.0, 0.1]), 1e-3)
+
+
+def test_the_arm_moves_late_and_stops_without_commands():
+    arm = SimulatedArm(np.eye(4), latency=0.05, timeout=0.1)
+    arm.advance(0.0)
+    arm.command(0.0, np.array([0.01, 0, 0, 0, 0, 0]))
+    assert arm.advance(0.049)[0, 3] == 0.0
+    assert arm.advance(0.1)[0, 3] == pytest.approx(0.01 * 0.05)
+    assert arm.advance(5.0)[0, 3] == pytest.approx(0.01 * 0.1)

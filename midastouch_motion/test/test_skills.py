@@ -1,0 +1,83 @@
+"""The motions in closed loop: late images, a late arm, measured depths."""
+
+import numpy as np
+import pytest
+
+from midastouch_motion.contact_servo import Limits
+from midastouch_motion.skills import Lift, Slide, Touch
+
+from .conftest import above
+
+DEPTH = 0.5e-3
+DELAYS = [(0.02, 0.02, 60.0), (0.05, 0.05, 30.0), (0.08, 0.08, 30.0)]
+
+
+@pytest.mark.parametrize(("image_delay", "arm_latency", "fps"), DELAYS)
+@pytest.mark.parametrize("name", ["ball", "handle_tool", "eyebolt"])
+def test_a_touch_stops_in_time_and_holds_its_depth(world, name, image_delay, arm_latency, fps):
+    there = world(name, image_delay=image_delay, arm_latency=arm_latency, fps=fps)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        run = there.run(above(there.mesh, rng, 5e-3, np.radians(3)), [Touch(DEPTH, 0.03)])
+        assert run.ended[0].success, run.ended[0].message
+        assert max(run.depths) < 1.5e-3
+        assert there.depth(run.pose) == pytest.approx(DEPTH, abs=2.5e-4)
+
+
+@pytest.mark.parametrize(("image_delay", "arm_latency", "fps"), DELAYS)
+def test_a_slide_keeps_its_depth(world, image_delay, arm_latency, fps):
+    there = world("ball", image_delay=image_delay, arm_latency=arm_latency, fps=fps)
+    rng = np.random.default_rng(2)
+    for heading in (0.3, 2.0, 4.0):
+        touch = there.run(above(there.mesh, rng, 3e-3), [Touch(DEPTH, 0.02)])
+        run = there.run(touch.pose, [Slide(heading, 0.04, DEPTH)])
+        assert run.ended[0].success, run.ended[0].message
+        inside = np.abs(np.array(run.depths) - DEPTH) < 2.5e-4
+        assert inside.mean() > 0.95
+        assert max(run.depths) < 1.5e-3
+
+
+def test_over_an_edge_a_slide_ends_with_a_reason_and_never_deep(world):
+    there = world("handle_tool")
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        touch = there.run(above(there.mesh, rng, 3e-3), [Touch(DEPTH, 0.02)])
+        run = there.run(touch.pose, [Slide(rng.uniform(0, 6.28), 0.2, DEPTH)])
+        assert run.ended[0] is not None
+        assert run.ended[0].message
+        assert max(run.depths) < 1.5e-3
+
+
+def test_where_nothing_is_a_touch_ends(world):
+    there = world("ball")
+    pose = above(there.mesh, np.random.default_rng(4), 0.05)
+    run = there.run(pose, [Touch(DEPTH, 0.01)])
+    assert not run.ended[0].success
+    assert "nothing touched within 10 mm" in run.ended[0].message
+    assert np.linalg.norm(run.pose[:3, 3] - pose[:3, 3]) < 0.012
+
+
+def test_a_slide_in_the_air_is_refused(world):
+    there = world("ball")
+    run = there.run(above(there.mesh, np.random.default_rng(5), 0.02), [Slide(0.0, 0.01, DEPTH)])
+    assert run.ended[0].message == "nothing touches: touch first"
+    assert run.ended[0].success is False
+
+
+def test_lift_goes_straight_up(world):
+    there = world("ball")
+    touch = there.run(above(there.mesh, np.random.default_rng(6), 3e-3), [Touch(DEPTH, 0.02)])
+    run = there.run(touch.pose, [Lift(0.02)])
+    assert run.ended[0].success
+    way = touch.pose[:3, :3].T @ (run.pose[:3, 3] - touch.pose[:3, 3])
+    np.testing.assert_allclose(way, [0, 0, 0.02], atol=2e-3)
+    assert there.depth(run.pose) == 0
+
+
+def test_what_is_too_deep_is_backed_off(world):
+    there = world("ball", limits=Limits(depth=8e-4))
+    run = there.run(above(there.mesh, np.random.default_rng(7), 3e-3), [Touch(1.2e-3, 0.02)])
+    assert not run.ended[0].success
+    assert "deep, more than 0.80" in run.ended[0].message
+    assert max(run.depths) < 1.2e-3
+    assert there.depth(run.pose) < 5e-4
