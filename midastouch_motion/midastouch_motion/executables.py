@@ -1,0 +1,6 @@
+"""The executables of this package."""
+
+from midastouch_common.executables import executable
+
+slider = executable("midastouch_motion.nodes.slider")
+twist_arm = executable("midastouch_motion.nodes.twist_arm")

@@ -1,0 +1,107 @@
+"""A test's own sensor, arm and operator around the node `slider`."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped, TwistStamped
+from rclpy.action import ActionClient
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Bool, Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_common import se3
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
+from midastouch_common.ros.testing import RosGraph
+from midastouch_motion.nodes.slider import Slider
+from midastouch_msgs.msg import TactileContact
+
+_PERIOD = 0.03  # s
+PATIENT = {"hold": 10.0, "stale_after": 10.0}
+"""A busy machine may be late: where that is not what a test is about."""
+
+
+class Rig:
+    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; depth [m]."""
+
+    def __init__(self, graph: RosGraph, **parameters):
+        self.graph = graph
+        self.node = graph.add(Slider, PATIENT | parameters)
+        self._enable = graph.publisher(Bool, "slider/enable", qos.COMMAND)
+        self._contact = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
+        self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
+        self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
+        self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
+        self.enabled = self.images = self.poses = True
+        self.depth, self.position, self._sent = 0.0, np.zeros(3), 0.0
+
+    def send(self) -> None:
+        """An image, pose and `enable`, as far as they are sent, if the last ones are so old."""
+        if time.monotonic() - self._sent < _PERIOD:
+            return
+        self._sent = time.monotonic()
+        now = self.graph.companion.get_clock().now().to_msg()
+        gel = Header(stamp=now, frame_id="digit_gel_frame")
+        if self.enabled:
+            self._enable.publish(Bool(data=True))
+        if self.poses:
+            link = TransformStamped(header=Header(stamp=now, frame_id="base_link"), child_frame_id="digit_gel_frame")
+            link.transform = transform_to_msg(se3.make(np.eye(3), self.position))
+            self._tf.publish(TFMessage(transforms=[link]))
+        if self.images:
+            touches = self.depth > 0
+            area = 2e-5 if touches else 0.0
+            self._contact.publish(TactileContact(header=gel, in_contact=touches, area=area, depth=self.depth))
+            points = np.random.default_rng(0).uniform(-3e-3, 3e-3, (50, 3)) * (1, 1, 0)
+            self._points.publish(points_to_msg(points if touches else np.zeros((0, 3)), gel))
+
+    def until(self, done, what: str) -> None:
+        """Go on sending until that."""
+
+        def step() -> bool:
+            self.send()
+            return done()
+
+        self.graph.spin_until(step, what)
+
+    def ask(self, kind: type, **goal) -> Asked:
+        """Send a goal."""
+        client = ActionClient(self.graph.companion, kind, kind.__name__.lower())
+        self.until(client.server_is_ready, f"the action {kind.__name__}")
+        if self.node.active and self.enabled:  # sensor, arm and operator were there before
+            self.until(lambda: self.node.describe()[2]["in_the_way"] == "nothing", "all to be seen")
+        asked = Asked(self)
+        client.send_goal_async(kind.Goal(**goal), asked.feedback.append).add_done_callback(asked.on_accepted)
+        return asked
+
+
+class Asked:
+    """A goal. Attributes: handle, once it is accepted; result, once there is one; feedback, so far."""
+
+    def __init__(self, rig: Rig):
+        self._rig, self.handle, self.result, self.feedback = rig, None, None, []
+
+    def on_accepted(self, future) -> None:
+        self.handle = future.result()
+        self.handle.get_result_async().add_done_callback(self._on_result)
+
+    def _on_result(self, future) -> None:
+        self.result = future.result().result
+
+    def ended(self):
+        """Its result, once it has one."""
+        self._rig.until(lambda: self.result is not None, "the end of the motion")
+        return self.result
+
+    def moves(self) -> None:
+        """Once the arm is told to move."""
+        before = len(self._rig.twists)
+        self._rig.until(lambda: any(moving(twist) for twist in self._rig.twists[before:]), "a motion")
+
+
+def moving(message: TwistStamped) -> bool:
+    """Whether it is no stop."""
+    twist = message.twist
+    return any(getattr(each, axis) for each in (twist.linear, twist.angular) for axis in "xyz")

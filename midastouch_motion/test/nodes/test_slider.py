@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from geometry_msgs.msg import TwistStamped, Vector3
+
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_motion.nodes.slider import Slider
+from midastouch_msgs.action import Lift, Slide, Touch
+from midastouch_msgs.msg import FilterStatus
+
+from .rig import Rig, moving
+
+pytestmark = pytest.mark.dds
+
+
+def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Touch, distance=0.05)
+    asked.moves()
+    assert rig.twists[-1].header.frame_id == "digit_gel_frame"
+    assert rig.twists[-1].twist.linear.z < 0
+    rig.depth = 5e-4
+    result = asked.ended()
+    assert result.success, result.message
+    assert result.depth == pytest.approx(5e-4, abs=2e-4)
+    assert asked.feedback[-1].feedback.area == pytest.approx(2e-5)
+    rig.until(lambda: len(rig.twists) > 1 and not any(map(moving, rig.twists[-2:])), "two stops")
+
+
+def test_nothing_moves_before_it_is_enabled(graph):
+    rig = Rig(graph)
+    rig.enabled = False
+    result = rig.ask(Lift, height=0.01).ended()
+    assert "not enabled" in result.message
+    assert not any(map(moving, rig.twists))
+
+
+def no_enable(rig, graph):
+    rig.enabled = False
+
+
+def no_images(rig, graph):
+    rig.images = False
+
+
+def no_poses(rig, graph):
+    rig.poses = False
+
+
+def outside(rig, graph):
+    rig.position = np.array([5.0, 0, 0])
+
+
+def lost(rig, graph):
+    graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(state="lost"))
+
+
+def another_commander(rig, graph):
+    graph.companion.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason", "parameters"),
+    [
+        (no_enable, "not enabled", {"hold": 2.0}),
+        (no_images, "the newest image is", {"stale_after": 2.0}),
+        (no_poses, "the newest transform of the gel is", {"stale_after": 2.0}),
+        (outside, "outside of the box", {}),
+        (lost, "the filter is lost", {}),
+        (another_commander, "another node commands twists", {}),
+    ],
+)
+def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parameters):
+    rig = Rig(graph, **parameters)
+    asked = rig.ask(Lift, height=0.2)
+    asked.moves()
+    fault(rig, graph)
+    result = asked.ended()
+    assert not result.success
+    assert reason in result.message
+    rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
+
+
+def test_what_is_too_deep_is_pulled_back(graph):
+    rig = Rig(graph)
+    rig.depth = 5e-4
+    asked = rig.ask(Slide, length=0.1)
+    asked.moves()
+    rig.depth = 1.5e-3
+    rig.until(lambda: rig.twists[-1].twist.linear.z > 2e-3, "the gel to be pulled back")
+    rig.depth = 2e-4
+    assert "deep, more than 1.00" in asked.ended().message
+
+
+def test_a_cancelled_motion_stops(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Lift, height=0.2)
+    asked.moves()
+    rig.until(lambda: asked.handle is not None, "the goal's handle")
+    asked.handle.cancel_goal_async()
+    assert asked.ended().message == "cancelled"
+    rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
+    assert rig.ask(Lift, height=0.2).moves() is None, "the next goal is carried out"
+
+
+def test_one_motion_at_a_time(graph):
+    rig = Rig(graph)
+    first = rig.ask(Lift, height=0.2)
+    first.moves()
+    assert "carrying out a lift" in rig.ask(Touch, distance=0.01).ended().message
+    assert first.result is None
+
+
+def test_a_deactivated_node_stops_and_refuses(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Lift, height=0.2)
+    asked.moves()
+    assert graph.change_state("slider", "deactivate")
+    assert "deactivated" in asked.ended().message
+    assert not moving(rig.twists[-1])
+    assert graph.change_state("slider", "activate")
+    rig.ask(Lift, height=0.2).moves()
+
+
+@pytest.mark.parametrize(
+    ("kind", "goal", "reason"),
+    [
+        (Touch, {"distance": 0.0}, "distance 0 is not between"),
+        (Touch, {"distance": 0.01, "depth": 0.1}, "depth 0.1 is not between 0 and max_depth"),
+        (Touch, {"distance": 0.01, "direction": Vector3(x=float("nan"))}, "direction: not finite"),
+        (Slide, {"length": -1.0}, "length -1 is not between"),
+        (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
+        (Lift, {"height": float("nan")}, "height nan is not between"),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):
+    rig = Rig(graph)
+    assert reason in rig.ask(kind, **goal).ended().message
+    assert not any(map(moving, rig.twists))
+
+
+def test_a_slide_without_contact_is_refused(graph):
+    assert "touch first" in Rig(graph).ask(Slide, length=0.05).ended().message
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [({"depth": 1.5e-3}, "not less than max_depth"), ({"box_low": [0.0, 0.0, 2.0]}, "the box from .* is empty")],
+)
+def test_parameters_that_contradict_each_other_are_refused(graph, parameters, reason):
+    with pytest.raises(InputError, match=reason):
+        graph.add(Slider, parameters)
