@@ -22,8 +22,8 @@ import midastouch_benchmark  # noqa: F401
 import midastouch_bringup  # noqa: F401
 import midastouch_common  # noqa: F401
 import midastouch_filter  # noqa: F401
-import midastouch_motion  # noqa: F401
 import midastouch_kernels  # noqa: F401
+import midastouch_motion  # noqa: F401
 import midastouch_perception  # noqa: F401
 from midastouch_bringup.processes.local_domain import claimed_domain
 

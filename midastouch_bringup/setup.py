@@ -29,6 +29,7 @@ setup(
         "mcap",
         "midastouch_common",
         "midastouch_filter",
+        "midastouch_motion",
         "midastouch_kernels",
         "midastouch_perception",
         "numpy",

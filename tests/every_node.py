@@ -35,6 +35,8 @@ _NODES = {
     "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
+    "slider": ("midastouch_motion.nodes.slider", "Slider", {}),
+    "twist_arm": ("midastouch_motion.nodes.twist_arm", "TwistArm", {}),
     "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
     "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
     "mount_tf": (f"{_BRINGUP}.mount_tf", "MountTf", {}),

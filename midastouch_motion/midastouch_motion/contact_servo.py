@@ -111,7 +111,7 @@ class ContactServo:
             return
         expected = _after(before, self._commanded(before.stamp, measured.stamp))
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
-        self._drift += weight * ((_felt(measured) - expected) / passed - self._drift)
+        self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
 
     @property
     def depth(self) -> float:
@@ -185,7 +185,7 @@ class ContactServo:
         return total
 
 
-def _felt(measured: Measured) -> np.ndarray:
+def _values(measured: Measured) -> np.ndarray:
     """Depth and slope (3,)."""
     return np.array([measured.depth, *measured.slope])
 
@@ -193,7 +193,7 @@ def _felt(measured: Measured) -> np.ndarray:
 def _after(measured: Measured, way: np.ndarray) -> np.ndarray:
     """Depth and slope (3,) once the gel has gone and turned by `way` (6,) on a plane."""
     change = measured.slope @ way[:2] - way[2], way[4], -way[3]
-    return _felt(measured) + change
+    return _values(measured) + change
 
 
 def _within(vector: np.ndarray, most: float) -> np.ndarray:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 
-_PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+_PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_motion", "midastouch_bringup")
 
 
 @dataclass(frozen=True)

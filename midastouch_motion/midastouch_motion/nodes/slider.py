@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,9 @@ class Slider(ManagedNode):
     it.
     """
 
+    _goal: tuple[ServerGoalHandle, type] | None = None
+    _servers: Sequence[ActionServer] = ()
+
     def __init__(self, **node_options):
         super().__init__("slider", PARAMETERS, **node_options)
         self._twists = self.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
@@ -81,7 +84,6 @@ class Slider(ManagedNode):
             )
             for kind in self._make
         ]
-        self._goal: tuple[ServerGoalHandle, type] | None = None
         self._ended, self._more_zeros = "", 0
         self._transforms: TransformSource | None = None
         self.autostart()

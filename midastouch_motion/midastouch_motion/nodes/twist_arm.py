@@ -31,7 +31,7 @@ class TwistArm(PipelineNode):
 
     def __init__(self, **node_options):
         super().__init__("twist_arm", **node_options)
-        self._parameters = p = Parameters(self, PARAMETERS)
+        self._settings = p = Parameters(self, PARAMETERS)
         start = se3.from_xyzquat(np.array(p["start"]))
         self._arm = SimulatedArm(start, p["latency"], p["timeout"])
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
@@ -42,7 +42,7 @@ class TwistArm(PipelineNode):
         return self.get_clock().now().nanoseconds / SECOND
 
     def _on_twist(self, msg: TwistStamped) -> None:
-        frame = self._parameters["sensor_frame_id"]
+        frame = self._settings["sensor_frame_id"]
         twist = np.array([getattr(each, axis) for each in (msg.twist.linear, msg.twist.angular) for axis in "xyz"])
         if msg.header.frame_id != frame or not np.isfinite(twist).all():
             self.get_logger().warning(f"a twist in '{msg.header.frame_id}' is no finite one in '{frame}'")
@@ -52,8 +52,8 @@ class TwistArm(PipelineNode):
     def _on_timer(self) -> None:
         now = self.get_clock().now()
         transform = transform_to_msg(self._arm.advance(now.nanoseconds / SECOND))
-        header = Header(stamp=now.to_msg(), frame_id=self._parameters["base_frame_id"])
-        child = self._parameters["sensor_frame_id"]
+        header = Header(stamp=now.to_msg(), frame_id=self._settings["base_frame_id"])
+        child = self._settings["sensor_frame_id"]
         self._tf.publish(
             TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])
         )
