@@ -12,6 +12,7 @@ import numpy as np
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
+_STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 
 
@@ -32,15 +33,17 @@ class Skill(Protocol):
 
 
 class _Moving:
-    """Counts the path."""
+    """Counts the path, in steps that are larger than the noise of an arm's poses."""
 
     def __init__(self) -> None:
         self.path, self._at = 0.0, None
 
     def _gone(self, position: np.ndarray) -> float:
-        if self._at is not None:
-            self.path += float(np.linalg.norm(position - self._at))
-        self._at = position.copy()
+        self._at = position.copy() if self._at is None else self._at
+        step = float(np.linalg.norm(position - self._at))
+        if step > _STEP:
+            self.path += step
+            self._at = position.copy()
         return self.path
 
 

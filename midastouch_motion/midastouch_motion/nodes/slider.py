@@ -118,15 +118,13 @@ class Slider(ManagedNode):
             self,
             frames=self._frames,
             on_update=lambda: None,
-            on_jump=lambda stamp: None,
+            on_jump=lambda stamp: self._on_time_jump(),
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
 
     def disconnect(self) -> None:
         """Stop the arm, and reading TF."""
-        if self._goal is not None:
-            self._publish(self._controller.cancel(self._now()))
-            self._end(skills.Ended(False, "the node was deactivated"))
+        self._stop("the node was deactivated")
         if self._transforms is not None:
             self._transforms.close()
             self._transforms = None
@@ -165,8 +163,8 @@ class Slider(ManagedNode):
         self._seen.lost = msg.state == FilterStatus.STATE_LOST
 
     def _on_contact(self, msg: TactileContact) -> None:
-        if not (math.isfinite(msg.depth) and msg.depth >= 0):
-            self.diagnostics.problem("bad_contacts", f"tactile/contact: a depth of {msg.depth:g} m")
+        if not (0 <= msg.depth < math.inf and 0 <= msg.area < math.inf):
+            self.diagnostics.problem("bad_contacts", f"tactile/contact: {msg.depth:g} m deep, {msg.area:g} m^2")
             return
         self._half(msg, msg.header if msg.in_contact else None)
 
@@ -184,7 +182,10 @@ class Slider(ManagedNode):
         if len(halves) == 2:
             del self._halves[stamp]
             try:
-                self._measure(halves[TactileContact], points_from_msg(halves[PointCloud2]))
+                points = points_from_msg(halves[PointCloud2])
+                if not np.isfinite(points).all():
+                    raise InputError("points that are not finite")
+                self._measure(halves[TactileContact], points)
             except InputError as error:
                 self.diagnostics.problem("bad_clouds", f"tactile/points: {error}")
         while len(self._halves) > _HALVES:
@@ -236,8 +237,18 @@ class Slider(ManagedNode):
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
         if self._goal is not None and self._goal[0] is goal:
+            self._stop("cancelled")
+
+    def _stop(self, reason: str) -> None:
+        if self._goal is not None:
+            path = self._controller.path
             self._publish(self._controller.cancel(self._now()))
-            self._end(skills.Ended(False, "cancelled"))
+            self._end(skills.Ended(False, reason), path)
+
+    def _on_time_jump(self) -> None:
+        """What was measured and commanded has no meaning any more."""
+        self._stop("time ran back")
+        self.configure()
 
     def _touch(self, request: Touch.Goal) -> skills.Touch:
         d = np.array([request.direction.x, request.direction.y, request.direction.z])
@@ -289,7 +300,7 @@ class Slider(ManagedNode):
             kind.Feedback(header=header, path=self._controller.path, depth=servo.depth, area=self._area)
         )
 
-    def _end(self, how: skills.Ended, path: float = 0.0) -> None:
+    def _end(self, how: skills.Ended, path: float) -> None:
         (goal, kind), self._goal = self._goal, None
         self._ended, self._more_zeros = how.message, 1
         self.get_logger().info(f"{kind.__name__.lower()}: {how.message}")

@@ -7,6 +7,7 @@ import time
 import numpy as np
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from rclpy.action import ActionClient
+from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
@@ -24,7 +25,8 @@ PATIENT = {"hold": 10.0, "stale_after": 10.0}
 
 
 class Rig:
-    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; depth [m]."""
+    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; depth [m]; late [s], of the
+    stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
@@ -35,6 +37,7 @@ class Rig:
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
         self.enabled = self.images = self.poses = True
+        self.late, self.bad = 0.0, ""
         self.depth, self.position, self._sent = 0.0, np.zeros(3), 0.0
 
     def send(self) -> None:
@@ -42,7 +45,7 @@ class Rig:
         if time.monotonic() - self._sent < _PERIOD:
             return
         self._sent = time.monotonic()
-        now = self.graph.companion.get_clock().now().to_msg()
+        now = (self.graph.companion.get_clock().now() - Duration(seconds=self.late)).to_msg()
         gel = Header(stamp=now, frame_id="digit_gel_frame")
         if self.enabled:
             self._enable.publish(Bool(data=True))
@@ -53,8 +56,10 @@ class Rig:
         if self.images:
             touches = self.depth > 0
             area = 2e-5 if touches else 0.0
-            self._contact.publish(TactileContact(header=gel, in_contact=touches, area=area, depth=self.depth))
+            depth = np.nan if self.bad == "depth" else self.depth
+            self._contact.publish(TactileContact(header=gel, in_contact=touches, area=area, depth=depth))
             points = np.random.default_rng(0).uniform(-3e-3, 3e-3, (50, 3)) * (1, 1, 0)
+            points[0, 2] = np.nan if self.bad == "points" else 0.0
             self._points.publish(points_to_msg(points if touches else np.zeros((0, 3)), gel))
 
     def until(self, done, what: str) -> None:

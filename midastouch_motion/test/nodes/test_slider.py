@@ -81,6 +81,28 @@ def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parame
     rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
 
 
+def test_a_simulator_that_starts_again_stops_the_arm(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Lift, height=0.2)
+    asked.moves()
+    rig.late = 100.0
+    assert asked.ended().message == "time ran back"
+    rig.late = 0.0
+    rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
+
+
+@pytest.mark.parametrize("bad", ["depth", "points"])
+def test_what_is_not_finite_is_no_image(graph, bad):
+    rig = Rig(graph, stale_after=2.0)
+    rig.depth = 5e-4
+    asked = rig.ask(Slide, length=0.2)
+    asked.moves()
+    rig.bad = bad
+    assert "the newest image is" in asked.ended().message
+    twists = [each.twist for each in rig.twists]
+    assert all(np.isfinite([t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y]).all() for t in twists)
+
+
 def test_what_is_too_deep_is_pulled_back(graph):
     rig = Rig(graph)
     rig.depth = 5e-4
