@@ -53,7 +53,8 @@ def error_mm(line):
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_an_example_finds_the_sensor(name, folder):
     last = lines_of(name, ARGUMENTS[name], folder)[-1]
-    assert "converged" in last
+    # ambiguous, if the last frame falls between two comparisons of hypotheses
+    assert re.search("converged|ambiguous", last)
     assert error_mm(last) < 5
 
 

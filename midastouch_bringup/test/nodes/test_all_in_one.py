@@ -77,7 +77,7 @@ def touches(tmp_path_factory) -> Touches:
     book: Codebook = build_codebook(mesh, BookTcn(), sensor, size=1500, seed=0)
     book_path = tmp_path_factory.mktemp("book") / "eyebolt.npz"
     book.save(book_path)
-    poses = simulate_slide(mesh, sensor, 0.012, np.random.default_rng(3))
+    poses = simulate_slide(mesh, sensor, 0.024, np.random.default_rng(3))
     penetration = PenetrationRenderer(mesh, sensor.scaled(0.5)).render(poses)
     images = []
     for one in penetration:

@@ -18,7 +18,7 @@ from midastouch_msgs.msg import TactileCode
 from ..core.state import STALE, UNINITIALISED
 from ..core.touch import Measurement, measurement_from_msg
 from ..localiser import Localiser, seconds_between
-from ..smoothing.pace import until_next_frame
+from ..smoothing.pace import InTime, always, until_next_frame
 from ..timeline import Judgement, Timeline
 from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait
@@ -170,8 +170,7 @@ class CodeProcessor:
             self.report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
-        in_time = until_next_frame(seconds_between(self._last_stamp, stamp), self._clock.steady_now)
-        self._last_stamp = stamp
+        in_time = self._until_next(stamp)
         sensor = self._localiser.sensor
         if self._maps is not None and sensor is not None and measurement.in_contact:
             measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
@@ -189,6 +188,12 @@ class CodeProcessor:
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
         self._on_estimate(stamp)
         self._localiser.deferred_update(in_time)
+
+    def _until_next(self, stamp: int) -> InTime:
+        """Of a frame that is answered from now on. A live one has to hurry; a replay is the same on each machine."""
+        elapsed, self._last_stamp = seconds_between(self._last_stamp, stamp), stamp
+        live = self._parameters["queue_depth"] == 1  # what comes meanwhile is dropped
+        return until_next_frame(elapsed, self._clock.steady_now) if live else always
 
     def _on_transforms_jump(self, stamp: int) -> None:
         self._obey(self._timeline.ask_again())
