@@ -32,7 +32,10 @@ def test_types_are_those_declared(name):
 
 def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
-    elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"}
+    elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
+        "slider",
+        "twist_arm",
+    }
     assert set(nodes) == set(TABLES) - elsewhere
     for node, values in nodes.items():
         for parameter, value in values.items():
