@@ -35,13 +35,10 @@ class Controller:
         seen: but for its depth, which is the servo's. What is too deep is pulled back before the motion ends.
         """
         seen.depth = self.servo.depth
-        problem = self.guard.problem(now, seen)
-        backs_off = self._reason is not None
-        if problem and self.guard.is_too_deep(problem):
-            if not backs_off:
-                self._reason, self.skill = Ended(False, problem), BackOff()
-        elif problem:
+        if problem := self.guard.stop(now, seen):
             return self._end(now, self._reason or Ended(False, problem))
+        if self._reason is None and (problem := self.guard.too_deep(seen)):
+            self._reason, self.skill = Ended(False, problem), BackOff()
         answer = self.skill.step(self.servo, now, seen.position)
         if isinstance(answer, Ended):
             return self._end(now, self._reason or answer)

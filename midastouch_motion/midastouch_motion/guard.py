@@ -13,8 +13,6 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-_TOO_DEEP = " deep, more than"
-
 
 @dataclass
 class Seen:
@@ -48,7 +46,11 @@ class Guard:
             raise InputError(f"the box from {_in_mm(self.low)} to {_in_mm(self.high)} mm is empty")
 
     def problem(self, now: float, seen: Seen) -> str:
-        """Why the arm has to stop, in words; empty if it may go on."""
+        """Why a motion has to end, in words; empty if it may go on."""
+        return self.stop(now, seen) or self.too_deep(seen)
+
+    def stop(self, now: float, seen: Seen) -> str:
+        """Why the arm has to stop, in words; empty if it may move."""
         if now - seen.enabled > self.hold:
             return "not enabled: ~/enable has to be repeated while the arm may move"
         if seen.listeners == 0:
@@ -63,14 +65,13 @@ class Guard:
             return "the filter is lost"
         if not ((self.low <= seen.position) & (seen.position <= self.high)).all():
             return f"the gel is at {_in_mm(seen.position)} mm, outside of the box"
-        if seen.depth > self.depth:
-            return f"{1e3 * seen.depth:.2f} mm{_TOO_DEEP} {1e3 * self.depth:.2f}"
         return ""
 
-    @staticmethod
-    def is_too_deep(problem: str) -> bool:
-        """Whether that, and nothing else, is the problem: the gel has to be pulled back."""
-        return _TOO_DEEP in problem
+    def too_deep(self, seen: Seen) -> str:
+        """Why the gel has to be pulled back, in words; empty if it has not."""
+        if seen.depth > self.depth:
+            return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}"
+        return ""
 
 
 def _in_mm(position: np.ndarray) -> str:

@@ -15,7 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
-from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
 from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
@@ -126,7 +126,7 @@ class DigitSim(ManagedNode):
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         """Another object is where the one before was; the sensor is the same."""
         if not self.active:
-            response.message = "the node is not active; activate it (ros2 lifecycle set)"
+            response.message = INACTIVE
             return response
         try:
             with self.busy(f"loading the mesh {request.mesh_path}"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
 from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
-from midastouch_motion.nodes.slider import PARAMETERS as SLIDER
+from midastouch_motion.nodes.slider_parameters import PARAMETERS as SLIDER
 from midastouch_motion.nodes.twist_arm import PARAMETERS as TWIST_ARM
 from midastouch_perception.nodes.calibrate import PARAMETERS as CALIBRATE
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN

@@ -25,6 +25,9 @@ AUTOSTART = Parameter("autostart", True, "Configure and activate at start, witho
 RCLError = rclpy_implementation.RCLError
 """What rclpy raises when the layer below refuses; it has no public name."""
 
+INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
+"""Why a node that is not active does not do what it is asked for."""
+
 _UNCONFIGURED = "not configured (ros2 lifecycle set)"
 
 

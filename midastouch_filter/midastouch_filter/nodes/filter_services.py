@@ -14,14 +14,13 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import covariance_from_msg, pose_from_msg
 from midastouch_common.ros import qos
+from midastouch_common.ros.managed_node import INACTIVE
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.srv import SetObject
 
 from ..localiser import Localiser, Start, spread_of
 from ..transforms import TransformError
 from .transform_source import TransformSource
-
-_INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 
 
 class FilterServices:
@@ -51,7 +50,7 @@ class FilterServices:
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         if self._active("set_object") is None:
-            response.message = _INACTIVE
+            response.message = INACTIVE
             return response
         try:
             self._change_object(request.mesh_path, request.codebook_path)
@@ -64,7 +63,7 @@ class FilterServices:
     def _active(self, service: str) -> Localiser | None:
         localiser = self._localiser()
         if localiser is None:
-            self._log.warning(f"{service}: {_INACTIVE}")
+            self._log.warning(f"{service}: {INACTIVE}")
         return localiser
 
 

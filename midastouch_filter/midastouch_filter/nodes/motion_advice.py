@@ -14,6 +14,8 @@ from visualization_msgs.msg import MarkerArray
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import poses_to_msgs, stamp_from_ns
+from midastouch_common.ros.goals import end_goal
+from midastouch_common.ros.managed_node import INACTIVE
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs import action
 from midastouch_msgs.msg import Suggestion as SuggestionMsg
@@ -24,7 +26,6 @@ from ..core.state import CONVERGED, NO_CONTACT
 from ..localiser import Localiser
 from . import markers
 
-_INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 _LONGEST_WAY = 2.0  # m; no object is larger
 _COUNT = 3  # suggestions, if a request does not say how many
 
@@ -128,17 +129,8 @@ class MotionAdvice:
         if goal not in self._goals:
             return
         self._goals = [each for each in self._goals if each is not goal]
-
-        def finish(goal: ServerGoalHandle) -> action.SuggestMotion.Result:
-            if goal.is_cancel_requested:
-                goal.canceled()
-            elif success:
-                goal.succeed()
-            else:
-                goal.abort()
-            return action.SuggestMotion.Result(success=success, message=message, indistinguishable=indistinguishable)
-
-        goal.execute(finish)
+        result = action.SuggestMotion.Result(success=success, message=message, indistinguishable=indistinguishable)
+        end_goal(goal, success, result)
 
     # --- both
 
@@ -155,7 +147,7 @@ class MotionAdvice:
         """InputError saying why there is none."""
         localiser = self._localiser()
         if localiser is None:
-            raise InputError(_INACTIVE)
+            raise InputError(INACTIVE)
         if localiser.filter is None:
             raise InputError(localiser.waiting_for)
         estimate = localiser.estimate

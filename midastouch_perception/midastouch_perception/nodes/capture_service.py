@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from midastouch_common.ros.managed_node import ManagedNode
+from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
 
 from ..tdn.background import BackgroundCapture
 
@@ -51,7 +51,7 @@ class CaptureService:
 
     async def _on_request(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self._node.active:
-            response.success, response.message = False, "the node is not active; activate it (ros2 lifecycle set)"
+            response.success, response.message = False, INACTIVE
             return response
         if self._capture is not None:
             response.success, response.message = False, "a capture is already under way"

@@ -1,0 +1,29 @@
+"""The parameters of `slider`."""
+
+from __future__ import annotations
+
+from midastouch_common.ros.managed_node import AUTOSTART
+from midastouch_common.ros.parameters import Parameter
+
+PARAMETERS = (
+    Parameter("base_frame_id", "base_link", "Frame at rest, in which the box is"),
+    Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, whose twists are commanded"),
+    Parameter("depth", 5e-4, "How deep the gel is held, if a goal does not say", unit="m", minimum=1e-4, maximum=2e-3),
+    Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back", unit="m", minimum=2e-4, maximum=3e-3),
+    Parameter("speed", 0.01, "Fastest motion in contact", unit="m/s", minimum=1e-4, maximum=0.1),
+    Parameter("air_speed", 0.02, "Fastest motion in the air", unit="m/s", minimum=1e-4, maximum=0.25),
+    Parameter("turn_speed", 0.5, "Fastest turn", unit="rad/s", minimum=0.01, maximum=2.0),
+    Parameter(
+        "acceleration", 0.2, "Fastest change of speed; a stop is at once", unit="m/s^2", minimum=0.01, maximum=5.0
+    ),
+    Parameter("box_low", [-1.0, -1.0, -1.0], "Corner of the box in the base frame that the gel keeps to", unit="m"),
+    Parameter("box_high", [1.0, 1.0, 1.5], "Its opposite corner", unit="m"),
+    Parameter("rate", 100.0, "Twists per second", unit="Hz", minimum=20.0, maximum=1000.0, at_start=True),
+    Parameter("arm_latency", 0.05, "From a twist to the motion of the arm", unit="s", minimum=0.0, maximum=0.5),
+    Parameter("hold", 0.1, "How long an `enable` holds", unit="s", minimum=0.02, maximum=10.0),
+    Parameter(
+        "stale_after", 0.1, "Images and transforms older than this stop the arm", unit="s", minimum=0.02, maximum=10.0
+    ),
+    Parameter("queue_depth", 1, "Messages kept while the node is busy", minimum=1, maximum=10000, at_start=True),
+    AUTOSTART,
+)
