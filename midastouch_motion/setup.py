@@ -19,16 +19,19 @@ setup(
     install_requires=[
         "midastouch_common",
         "midastouch_filter",
+        "midastouch_perception",
         "numpy",
+        "scipy",
     ],
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
-    extras_require={"test": ["midastouch_perception", "pytest"]},
+    extras_require={"mujoco": ["mujoco>=3.2"], "test": ["pytest"]},
     entry_points={
         "console_scripts": [
+            "mujoco_arm = midastouch_motion.executables:mujoco_arm",
             "slider = midastouch_motion.executables:slider",
             "twist_arm = midastouch_motion.executables:twist_arm",
         ]

@@ -36,6 +36,7 @@ _NODES = {
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
     "slider": ("midastouch_motion.nodes.slider", "Slider", {}),
+    "mujoco_arm": ("midastouch_motion.nodes.mujoco_arm", "MujocoArmNode", {}),
     "twist_arm": ("midastouch_motion.nodes.twist_arm", "TwistArm", {}),
     "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
     "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
@@ -60,7 +61,7 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
-    if name in ("digit_sim", "explorer"):
+    if name in ("digit_sim", "explorer", "mujoco_arm"):
         return {"mesh": str(bundled_objects()["ball"])}
     if name == "ur_tf":
         return {"robot_ip": "the.arm"}

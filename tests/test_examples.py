@@ -69,7 +69,7 @@ def test_an_example_without_its_slide_says_how_to_make_it(name, tmp_path):
 @pytest.fixture
 def nodes(name, folder):
     """A simulated sensor and the localisation on the bundled tool."""
-    pytest.importorskip(ENGINES[name], reason="not installed: tools/requirements/examples.txt")
+    pytest.importorskip(ENGINES[name], reason="not installed: tools/requirements/mujoco.txt")
     setups = [["midastouch", "run", setup, "object:=handle_tool"] for setup in ("digit_sim", "localization")]
     running = [subprocess.Popen([find_executable(program), *words], cwd=folder) for program, *words in setups]
     yield

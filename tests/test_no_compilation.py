@@ -12,7 +12,7 @@ PACKAGES = ["midastouch_kernels", *packages.PYTHON]
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
 # Extras, and parts of a system ROS, which not every install has.
 OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
-OPTIONAL |= {"h5py", "open3d", "pyarrow", "torch"}
+OPTIONAL |= {"h5py", "mujoco", "open3d", "pyarrow", "torch"}
 
 
 def modules() -> list[str]:

@@ -45,6 +45,7 @@ PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree"}
 OPTIONAL = {
     "h5py",
     "libusb_package",
+    "mujoco",
     "onnx",
     "onnxscript",
     "open3d",

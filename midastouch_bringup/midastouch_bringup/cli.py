@@ -45,7 +45,16 @@ _OF_OTHERS = "measure, and what other packages bring"
 
 EXIT_INTERRUPTED = 130
 OF_BENCHMARK = (
-    *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-gel"),
+    *(
+        "bench",
+        "bench-scale",
+        "benchmark",
+        "evaluate",
+        "evaluate-checks",
+        "evaluate-exploration",
+        "evaluate-gel",
+        "evaluate-motion",
+    ),
     *("evaluate-presses", "evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "ideal-observer", "identify"),
     *("report", "single-touch"),
 )

@@ -18,6 +18,7 @@ DISTRIBUTIONS = {
 """Module: distribution on PyPI, of what neither Ubuntu nor ROS packages, so that no Debian package can depend on it."""
 EXTRAS = {
     "export": ("h5py", "pyarrow"),
+    "mujoco": ("mujoco",),
     "open3d": ("libusb-package", "open3d-cpu"),
     "train": ("onnx", "onnxscript", "safetensors", "torch"),
     "view": ("rerun-sdk",),

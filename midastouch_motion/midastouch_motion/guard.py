@@ -17,14 +17,15 @@ from midastouch_common.errors import InputError
 @dataclass
 class Seen:
     """What is known at a moment. Times [s] of the newest `enable`, image and pose, -inf before the first; position (3,)
-    m of the gel in the base frame; depth m; lost, whether the filter says so; listeners and commanders of the twist
-    topic, numbers of subscriptions and publishers."""
+    m of the gel in the base frame; depth m; force N, 0 if nobody measures one; lost, whether the filter says so;
+    listeners and commanders of the twist topic, numbers of subscriptions and publishers."""
 
     enabled: float = -math.inf
     image: float = -math.inf
     pose: float = -math.inf
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
     depth: float = 0.0
+    force: float = 0.0
     lost: bool = False
     listeners: int = 0
     commanders: int = 0
@@ -32,14 +33,16 @@ class Seen:
 
 @dataclass(frozen=True)
 class Guard:
-    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m, not to be exceeded; hold and stale, s
-    for which an `enable` holds, and after which images and poses are too old. Raises InputError for an empty box."""
+    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m and force N, not to be exceeded; hold
+    and stale, s for which an `enable` holds, and after which images and poses are too old. Raises InputError for an
+    empty box."""
 
     low: np.ndarray
     high: np.ndarray
     depth: float
     hold: float = 0.1
     stale: float = 0.1
+    force: float = math.inf
 
     def __post_init__(self) -> None:
         if not (np.asarray(self.low) < self.high).all():
@@ -61,6 +64,8 @@ class Guard:
             if now - stamp > self.stale:
                 age = now - stamp
                 return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
+        if seen.force > self.force:
+            return f"a force of {seen.force:.1f} N, more than {self.force:.1f}"
         if seen.lost:
             return "the filter is lost"
         if not ((self.low <= seen.position) & (seen.position <= self.high)).all():

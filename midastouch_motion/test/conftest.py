@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -11,9 +10,10 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_motion.contact_servo import ContactServo, Limits, slope_of
 from midastouch_motion.controller import Controller
-from midastouch_motion.guard import Guard, Seen
+from midastouch_motion.guard import Guard
+from midastouch_motion.rehearsal import Rehearsal
 from midastouch_motion.simulated_arm import SimulatedArm
 from midastouch_motion.skills import Ended, Skill
 from midastouch_perception.contact import Contact
@@ -25,7 +25,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.slide import somewhere
 
 SENSOR = SensorModel.load("digit_tacto").for_maps
-PERIOD = 0.01  # s of control
 _LEAST_AREA = 1.5e-6  # m^2
 
 
@@ -48,37 +47,26 @@ class World:
         """True depth [m] at a gel pose (4, 4) on the object."""
         return float(self._renderer.render(pose[None])[0].max())
 
-    def look(self, now: float, pose: np.ndarray) -> Measured:
-        """What an image of `now` shows."""
+    def look(self, pose: np.ndarray) -> tuple[float, np.ndarray]:
+        """Depth [m] and slope (2,) that an image at a gel pose (4, 4) shows."""
         contact = Contact.of(np.maximum(self._renderer.render(pose[None])[0], 0), SENSOR)
         if contact.area_m2 < _LEAST_AREA:
-            return Measured(now, 0.0, np.zeros(2))
+            return 0.0, np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, SENSOR)
-        return Measured(now, max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6), slope_of(points))
+        return max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6), slope_of(points)
 
     def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
         """Carry out the skills one after the other, from a gel pose (4, 4)."""
         arm, servo = SimulatedArm(pose, self.arm_latency), ContactServo(self.limits, self.arm_latency)
         controller = Controller(servo, Guard(np.full(3, -1.0), np.full(3, 1.0), self.limits.depth, stale=0.2))
-        out, coming, now, due = Run(), deque(), 0.0, 0.0
-        servo.measure(0.0, self.look(-self.image_delay, pose))
+        rehearsal = Rehearsal(arm, lambda: arm.pose, self.look, controller, self.fps, lambda: self.image_delay)
+        out = Run(servo=servo)
         for skill in skills:
-            ended = None
-            controller.begin(skill)
-            while ended is None and now < seconds:
-                now += PERIOD
-                here = arm.advance(now)
-                if now >= due:
-                    coming.append((now + self.image_delay, self.look(now, here)))
-                    due += 1 / self.fps
-                while coming and coming[0][0] <= now:
-                    servo.measure(now, coming.popleft()[1])
-                out.depths.append(self.depth(here))
-                seen = Seen(now, servo.stamp, now, here[:3, 3], listeners=1, commanders=1)
-                twist, ended = controller.step(now, seen)
-                arm.command(now, twist)
+            ended = rehearsal.carry_out(
+                skill, seconds - rehearsal.now, lambda moment: out.depths.append(self.depth(moment.where))
+            )
             out.ended.append(ended)
-        out.pose, out.servo = arm.advance(now + 1.0), servo
+        out.pose = arm.advance(rehearsal.now + 1.0)
         return out
 
 

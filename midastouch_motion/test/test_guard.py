@@ -5,7 +5,7 @@ from midastouch_common.errors import InputError
 from midastouch_motion.guard import Guard, Seen
 from midastouch_motion.simulated_arm import SimulatedArm
 
-GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3)
+GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0)
 
 
 def seen(**changes) -> Seen:
@@ -27,6 +27,7 @@ def test_while_all_is_well_the_arm_may_move():
         ({"image": 9.85}, "the newest image is 150 ms old"),
         ({"image": -np.inf}, "no image came yet"),
         ({"pose": 9.0}, "the newest transform of the gel is 1000 ms old"),
+        ({"force": 12.0}, "a force of 12.0 N, more than 10.0"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
         ({"position": np.array([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),

@@ -33,6 +33,7 @@ MODULES = (
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
     ("torch", "torch", "training, CUDA", False, install_extra("train")),
     ("rerun", "rerun-sdk", "midastouch view", False, install_extra("view")),
+    ("mujoco", "mujoco", "an arm in MuJoCo", False, install_extra("mujoco")),
     ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, install_extra("export")),
     ("h5py", "h5py", "midastouch export --format hdf5", False, install_extra("export")),
     ("midastouch_bringup.inspection.library", "open3d-cpu", "midastouch inspect", False, _OPEN3D),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
 from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
+from midastouch_motion.nodes.mujoco_arm import PARAMETERS as MUJOCO_ARM
 from midastouch_motion.nodes.slider_parameters import PARAMETERS as SLIDER
 from midastouch_motion.nodes.twist_arm import PARAMETERS as TWIST_ARM
 from midastouch_perception.nodes.calibrate import PARAMETERS as CALIBRATE
@@ -31,6 +32,7 @@ TABLES = {
     "explorer": EXPLORER,
     "slider": SLIDER,
     "twist_arm": TWIST_ARM,
+    "mujoco_arm": MUJOCO_ARM,
     "replay": REPLAY,
     "recorder": RECORDER,
     "ur_tf": UR_TF,

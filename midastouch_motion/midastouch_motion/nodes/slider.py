@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped, Vector3
+from geometry_msgs.msg import TwistStamped, Vector3, WrenchStamped
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from std_msgs.msg import Bool, Header
@@ -66,7 +66,7 @@ class Slider(ManagedNode):
             raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
         limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
         box = np.array(p["box_low"]), np.array(p["box_high"])
-        guard = Guard(*box, p["max_depth"], p["hold"], p["stale_after"])
+        guard = Guard(*box, p["max_depth"], p["hold"], p["stale_after"], p["max_force"] or math.inf)
         self._controller = Controller(ContactServo(limits, p["arm_latency"]), guard)
         self._seen, self._area = Seen(), 0.0
 
@@ -74,11 +74,12 @@ class Slider(ManagedNode):
         """Nothing is loaded."""
 
     def connect(self) -> None:
-        """Listen to contacts, clouds, the filter, TF and `~/enable`."""
+        """Listen to contacts, clouds, forces, the filter, TF and `~/enable`."""
         self._seen = Seen()
         self.create_subscription(Bool, "~/enable", self._on_enable, qos.COMMAND)
         TouchImages(self, self.parameters["queue_depth"], self._measure)
         self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched())
+        self.create_subscription(WrenchStamped, "wrench", self._on_wrench, qos.stream_subscriber())
         self.create_timer(1.0 / self.parameters["rate"], self._on_timer)
         self._frames = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         # last: it has a thread, which nobody would end if something before it failed
@@ -129,6 +130,11 @@ class Slider(ManagedNode):
 
     def _on_status(self, msg: FilterStatus) -> None:
         self._seen.lost = msg.state == FilterStatus.STATE_LOST
+
+    def _on_wrench(self, msg: WrenchStamped) -> None:
+        force = msg.wrench.force
+        # what is not a number is not known to be small
+        self._seen.force = math.inf if math.isnan(norm := math.hypot(force.x, force.y, force.z)) else norm
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
         """A contact and its points (K, 3)."""

@@ -16,6 +16,14 @@ PARAMETERS = (
     Parameter(
         "acceleration", 0.2, "Fastest change of speed; a stop is at once", unit="m/s^2", minimum=0.01, maximum=5.0
     ),
+    Parameter(
+        "max_force",
+        0.0,
+        "More than this on `wrench` stops the arm; 0: it is not looked at",
+        unit="N",
+        minimum=0.0,
+        maximum=1e3,
+    ),
     Parameter("box_low", [-1.0, -1.0, -1.0], "Corner of the box in the base frame that the gel keeps to", unit="m"),
     Parameter("box_high", [1.0, 1.0, 1.5], "Its opposite corner", unit="m"),
     Parameter("rate", 100.0, "Twists per second", unit="Hz", minimum=20.0, maximum=1000.0, at_start=True),

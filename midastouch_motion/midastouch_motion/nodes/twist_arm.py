@@ -8,6 +8,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_common.ros import qos, spin
 from midastouch_common.ros.conversions import transform_to_msg
 from midastouch_common.ros.node import PipelineNode
@@ -15,6 +16,7 @@ from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_filter.transforms import SECOND
 
 from ..simulated_arm import SimulatedArm
+from .twist_topic import finite_twist
 
 PARAMETERS = (
     Parameter("base_frame_id", "base_link", "Frame of the arm's base"),
@@ -42,12 +44,10 @@ class TwistArm(PipelineNode):
         return self.get_clock().now().nanoseconds / SECOND
 
     def _on_twist(self, msg: TwistStamped) -> None:
-        frame = self._settings["sensor_frame_id"]
-        twist = np.array([getattr(each, axis) for each in (msg.twist.linear, msg.twist.angular) for axis in "xyz"])
-        if msg.header.frame_id != frame or not np.isfinite(twist).all():
-            self.get_logger().warning(f"a twist in '{msg.header.frame_id}' is no finite one in '{frame}'")
-            return
-        self._arm.command(self._now(), twist)
+        try:
+            self._arm.command(self._now(), finite_twist(msg, self._settings["sensor_frame_id"]))
+        except InputError as error:
+            self.get_logger().warning(str(error))
 
     def _on_timer(self) -> None:
         now = self.get_clock().now()

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistStamped, Vector3
+from geometry_msgs.msg import TwistStamped, Vector3, Wrench, WrenchStamped
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
@@ -55,6 +55,11 @@ def lost(rig, graph):
     graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(state="lost"))
 
 
+def a_force(rig, graph):
+    message = WrenchStamped(wrench=Wrench(force=Vector3(z=12.0)))
+    graph.publisher(WrenchStamped, "wrench", qos.stream_publisher()).publish(message)
+
+
 def another_commander(rig, graph):
     graph.companion.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
 
@@ -67,6 +72,7 @@ def another_commander(rig, graph):
         (no_poses, "the newest transform of the gel is", {"stale_after": 2.0}),
         (outside, "outside of the box", {}),
         (lost, "the filter is lost", {}),
+        (a_force, "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
         (another_commander, "another node commands twists", {}),
     ],
 )

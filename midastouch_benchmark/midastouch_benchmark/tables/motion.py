@@ -1,0 +1,83 @@
+"""Tables of how an arm touches and slides, and how it stops."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from ..statistics.intervals import Figures
+from .reports import frame_of, report, reported
+from .table import Form, fraction, text, tidy, written
+
+_WITHIN, _DEEPEST, _IN_TIME = 0.5, 1.5, 2  # mm beside the wanted depth, mm, and periods of control, as wanted
+_CLAIMS: dict[str, Form] = {
+    "ended as wanted": fraction("success"),
+    "at the wanted depth": fraction("held", 1),
+    "deeper than 1.5 mm": text("too_deep"),
+    "deepest": text("deepest", "{:.2f} mm"),
+    "contact lost where the surface goes on": fraction("lost", 1),
+}
+
+
+def motion() -> pd.DataFrame:
+    """How an arm touches and slides."""
+    if "motion" not in reported():
+        return written(frame_of({"motion": "-"}, report), {"motion": text("what")}, _CLAIMS, "report")
+    return motion_table(report("motion")["trials"], report("motion")["config"]["depth_mm"])
+
+
+def faults() -> pd.DataFrame:
+    """How it stops."""
+    return fault_table(report("motion")["trials"] if "motion" in reported() else [])
+
+
+def motion_table(trials: list[dict], depth_mm: float = 0.5) -> pd.DataFrame:
+    """The same of `evaluate-motion`'s trials."""
+    slides = [trial for trial in trials if trial["slide"]]
+    rows = [
+        _row("touch", trials, "touch")
+        | {"held": _figures(trials).fraction([abs(t["touch"]["depth_mm"] - depth_mm) <= _WITHIN for t in trials])},
+        _row("slide", slides, "slide")
+        | {
+            "held": _figures(slides).fraction(
+                [t["slide"]["held"] for t in slides], [t["slide"]["images"] for t in slides]
+            ),
+            "lost": _figures(slides).fraction([t["slide"]["lost"] for t in slides]),
+        },
+    ]
+    return written(tidy(rows), {"motion": text("what"), "trials": text("trials")}, _CLAIMS)
+
+
+def fault_table(trials: list[dict]) -> pd.DataFrame:
+    """Of each fault: how many times it happened, and the arm was told to stop within two periods of its control."""
+    happened: dict[str, list[float]] = {}
+    for trial in trials:
+        if fault := trial["fault"]:
+            happened.setdefault(fault["name"], []).append(math.inf if fault["periods"] is None else fault["periods"])
+    rows = [
+        {
+            "what": name,
+            "trials": len(periods),
+            "in_time": f"{sum(each <= _IN_TIME for each in periods)} of {len(periods)}",
+        }
+        for name, periods in happened.items()
+    ]
+    return written(
+        tidy(rows), {"fault": text("what"), "trials": text("trials"), "stopped in time": text("in_time")}, {}
+    )
+
+
+def _figures(trials: list[dict]) -> Figures:
+    return Figures([(trial["object"], trial["seed"]) for trial in trials])
+
+
+def _row(what: str, trials: list[dict], kind: str) -> dict:
+    deepest = [trial[kind]["deepest_mm"] for trial in trials]
+    return {
+        "what": what,
+        "trials": len(trials),
+        "success": _figures(trials).fraction([trial[kind]["success"] for trial in trials]),
+        "too_deep": f"{sum(depth > _DEEPEST for depth in deepest)} of {len(deepest)}",
+        "deepest": max(deepest, default=math.nan),
+    }

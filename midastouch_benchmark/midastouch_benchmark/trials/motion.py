@@ -1,0 +1,238 @@
+"""Closed loop: an arm in MuJoCo touches and slides by what the depth network reads, and something goes wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import midastouch_motion
+from midastouch_bringup.datasets.slide_simulation import no_contact_image
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_motion.contact_servo import ContactServo, Limits, slope_of
+from midastouch_motion.controller import Controller
+from midastouch_motion.gel_layer import Gel
+from midastouch_motion.guard import Guard
+from midastouch_motion.mujoco_arm import MujocoArm, Setting
+from midastouch_motion.rehearsal import PERIOD, Moment, Rehearsal
+from midastouch_motion.skills import Slide, Touch
+from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.rendering.contact_poses import Reachability
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.simulated_digit import SimulatedDigit
+from midastouch_perception.simulation.slide import MIN_PROGRESS, somewhere, straight_on
+from midastouch_perception.tdn import load_tdn
+
+from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
+
+DEPTH = 5e-4
+"""m that is asked for."""
+_AT = np.array([0.45, 0.0, 0.3])  # m in the base frame: where the object is touched
+_STEEPEST = np.radians(60.0)  # of the surface there: an arm does not reach below
+_HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
+_MOUNT = 2e-3, np.radians(2.0)
+_LATENCIES, _DELAYS = (0.02, 0.08), (0.02, 0.06)  # s: of the arm, which the controller takes for 0.05; of images
+_FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
+_RATES = 30.0, 60.0  # Hz
+_LENGTHS = 0.02, 0.06  # m
+_TIMEOUT = 20.0  # s of a motion
+_GOES_ON = 3e-3, np.radians(30.0)  # the surface, so far ahead, turns by less
+_FORCE, _STALE = 40.0, 0.1  # N, s: what the guard stops at
+
+Fault = Callable[[Rehearsal], float]
+
+
+def _frozen(name: str) -> Fault:
+    def inject(rehearsal: Rehearsal) -> float:
+        rehearsal.frozen.add(name)
+        return _STALE
+
+    return inject
+
+
+def _set(name: str, value: object) -> Fault:
+    def inject(rehearsal: Rehearsal) -> float:
+        rehearsal.frozen.add(name)
+        setattr(rehearsal.seen, name, value)
+        return 0.0
+
+    return inject
+
+
+FAULTS: dict[str, Fault] = {
+    "released": _frozen("enabled"),
+    "no image": _frozen("image"),
+    "no transform": _frozen("pose"),
+    "lost": _set("lost", True),
+    "force": _set("force", _FORCE + 1),
+    "outside": _set("position", np.full(3, 2.0)),
+    "nobody follows": _set("listeners", 0),
+    "another commands": _set("commanders", 2),
+}
+"""What goes wrong during a slide: each makes it happen, and returns the s after which the arm has to know."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionPlan:
+    """What is run: trials per object, whose numbers are their seeds; sensor, by name."""
+
+    trials: int = 10
+    sensor: str = "digit_tacto"
+
+    def describe(self) -> dict:
+        """For the JSON."""
+        here = Path(midastouch_motion.__file__).parent
+        return {
+            "trials": self.trials,
+            "sensor": self.sensor,
+            "depth_mm": 1e3 * DEPTH,
+            "tdn": load_tdn("fast", SensorModel.load(self.sensor)).network_id,
+            "code": source_digest(here, Path(__file__)),
+        }
+
+
+def run_motion(
+    plan: MotionPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
+) -> tuple[list[dict], int]:
+    """Run what the log does not hold yet, as `run_open`; seeds outermost, so that a bounded run covers all objects."""
+    described = plan.describe() | {"trials": None}
+    units = []
+    for seed in range(plan.trials):
+        for mesh in meshes:
+            labels = {"object": mesh.name, "seed": seed}
+            units.append(((plan, mesh.path), {key_of(labels | described | {"mesh": mesh.sha256}): labels}))
+    return run_open(_run, units, log, workforce)
+
+
+def _run(plan: MotionPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
+    mesh = ObjectMesh.load(path)
+    return {key: labels | _Trial(mesh, plan.sensor, labels["seed"]).run() for key, labels in trials.items()}
+
+
+class _Trial:
+    """One approach, one slide, and one that something interrupts."""
+
+    def __init__(self, mesh: ObjectMesh, sensor_name: str, seed: int):
+        self._mesh, self._seed = mesh, seed
+        self._rng = rng = np.random.default_rng([seed, int(mesh.sha256[:8], 16)])
+        sensor = SensorModel.load(sensor_name)
+        self._background = no_contact_image(sensor, rng)
+        self._digit = SimulatedDigit(mesh, sensor, self._background, seed)
+        self._stage, self._small = DepthStage(load_tdn("fast", sensor)), sensor.for_maps
+        self._moments: list[tuple[float, bool]] = []
+        touched, base_from_object = self._placed(sensor)
+        tilt, off = _turn(rng, _TILT), _turn(rng, _MOUNT[1])
+        off[:3, 3] = _MOUNT[0] * _direction(rng)
+        setting = Setting(
+            base_from_object,
+            base_from_object @ touched @ tilt,
+            off,
+            Gel(friction=rng.uniform(*_FRICTIONS)),
+            rng.choice([math.inf, rng.uniform(*_HOLDING)]),
+            rng.uniform(*_LATENCIES),
+        )
+        self._arm = MujocoArm(mesh, sensor, setting)
+        limits = Limits()
+        box = np.full(3, -1.5), np.full(3, 1.5)
+        self._controller = Controller(ContactServo(limits, 0.05), Guard(*box, limits.depth, stale=_STALE, force=_FORCE))
+        delay, fps = rng.uniform(*_DELAYS), rng.choice(_RATES)
+        self._rehearsal = Rehearsal(
+            self._arm, lambda: self._arm.gel_on_object, self._look, self._controller, fps,
+            lambda: delay + rng.uniform(0.0, 0.01),
+        )  # fmt: skip
+
+    def _placed(self, sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
+        """T_obj_gel (4, 4) over a random place that can be touched, and T_base_obj (4, 4) that an arm reaches it."""
+        rng, mesh = self._rng, self._mesh
+        point = somewhere(mesh, Reachability(mesh, sensor), DEPTH, rng)
+        frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 2 * np.pi, 1))[0]
+        up = _turn(rng, rng.uniform(0, _STEEPEST))
+        gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
+        return gel, se3.make(up[:3, :3], _AT) @ se3.inverse(se3.make(frame, point))
+
+    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray]:
+        contact = self._stage.process(self._digit.look(T_obj_gel).image, self._background)
+        if not contact.in_contact:
+            return 0.0, np.zeros(2)
+        points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._small)
+        return contact.depth_m, slope_of(points)
+
+    def run(self) -> dict:
+        """touch and slide: how each ended, in words; whether it succeeded; deepest_mm; touch: depth_mm in the end;
+        slide: images, and how many of them within 0.25 mm of the depth; path_mm; whether the contact was lost where
+        the surface goes on. fault: which, and periods until the twist was zero, None if it never was; None if there was
+        no slide left to disturb."""
+        rng = self._rng
+        touch = self._motion(Touch(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
+        trial = {"touch": touch, "slide": None, "fault": None}
+        if not touch["success"]:
+            return trial
+        heading = rng.uniform(-np.pi, np.pi)
+        slide = self._motion(Slide(heading, rng.uniform(*_LENGTHS), DEPTH))
+        depths = np.array([depth for depth, image in self._moments if image])
+        trial["slide"] = slide | {
+            "images": len(depths),
+            "held": int((np.abs(depths - DEPTH) <= 0.25e-3).sum()),
+            "lost": not slide["success"] and "lost" in slide["message"] and self._goes_on(heading),
+        }
+        if self._controller.servo.touching:
+            trial["fault"] = self._fault()
+        return trial
+
+    def _motion(self, skill: Touch | Slide) -> dict:
+        self._moments.clear()
+        ended = self._rehearsal.carry_out(skill, _TIMEOUT, self._keep)
+        return {
+            "success": ended is not None and ended.success,
+            "message": "did not end" if ended is None else ended.message,
+            "deepest_mm": 1e3 * max(depth for depth, _ in self._moments),
+            "path_mm": 1e3 * skill.path,
+        }
+
+    def _keep(self, moment: Moment) -> None:
+        self._moments.append((self._arm.deepest, moment.image))
+
+    def _goes_on(self, heading: float) -> bool:
+        """Whether the surface below the gel goes on in a direction of its plane, about as it is."""
+        ahead, turn = _GOES_ON
+        pose = self._arm.gel_on_object
+        (point,), _, _ = self._mesh.closest_points(pose[None, :3, 3])
+        (normal,) = self._mesh.smooth_normals(point[None])
+        way = straight_on(self._mesh, point, pose[:3, :2] @ (np.cos(heading), np.sin(heading)), ahead)
+        return way.moved > MIN_PROGRESS * ahead and bool(way.normal @ normal > np.cos(turn))
+
+    def _fault(self) -> dict | None:
+        """Something goes wrong while it slides back."""
+        name = list(FAULTS)[self._seed % len(FAULTS)]
+        begin = self._rehearsal.now + self._rng.uniform(0.2, 0.5)
+        known, moving, stopped = math.inf, False, math.inf
+
+        def after(moment: Moment) -> None:
+            nonlocal known, moving, stopped
+            if known == math.inf and moment.time >= begin:
+                moving = bool(moment.twist.any())
+                known = moment.time + FAULTS[name](self._rehearsal)
+            elif known < math.inf and not moment.twist.any():
+                stopped = min(stopped, moment.time)
+
+        ended = self._rehearsal.carry_out(Slide(self._rng.uniform(-np.pi, np.pi), 0.03, DEPTH), _TIMEOUT, after)
+        if not moving:
+            return None
+        periods = None if stopped == math.inf else max(math.ceil((stopped - known) / PERIOD - 1e-6), 0)
+        return {"name": name, "periods": periods, "message": ended.message if ended else "did not end"}
+
+
+def _turn(rng: np.random.Generator, angle: float) -> np.ndarray:
+    """A turn (4, 4) by `angle` rad about a random axis in the plane x y."""
+    about = rng.uniform(0, 2 * np.pi)
+    return se3.exp(np.array([0, 0, 0, angle * np.cos(about), angle * np.sin(about), 0]))
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.standard_normal(3)
+    return vector / np.linalg.norm(vector)

@@ -1,0 +1,179 @@
+"""A simulated UR in MuJoCo: its gel follows twists late, presses on an object, and feels forces."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.missing_modules import install_extra
+from midastouch_perception.sensor_model import SensorModel
+
+from .gel_layer import Gel, GelLayer
+from .ur_model import JOINT_SPEED, READY, ur_model
+
+PERIOD = 2e-3
+"""s of a step of physics: that of a UR's own control loop."""
+_DAMPED = 0.01  # of the least squares that turn a twist into joint speeds; matters where the arm is stretched
+_CLOSE = 1e-4, 1e-3  # m, rad: a start pose counts as reached
+_MOST_ITERATIONS = 200
+
+
+def require_mujoco() -> ModuleType:
+    """The module `mujoco`; InputError with the command that installs it when it is missing."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise InputError(f"an arm in MuJoCo needs MuJoCo; install it: {install_extra('mujoco')}") from error
+    return mujoco
+
+
+@dataclass(frozen=True)
+class Setting:
+    """base_from_object T_base_obj (4, 4); start, T_base_gel (4, 4) by the drawing; mount T_drawn_gel (4, 4), its error;
+    holding [N], beyond which the object gives way; latency [s] from a command to the joints; timeout [s], after which
+    it stops without a further command."""
+
+    base_from_object: np.ndarray
+    start: np.ndarray
+    mount: np.ndarray = field(default_factory=lambda: np.eye(4))
+    gel: Gel = field(default_factory=Gel)
+    holding: float = math.inf
+    latency: float = 0.05
+    timeout: float = 0.1
+
+
+class MujocoArm:
+    """Args: mesh of the object; sensor, whose gel it has; setting.
+
+    Attributes: time [s] since it was made; deepest [m], how far the object is in the gel.
+    Raises InputError where it does not reach the start.
+    """
+
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, setting: Setting):
+        self._mujoco = mujoco = require_mujoco()
+        text = ur_model(setting.mount, setting.base_from_object, setting.holding, PERIOD)
+        self._model = mujoco.MjModel.from_xml_string(text)
+        self._data = mujoco.MjData(self._model)
+        self._arm = [self._model.joint(f"joint{number}").id for number in range(6)]
+        self._places = self._model.jnt_qposadr[self._arm]
+        self._speeds = self._model.jnt_dofadr[self._arm]
+        self._layer = GelLayer(mesh, sensor, setting.gel)
+        self._latency, self._timeout = setting.latency, setting.timeout
+        self._coming: deque[tuple[float, np.ndarray]] = deque()
+        self._twist, self._until = np.zeros(6), -math.inf
+        self._wrench = np.zeros(6)
+        self._reach(setting.start)
+
+    @property
+    def time(self) -> float:
+        """s."""
+        return self._data.time
+
+    @property
+    def deepest(self) -> float:
+        """m."""
+        return self._layer.deepest
+
+    @property
+    def pose(self) -> np.ndarray:
+        """T_base_gel (4, 4) by the joints and the drawing: what TF says."""
+        return self._site("drawn_gel")
+
+    @property
+    def gel_on_object(self) -> np.ndarray:
+        """T_obj_gel (4, 4), where the gel is."""
+        return se3.inverse(self.base_from_object) @ self._site("gel")
+
+    @property
+    def base_from_object(self) -> np.ndarray:
+        """T_base_obj (4, 4)."""
+        return self._site("object")
+
+    @property
+    def joints(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (6,) rad and velocities (6,) rad/s."""
+        return self._data.qpos[self._places].copy(), self._data.qvel[self._speeds].copy()
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """Force [N] and torque [N m] about the apex (6,) on the gel, in its frame."""
+        return self._wrench
+
+    def command(self, now: float, twist: np.ndarray) -> None:
+        """A twist (6,) in the gel's frame, as drawn, arrives at `now` [s]."""
+        self._coming.append((now + self._latency, twist.copy()))
+
+    def advance(self, now: float) -> np.ndarray:
+        """The pose (4, 4), as drawn, at `now` [s]."""
+        while self.time < now - PERIOD / 2:
+            self._follow()
+            self._press()
+            self._mujoco.mj_step(self._model, self._data)
+        return self.pose
+
+    def _follow(self) -> None:
+        while self._coming and self._coming[0][0] <= self.time:
+            begins, self._twist = self._coming.popleft()
+            self._until = begins + self._timeout
+        if self.time < self._until:
+            speeds = self._joint_speeds(self._twist)
+            self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
+
+    def _press(self) -> None:
+        """Forces of the gel, on the arm and on the object."""
+        gel = self._site("gel")
+        velocity = self._velocity("gel", gel[:3, 3]) - self._velocity("object", gel[:3, 3])
+        self._wrench = self._layer.force(self.gel_on_object, (gel[:3, :3].T @ velocity)[:2], PERIOD)
+        self._data.xfrc_applied[:] = 0.0
+        if self._wrench.any():
+            force, torque = (gel[:3, :3] @ part for part in self._wrench.reshape(2, 3))
+            self._apply("gel", force, torque, gel[:3, 3])
+            self._apply("object", -force, -torque, gel[:3, 3])
+
+    def _apply(self, body: str, force: np.ndarray, torque: np.ndarray, at: np.ndarray) -> None:
+        arm = at - self._data.body(body).xipos
+        self._data.xfrc_applied[self._model.body(body).id] = [*force, *(torque + np.cross(arm, force))]
+
+    def _velocity(self, site: str, at: np.ndarray) -> np.ndarray:
+        """m/s (3,) of a point (3,) m that moves with the body of a site; base frame."""
+        linear, angular = (part @ self._data.qvel for part in self._jacobian(site))
+        return linear + np.cross(angular, at - self._data.site(site).xpos)
+
+    def _jacobian(self, site: str) -> tuple[np.ndarray, np.ndarray]:
+        linear, angular = np.zeros((2, 3, self._model.nv))
+        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._model.site(site).id)
+        return linear, angular
+
+    def _joint_speeds(self, twist: np.ndarray) -> np.ndarray:
+        """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
+        rotation = self.pose[:3, :3]
+        jacobian = np.concatenate([rotation.T @ part[:, self._speeds] for part in self._jacobian("drawn_gel")])
+        squares = jacobian @ jacobian.T + _DAMPED**2 * np.eye(6)
+        return jacobian.T @ np.linalg.solve(squares, twist)
+
+    def _reach(self, goal: np.ndarray) -> None:
+        """Put the joints where the gel, as drawn, is at a pose (4, 4)."""
+        self._data.qpos[self._places] = READY
+        for _ in range(_MOST_ITERATIONS):
+            self._mujoco.mj_kinematics(self._model, self._data)
+            self._mujoco.mj_comPos(self._model, self._data)
+            error = se3.log(se3.inverse(self.pose) @ goal)
+            if np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]:
+                self._data.ctrl[:] = self._data.qpos[self._places]
+                self._mujoco.mj_forward(self._model, self._data)
+                return
+            step = self._joint_speeds(error)
+            self._data.qpos[self._places] += step * min(1.0, 0.2 / float(np.abs(step).max()))
+        where = ", ".join(f"{1e3 * each:.0f}" for each in goal[:3, 3])
+        raise InputError(f"the arm does not reach ({where}) mm with the gel turned as wanted")
+
+    def _site(self, name: str) -> np.ndarray:
+        site = self._data.site(name)
+        return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
