@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, W
 from rclpy.clock import Clock, ClockType
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
@@ -62,7 +62,10 @@ _GONE = 2.0  # s without a contact: whoever measured them is gone, and time goes
 
 
 class MujocoArmNode(PipelineNode):
-    """Moves by the twists on `delta_twist_cmds`, which are in the gel frame. TF has where it is, `/clock` its time."""
+    """Moves by the twists on `delta_twist_cmds`, which are in the gel frame. TF has where it is, `/clock` its time.
+
+    As it hurts nobody, it enables the node `slider` itself, in place of a person.
+    """
 
     def __init__(self, **node_options):
         super().__init__("mujoco_arm", **node_options)
@@ -75,6 +78,7 @@ class MujocoArmNode(PipelineNode):
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self._time = self.create_publisher(ClockMessage, "/clock", qos.stream_publisher(10))
         self._joints = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
+        self._enable = self.create_publisher(Bool, "slider/enable", qos.COMMAND)
         self._wrench = self.create_publisher(WrenchStamped, "wrench", qos.stream_publisher())
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(10))
         self.create_subscription(TactileContact, "tactile/contact", self._on_contact, qos.stream_subscriber(10))
@@ -107,6 +111,7 @@ class MujocoArmNode(PipelineNode):
         arm, p = self._arm, self._settings
         stamp = stamp_from_ns(self._began + round(arm.time * SECOND))
         self._time.publish(ClockMessage(clock=stamp))
+        self._enable.publish(Bool(data=True))
         thing = arm.base_from_object
         poses = (
             (p["base_frame_id"], p["sensor_frame_id"], arm.pose),
