@@ -20,13 +20,14 @@ setup(
         "midastouch_common",
         "midastouch_filter",
         "numpy",
+        "scipy",
     ],
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
-    extras_require={"test": ["midastouch_perception", "pytest"]},
+    extras_require={"test": ["midastouch_perception", "pytest"], "ur": ["ur-rtde"]},
     entry_points={
         "console_scripts": [
             "slider = midastouch_motion.executables:slider",
