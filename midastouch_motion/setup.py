@@ -32,6 +32,7 @@ setup(
         "console_scripts": [
             "slider = midastouch_motion.executables:slider",
             "twist_arm = midastouch_motion.executables:twist_arm",
+            "ur_speed = midastouch_motion.executables:ur_speed",
         ]
     },
 )

@@ -35,6 +35,7 @@ def test_the_live_file_holds_defaults():
     elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
         "slider",
         "twist_arm",
+        "ur_speed",
     }
     assert set(nodes) == set(TABLES) - elsewhere
     for node, values in nodes.items():
