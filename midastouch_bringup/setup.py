@@ -49,7 +49,7 @@ setup(
         "export": ["h5py", "pyarrow"],
         "open3d": ["libusb-package", "open3d-cpu>=0.19"],
         "test": ["pytest"],
-        "ur": ["ur-rtde"],
+        "ur": ["midastouch_motion[ur]"],
         "view": ["rerun-sdk>=0.39,<0.42"],
     },
     entry_points={

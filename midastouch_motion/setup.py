@@ -28,12 +28,12 @@ setup(
     maintainer_email=manifest.find("maintainer").get("email"),
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
-    extras_require={"mujoco": ["mujoco>=3.2"], "test": ["pytest"]},
+    extras_require={"mujoco": ["mujoco>=3.2"], "test": ["pytest"], "ur": ["ur-rtde"]},
     entry_points={
         "console_scripts": [
             "mujoco_arm = midastouch_motion.executables:mujoco_arm",
             "slider = midastouch_motion.executables:slider",
-            "twist_arm = midastouch_motion.executables:twist_arm",
+            "ur_speed = midastouch_motion.executables:ur_speed",
         ]
     },
 )

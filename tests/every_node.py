@@ -37,7 +37,7 @@ _NODES = {
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
     "slider": ("midastouch_motion.nodes.slider", "Slider", {}),
     "mujoco_arm": ("midastouch_motion.nodes.mujoco_arm", "MujocoArmNode", {}),
-    "twist_arm": ("midastouch_motion.nodes.twist_arm", "TwistArm", {}),
+    "ur_speed": ("midastouch_motion.nodes.ur_speed", "UrSpeed", {"make_follower": MagicMock()}),
     "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
     "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
     "mount_tf": (f"{_BRINGUP}.mount_tf", "MountTf", {}),
@@ -63,7 +63,7 @@ def _needed(name: str, tmp_path: Path) -> dict:
         return {"autostart": False}
     if name in ("digit_sim", "explorer", "mujoco_arm"):
         return {"mesh": str(bundled_objects()["ball"])}
-    if name == "ur_tf":
+    if name in ("ur_speed", "ur_tf"):
         return {"robot_ip": "the.arm"}
     if name == "recorder":
         return {"path": str(tmp_path / "recorded.mcap")}

@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ["midastouch_kernels", *packages.PYTHON]
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
 # Extras, and parts of a system ROS, which not every install has.
-OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
-OPTIONAL |= {"h5py", "mujoco", "open3d", "pyarrow", "torch"}
+OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "safetensors"}
+OPTIONAL |= {"h5py", "mujoco", "open3d", "pyarrow", "rtde_control", "rtde_receive", "torch"}
 
 
 def modules() -> list[str]:

@@ -34,7 +34,8 @@ def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
     elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
         "slider",
-        "twist_arm",
+        "mujoco_arm",
+        "ur_speed",
     }
     assert set(nodes) == set(TABLES) - elsewhere
     for node, values in nodes.items():

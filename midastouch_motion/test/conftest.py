@@ -98,3 +98,20 @@ def above(mesh: ObjectMesh, rng: np.random.Generator, height: float, tilt: float
     axis = rng.standard_normal(2)
     turn = se3.exp(np.array([0, 0, 0, *(tilt * axis / np.linalg.norm(axis)), 0]))
     return se3.make(frame, point + height * frame[:, 2]) @ turn
+
+
+@pytest.fixture
+def ur_controller():
+    """Starts a UR controller, with a fault if it is to have one."""
+    pytest.importorskip("rtde_control", reason="needs ur-rtde: pip install ur-rtde")
+    from .arm.controller_process import ControllerProcess
+
+    running = []
+
+    def start(fault: str = "") -> ControllerProcess:
+        running.append(ControllerProcess(fault))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.end()

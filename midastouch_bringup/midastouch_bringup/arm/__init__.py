@@ -1,1 +1,1 @@
-"""A robot arm that carries the sensor: its poses, clock and mount; without ROS."""
+"""The sensor's mount on a robot arm, without ROS."""

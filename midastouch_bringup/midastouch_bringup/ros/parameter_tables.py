@@ -9,7 +9,7 @@ from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
 from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
 from midastouch_motion.nodes.mujoco_arm import PARAMETERS as MUJOCO_ARM
 from midastouch_motion.nodes.slider_parameters import PARAMETERS as SLIDER
-from midastouch_motion.nodes.twist_arm import PARAMETERS as TWIST_ARM
+from midastouch_motion.nodes.ur_speed import PARAMETERS as UR_SPEED
 from midastouch_perception.nodes.calibrate import PARAMETERS as CALIBRATE
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
@@ -31,8 +31,8 @@ TABLES = {
     "particle_filter": PARTICLE_FILTER,
     "explorer": EXPLORER,
     "slider": SLIDER,
-    "twist_arm": TWIST_ARM,
     "mujoco_arm": MUJOCO_ARM,
+    "ur_speed": UR_SPEED,
     "replay": REPLAY,
     "recorder": RECORDER,
     "ur_tf": UR_TF,
@@ -47,8 +47,8 @@ _HEADER = """# Parameters
 Written by `python -m midastouch_bringup.ros.parameter_tables` from what the nodes declare; a test compares.
 Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
 that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes
-`digit_driver`, `digit_sim`, `tdn`, `tcn`, `particle_filter` and `slider`, but for `queue_depth`, `reliable`, `rate`,
-`autostart`, `diagnostics_period` and `preset`, while the node is unconfigured.
+`digit_driver`, `digit_sim`, `tdn`, `tcn`, `particle_filter`, `slider` and `ur_speed`, but for `queue_depth`,
+`reliable`, `rate`, `autostart`, `diagnostics_period` and `preset`, while the node is unconfigured.
 
 The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publisher.POLICY` or
 `qos_overrides.TOPIC.subscription.POLICY` with the topic's full name and `history`, `depth` or `reliability`.

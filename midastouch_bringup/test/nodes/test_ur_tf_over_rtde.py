@@ -11,14 +11,15 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.arm.rtde import RTDE_PORT, rtde_connector
 from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_common.message_arrays import stamp_ns
+from midastouch_motion.arm.rtde import RTDE_PORT, rtde_connector
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 # of this run of the tests, as its domain is: the port is the controller's own
 ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
+SERVER = Path(__file__).parents[3] / "midastouch_motion" / "test" / "arm" / "rtde_server.py"
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def controller():
     running = []
 
     def start(fault: str = "") -> subprocess.Popen:
-        command = [sys.executable, Path(__file__).parents[1] / "arm" / "rtde_server.py", ADDRESS, str(RTDE_PORT), fault]
+        command = [sys.executable, SERVER, ADDRESS, str(RTDE_PORT), fault]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         running.append(process)
         if process.stdout.readline() != "ready\n":

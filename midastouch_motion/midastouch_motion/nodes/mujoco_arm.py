@@ -14,7 +14,6 @@ from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos, spin
@@ -26,9 +25,11 @@ from midastouch_filter.transforms import SECOND
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
+from ..arm.rtde import JOINT_NAMES
+from ..arm.twists import TwistLimits
 from ..gel_layer import Gel
 from ..mujoco_arm import MujocoArm, Setting
-from .twist_topic import finite_twist
+from .twist_topic import twist_of
 
 PARAMETERS = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
@@ -73,6 +74,7 @@ class MujocoArmNode(PipelineNode):
         mesh, sensor = ObjectMesh.load(resolve(p["mesh"], "mesh")), SensorModel.load(p["sensor_model"])
         base_from_object = se3.from_xyzquat(np.array(p["object_pose"]))
         self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, _over(mesh, base_from_object, p["above"])))
+        self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # those of the joints
         self._began, self._period = time.time_ns(), 1.0 / p["rate"]
         self._behind, self._contact = time.monotonic(), (-math.inf, time.monotonic())
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
@@ -85,10 +87,11 @@ class MujocoArmNode(PipelineNode):
         self.create_timer(self._period, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_twist(self, msg: TwistStamped) -> None:
-        try:
-            self._arm.command(self._arm.time, finite_twist(msg, self._settings["sensor_frame_id"]))
-        except InputError as error:
-            self.get_logger().warning(str(error))
+        twist = twist_of(msg)
+        if refusal := self._limits.refusal(msg.header.frame_id, twist):
+            self.get_logger().warning(refusal)
+        else:
+            self._arm.command(self._arm.time, twist)
 
     def _on_contact(self, msg: TactileContact) -> None:
         self._contact = (stamp_ns(msg.header.stamp) - self._began) / SECOND, time.monotonic()
@@ -132,13 +135,10 @@ class MujocoArmNode(PipelineNode):
         )
         positions, velocities = (each.tolist() for each in arm.joints)
         header = Header(stamp=stamp)
-        self._joints.publish(JointState(header=header, name=_JOINTS, position=positions, velocity=velocities))
+        self._joints.publish(JointState(header=header, name=JOINT_NAMES, position=positions, velocity=velocities))
         force, torque = (Vector3(**dict(zip("xyz", part, strict=True))) for part in arm.wrench.reshape(2, 3).tolist())
         header = Header(stamp=stamp, frame_id=p["sensor_frame_id"])
         self._wrench.publish(WrenchStamped(header=header, wrench=Wrench(force=force, torque=torque)))
-
-
-_JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 
 
 def _setting(p: Parameters, base_from_object: np.ndarray, start: np.ndarray) -> Setting:

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_bringup.arm import rtde
-from midastouch_bringup.arm.rtde import (
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_motion.arm import rtde
+from midastouch_motion.arm.rtde import (
     BASE_LINK_FROM_BASE,
     RobotClock,
-    require_outputs,
     rtde_connector,
     tool_from_tcp,
     transform_from_rtde,
 )
-from midastouch_common import se3
-from midastouch_common.errors import InputError
+from midastouch_motion.arm.rtde_handshake import require_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 

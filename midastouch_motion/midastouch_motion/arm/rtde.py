@@ -1,15 +1,9 @@
-"""A Universal Robots arm over RTDE, without ROS: handshake, states, transforms and the controller's clock.
-
-The handshake (Universal Robots, "Real-Time Data Exchange Guide") is ours: `ur-rtde`, which reads the states, waits for
-minutes with the interpreter in its hands when nobody answers, and ends the whole process when a controller refuses.
-"""
+"""A Universal Robots arm over RTDE, without ROS: states, transforms and the controller's clock."""
 
 from __future__ import annotations
 
-import socket
-import struct
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,57 +13,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import pip_install
 
-_PROTOCOL = 2
-_VERSION, _RECIPE, _START, _TEXT = b"V", b"O", b"S", b"M"
-_YES = b"\x01"
-
-
-def require_outputs(address: str, port: int, outputs: Sequence[str], rate: float, timeout: float) -> None:
-    """Raise ConnectionError, saying why, unless a controller is there that would send these outputs.
-
-    rate: samples per second; timeout [s] of each answer.
-    """
-    try:
-        with socket.create_connection((address, port), timeout=timeout) as connection:
-            _negotiate(connection, outputs, rate)
-    except OSError as error:
-        raise ConnectionError(f"no RTDE at {address}:{port}: {error}") from error
-
-
-def _negotiate(connection: socket.socket, outputs: Sequence[str], rate: float) -> None:
-    if _ask(connection, _VERSION, struct.pack(">H", _PROTOCOL)) != _YES:
-        raise ConnectionError(f"it refuses protocol {_PROTOCOL}; update the controller's software")
-    answer = _ask(connection, _RECIPE, struct.pack(">d", rate) + ",".join(outputs).encode())
-    # one byte names the recipe; the rest are the outputs' types
-    types = answer[1:].decode("ascii", "replace").split(",")
-    missing = [name for name, kind in zip(outputs, types, strict=False) if kind in ("NOT_FOUND", "IN_USE")]
-    if missing or len(types) != len(outputs):
-        raise ConnectionError(f"it does not give {', '.join(missing or outputs)}; update the controller's software")
-    if _ask(connection, _START, b"") != _YES:
-        raise ConnectionError("it refuses to start sending; is its program being loaded?")
-
-
-def _ask(connection: socket.socket, letter: bytes, payload: bytes) -> bytes:
-    """The payload of the answer to a request; text messages that come in between are passed over."""
-    connection.sendall(struct.pack(">Hc", 3 + len(payload), letter) + payload)
-    while True:
-        size, answered = struct.unpack(">Hc", _read(connection, 3))
-        if answered not in (letter, _TEXT) or size < 3:
-            raise ConnectionError("what answers does not speak RTDE")
-        answer = _read(connection, size - 3)
-        if answered == letter:
-            return answer
-
-
-def _read(connection: socket.socket, size: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        part = connection.recv(size - len(data))
-        if not part:
-            raise ConnectionError("it closed the connection")
-        data += part
-    return data
-
+from .rtde_handshake import require_outputs
 
 RTDE_PORT = 30004
 _OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
@@ -110,15 +54,21 @@ class RtdeReceiver:
         self._arm.disconnect()
 
 
+def require_ur_rtde() -> None:
+    """Raise InputError, with the command that installs it, if `ur-rtde` is not there."""
+    try:
+        import rtde_receive  # noqa: F401
+    except ImportError as error:
+        raise InputError(f"an arm over RTDE needs ur-rtde; install it: {pip_install('ur-rtde')}") from error
+
+
 def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]:
     """A function (robot_ip, rate in Hz) -> RtdeReceiver that raises ConnectionError if the arm is silent.
 
     Raises InputError when `ur-rtde`, which only arms without a ROS driver need, is not installed.
     """
-    try:
-        from rtde_receive import RTDEReceiveInterface
-    except ImportError as error:
-        raise InputError(f"ur_tf needs the Python package ur-rtde; install it: {pip_install('ur-rtde')}") from error
+    require_ur_rtde()
+    from rtde_receive import RTDEReceiveInterface
 
     def connect(robot_ip: str, rate: float) -> RtdeReceiver:
         require_outputs(robot_ip, RTDE_PORT, _OUTPUTS, rate, timeout)

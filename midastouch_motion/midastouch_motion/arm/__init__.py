@@ -1,0 +1,1 @@
+"""Universal Robots arms without their ROS driver, over RTDE."""

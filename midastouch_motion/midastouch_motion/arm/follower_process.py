@@ -1,0 +1,110 @@
+"""The program `ur_follower` as its parent sees it: started, heard, ended, and started again."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .orders import ALIVE, READY, TROUBLE, Order
+
+_CONNECTING = 20.0  # s, for the import of ur-rtde and its own timeouts
+_SILENT = 2.0  # s, of a program that has connected
+_ENDING = 2.0  # s, for the arm to come to rest
+_PAUSE = 0.5  # s without an order, after which the next one begins a motion
+
+
+class FollowerProcess:
+    """Keeps the program going until it is closed; a thread of its own listens to it.
+
+    Attributes: trouble, why the arm is not connected at present, empty while it is; connections, so far; broken_off,
+    whether a part of the motion that is still ordered was lost: the arm, which somebody may have stopped, follows the
+    next motion only, after an order of zero or a pause.
+
+    command: the command line; pause [s] before a program that has ended is started again; on_change: gets the trouble
+    when it changes, in that thread.
+    """
+
+    def __init__(self, command: Sequence[str], pause: float, on_change: Callable[[str], None]):
+        self.trouble, self.connections, self.broken_off = "not connected yet", 0, False
+        self._ordered = -np.inf  # when
+        self._command, self._pause, self._on_change = command, pause, on_change
+        self._lock, self._closing = threading.Lock(), threading.Event()
+        self._process: subprocess.Popen | None = None
+        self._thread = threading.Thread(target=self._run, name="ur_follower", daemon=True)
+        self._thread.start()
+
+    def send(self, twist: np.ndarray) -> None:
+        """Order a twist (6,) of the TCP along its own axes; it is lost while there is trouble."""
+        order = Order(time.monotonic(), twist)
+        begins, self._ordered = order.sent - self._ordered > _PAUSE, order.sent
+        with self._lock, contextlib.suppress(OSError):  # the program has ended, or does not read
+            if self._process is None or self.trouble:
+                self.broken_off = bool(twist.any())
+            elif begins or not twist.any():
+                self.broken_off = False
+            if self._process is not None and not self.broken_off:
+                os.write(self._process.stdin.fileno(), order.line())
+
+    def close(self) -> None:
+        """Stop the arm and end the program."""
+        self._closing.set()
+        with self._lock:
+            if self._process is not None:
+                self._process.stdin.close()
+                if self.trouble:  # no arm is moved
+                    self._process.kill()
+        self._thread.join(_ENDING)
+        with self._lock:
+            if self._process is not None:
+                self._process.kill()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            # a session of its own: Ctrl-C is for the parent, which stops the arm first
+            process = subprocess.Popen(
+                self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            )
+            os.set_blocking(process.stdin.fileno(), False)
+            with self._lock:
+                self._process = process
+            reason = self._listen(process.stdout.fileno())
+            with self._lock:
+                self._process = None
+            process.kill()
+            with process:  # closes its pipes, and waits for it
+                pass
+            if not self._closing.is_set():
+                self._change(reason or f"ur-rtde has ended its process, exit code {process.returncode}")
+            self._closing.wait(self._pause)
+
+    def _listen(self, descriptor: int) -> str:
+        """Until the program ends or is silent for too long; the reason, empty if it gave none."""
+        data, patient_until = b"", time.monotonic() + _CONNECTING
+        while select.select([descriptor], [], [], max(patient_until - time.monotonic(), 0.0))[0]:
+            received = os.read(descriptor, 65536)
+            if not received:
+                return ""
+            *lines, data = (data + received).split(b"\n")
+            for line in lines:
+                word, _, text = line.decode(errors="replace").partition(" ")
+                if word == TROUBLE:
+                    return text
+                if word == READY:
+                    self.connections += 1
+                    self._change("")
+                if word in (READY, ALIVE):
+                    patient_until = time.monotonic() + _SILENT
+        return "ur-rtde does not answer any more"
+
+    def _change(self, trouble: str) -> None:
+        if trouble != self.trouble:
+            self.trouble = trouble
+            self._on_change(trouble)
