@@ -18,6 +18,7 @@ import numpy as np
 import onnxruntime
 
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import pip_install
 
 CPU, AUTO = "cpu", "auto"
 _WARM_UP, _RUNS = 5, 15
@@ -29,9 +30,9 @@ _PROVIDERS = {
 }
 """ONNX Runtime's, by name, with their options."""
 INSTALLED_BY = {
-    "openvino": "pip install openvino",
-    "cuda": "pip install onnxruntime-gpu in place of onnxruntime, with CUDA and cuDNN",
-    "tensorrt": "pip install onnxruntime-gpu in place of onnxruntime, with TensorRT",
+    "openvino": pip_install("openvino"),
+    "cuda": f"{pip_install('onnxruntime-gpu')}, in place of onnxruntime, with CUDA and cuDNN",
+    "tensorrt": f"{pip_install('onnxruntime-gpu')}, in place of onnxruntime, with TensorRT",
 }
 BACKENDS = (AUTO, CPU, *INSTALLED_BY)
 
