@@ -112,22 +112,27 @@ def load_backend(path: Path, threads: int, name: str = CPU, clock: Callable[[], 
     if name not in BACKENDS:
         raise InputError(f"backend '{name}': not known; there are {', '.join(BACKENDS)}")
     threads = min(threads, len(os.sched_getaffinity(0)))
+    if name == CPU:
+        return _on_cpu(path, threads)
+    if name == AUTO:
+        cpu = _on_cpu(path, threads)
+        return _fastest(cpu, [made for make in installed().values() if (made := _made(make, path, threads))], clock)
+    if (make := installed().get(name)) is None:
+        raise InputError(f"backend '{name}': not installed; {INSTALLED_BY[name]}, or set it to {CPU}")
     try:
-        cpu = OnnxRuntime(path, threads)
+        return make(path, threads)
+    except Exception as error:
+        _on_cpu(path, threads)  # or the file is what is wrong
+        reason = str(error).splitlines()[0]
+        raise InputError(f"backend '{name}': does not load ({reason}); mend that, or set it to {CPU}") from error
+
+
+def _on_cpu(path: Path, threads: int) -> OnnxRuntime:
+    try:
+        return OnnxRuntime(path, threads)
     except Exception as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
-    if name == AUTO:
-        return _fastest(cpu, [made for make in installed().values() if (made := _made(make, path, threads))], clock)
-    if name == CPU:
-        return cpu
-    try:
-        return installed()[name](path, threads)
-    except KeyError:
-        raise InputError(f"backend '{name}': not installed; {INSTALLED_BY[name]}, or set it to {CPU}") from None
-    except Exception as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"backend '{name}': does not load ({reason}); mend that, or set it to {CPU}") from error
 
 
 def installed() -> dict[str, Callable[[Path, int], Backend]]:
