@@ -20,7 +20,7 @@ from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
 from .cluster import Cluster
 from .output_paths import codebook_path
-from .progress import progress_bar
+from .progress import Bars
 
 _CACHE = Path("out/cache/codebooks")
 SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
@@ -52,29 +52,33 @@ def build_and_save(
     saved = start
 
     def searched(found: int) -> None:
-        bar.set_description_str(f"poses that reach {mesh.name}", refresh=False)
+        bar = bars.of(f"poses that reach {mesh.name}", "pose", size)
         bar.update(found - bar.n)
+
+    def tried() -> None:
+        bars.of(f"symmetry of {mesh.name}", "motion").update()
 
     def progress(done: int, total: int) -> None:
         nonlocal saved
-        bar.set_description_str(f"codebook of {mesh.name}", refresh=False)
+        bar = bars.of(f"codebook of {mesh.name}", "pose", total)
         bar.update(done - bar.n)
         if time.perf_counter() - saved > SAVE_INTERVAL_S:
             build.save(unfinished)
             saved = time.perf_counter()
 
     def inform(line: str) -> None:
-        bar.write(line, file=sys.stderr)
+        print(line, file=sys.stderr)
 
     try:
-        with progress_bar(total=size, initial=build.done, unit="pose", desc=f"codebook of {mesh.name}") as bar:
-            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress, inform=inform, searched=searched)
+        with contextlib.closing(Bars()) as bars:
+            cores = len(os.sched_getaffinity(0))
+            codebook = build.run(jobs or cores, progress, inform=inform, searched=searched, tried=tried)
+            codebook.derived = derived_arrays(mesh, codebook)
     except BaseException:
         if build.done:
             build.save(unfinished)
             print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to go on", file=sys.stderr)
         raise
-    codebook.derived = derived_arrays(mesh, codebook)
     codebook.save(path)
     unfinished.unlink(missing_ok=True)
     return codebook, time.perf_counter() - start

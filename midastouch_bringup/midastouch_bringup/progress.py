@@ -23,6 +23,25 @@ def progress_bar(**options) -> tqdm:
     return bar
 
 
+class Bars:
+    """A progress bar for each step of a work: that of a new step takes the place of the one before."""
+
+    def __init__(self) -> None:
+        self._step, self._bar = "", None
+
+    def of(self, step: str, unit: str, total: int | None = None) -> tqdm:
+        """The bar of the step in hand; total: None where nobody knows it."""
+        if step != self._step:
+            self.close()
+            self._step, self._bar = step, progress_bar(desc=step, unit=unit, total=total)
+        return self._bar
+
+    def close(self) -> None:
+        """End the last step."""
+        if self._bar is not None:
+            self._bar.close()
+
+
 def close_bars() -> None:
     """Close the bars that an error has left open, so that what is printed about it begins a line."""
     for bar in list(_bars):

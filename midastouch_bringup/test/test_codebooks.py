@@ -1,4 +1,5 @@
 import json
+import re
 import signal
 
 import numpy as np
@@ -72,6 +73,24 @@ def test_what_is_wrong_with_a_mesh_is_said_before_its_codebook_is_built(tmp_path
     said = capsys.readouterr().err
     assert "hollow: 60 x 60 x 60 mm; 2560 faces; 2 shells, 1 of them inside" in said
     assert "warning: hollow: 31% of the surface lies inside" in said
+
+
+def test_every_step_of_a_build_shows_how_far_it_is(build, capsys):
+    build(FlatTcn())
+    said = capsys.readouterr().err
+    assert f"poses that reach ball: 100%|██████████| {SIZE}/{SIZE}" in said
+    assert int(re.findall(r"symmetry of ball: (\d+)motion", said)[-1]) > 10
+    assert f"codebook of ball: 100%|██████████| {SIZE}/{SIZE}" in said
+
+
+def test_nothing_is_lost_by_ctrl_c_at_the_end(build, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(codebooks, "derived_arrays", lambda *_: signal.raise_signal(signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):
+            build(FlatTcn())
+    rest = FlatTcn()
+    build(rest)
+    assert rest.batches == 0
 
 
 def test_an_interrupted_build_goes_on_where_it_stopped(build, tmp_path, capsys):

@@ -2,7 +2,7 @@
 
 import re
 
-from midastouch_bringup.progress import progress_bar
+from midastouch_bringup.progress import Bars, progress_bar
 
 
 def test_in_a_log_a_bar_is_a_line_now_and_then(capsys, monkeypatch):
@@ -19,3 +19,16 @@ def test_in_a_log_a_bar_is_a_line_now_and_then(capsys, monkeypatch):
     shown = [int(re.search(r"(\d+)/40", line)[1]) for line in lines]
     assert shown[:4] == [0, 10, 20, 30]
     assert shown[-1] == 40
+
+
+def test_each_step_has_its_bar_and_one_without_a_known_end_counts(capsys):
+    bars = Bars()
+    for _ in range(3):
+        bars.of("symmetry of mug", "motion").update()
+    bars.of("codebook of mug", "pose", 40).update(40)
+    bars.close()
+    lines = capsys.readouterr().err.splitlines()
+    first = [line for line in lines if line.startswith("symmetry of mug: ")]
+    assert lines[: len(first)] == first
+    assert first[-1].startswith("symmetry of mug: 3motion")
+    assert lines[-1].startswith("codebook of mug: 100%")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -31,17 +32,15 @@ _OF_ROS = re.compile(
 )
 
 
-def pip_install(*distributions: str) -> str:
-    """The command that installs these for this Python."""
-    return f"{sys.executable} -m pip install {' '.join(distributions)}"
+def pip_install(*arguments: str) -> str:
+    """The command that has the pip of this Python install what they name."""
+    return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
 
 
 def install_extra(name: str) -> str:
     """The command that installs one of `EXTRAS`: of tested versions where this is a clone of the repository."""
-    requirements = Path("tools", "requirements", f"{name}.txt")
-    if (CLONE / requirements).is_file():
-        return f".venv/bin/pip install -r {requirements}"
-    return pip_install(*EXTRAS[name])
+    requirements = CLONE / "tools" / "requirements" / f"{name}.txt"
+    return pip_install(*(["-r", str(requirements)] if requirements.is_file() else EXTRAS[name]))
 
 
 def how_to_install(error: ImportError) -> str:

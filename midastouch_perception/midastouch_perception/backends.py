@@ -18,6 +18,7 @@ import numpy as np
 import onnxruntime
 
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import pip_install
 
 CPU, AUTO = "cpu", "auto"
 _WARM_UP, _RUNS = 5, 15
@@ -29,9 +30,9 @@ _PROVIDERS = {
 }
 """ONNX Runtime's, by name, with their options."""
 INSTALLED_BY = {
-    "openvino": "pip install openvino",
-    "cuda": "pip install onnxruntime-gpu in place of onnxruntime, with CUDA and cuDNN",
-    "tensorrt": "pip install onnxruntime-gpu in place of onnxruntime, with TensorRT",
+    "openvino": pip_install("openvino"),
+    "cuda": f"{pip_install('onnxruntime-gpu')}, in place of onnxruntime, with CUDA and cuDNN",
+    "tensorrt": f"{pip_install('onnxruntime-gpu')}, in place of onnxruntime, with TensorRT",
 }
 BACKENDS = (AUTO, CPU, *INSTALLED_BY)
 
@@ -111,22 +112,27 @@ def load_backend(path: Path, threads: int, name: str = CPU, clock: Callable[[], 
     if name not in BACKENDS:
         raise InputError(f"backend '{name}': not known; there are {', '.join(BACKENDS)}")
     threads = min(threads, len(os.sched_getaffinity(0)))
+    if name == CPU:
+        return _on_cpu(path, threads)
+    if name == AUTO:
+        cpu = _on_cpu(path, threads)
+        return _fastest(cpu, [made for make in installed().values() if (made := _made(make, path, threads))], clock)
+    if (make := installed().get(name)) is None:
+        raise InputError(f"backend '{name}': not installed; {INSTALLED_BY[name]}, or set it to {CPU}")
     try:
-        cpu = OnnxRuntime(path, threads)
+        return make(path, threads)
+    except Exception as error:
+        _on_cpu(path, threads)  # or the file is what is wrong
+        reason = str(error).splitlines()[0]
+        raise InputError(f"backend '{name}': does not load ({reason}); mend that, or set it to {CPU}") from error
+
+
+def _on_cpu(path: Path, threads: int) -> OnnxRuntime:
+    try:
+        return OnnxRuntime(path, threads)
     except Exception as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
-    if name == AUTO:
-        return _fastest(cpu, [made for make in installed().values() if (made := _made(make, path, threads))], clock)
-    if name == CPU:
-        return cpu
-    try:
-        return installed()[name](path, threads)
-    except KeyError:
-        raise InputError(f"backend '{name}': not installed; {INSTALLED_BY[name]}, or set it to {CPU}") from None
-    except Exception as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"backend '{name}': does not load ({reason}); mend that, or set it to {CPU}") from error
 
 
 def installed() -> dict[str, Callable[[Path, int], Backend]]:

@@ -78,13 +78,14 @@ class CodebookBuild:
         pause: Callable[[], None] = lambda: None,
         inform: Callable[[str], None] = lambda line: None,
         searched: Callable[[int], None] = lambda found: None,
+        tried: Callable[[], object] = lambda: None,
     ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
         pause: called now and then; an exception from it ends the run. What was done until then can be saved. inform:
         gets what the mesh is like, with warnings, line by line; searched: the number of poses found so far, as of
-        `codebook_poses`. Raises InputError: no pose to encode, or a mesh on which too many poses would lie within the
-        object.
+        `codebook_poses`; tried: called for each motion that could be a symmetry. Raises InputError: no pose to encode,
+        or a mesh on which too many poses would lie within the object.
         """
         size, seed = self._meta["size"], self._meta["seed"]
         if self._poses is None:
@@ -97,7 +98,7 @@ class CodebookBuild:
             self._codes = np.empty((size, self._tcn.dim), np.float32)
             self._finished = np.zeros(-(-size // CHUNK), bool)
         if self._symmetry is None:
-            self._symmetry = object_symmetry(self._mesh, self._sensor, self._poses, self._given)
+            self._symmetry = object_symmetry(self._mesh, self._sensor, self._poses, self._given, tried)
         renderer = PenetrationRenderer(self._mesh, self._sensor.for_maps)
         waiting: deque = deque()
 

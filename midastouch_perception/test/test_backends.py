@@ -1,4 +1,5 @@
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -74,6 +75,25 @@ def test_what_cannot_be_loaded_is_as_if_it_were_not_there(monkeypatch):
         load_backend(TDN, 1, "cuda")
 
 
+def test_only_the_backend_that_is_named_loads_the_network(with_others, monkeypatch):
+    with_others(openvino=(0.0,))
+    wanted = backends.installed()["openvino"](TDN, 1)
+    monkeypatch.setattr(backends, "installed", lambda: {"openvino": lambda *_: wanted})
+    monkeypatch.setattr(backends, "OnnxRuntime", lambda *_: pytest.fail("loaded"))
+    assert load_backend(TDN, 1, "openvino") is wanted
+
+
+def test_a_file_that_is_no_network_is_named_whatever_was_to_run_it(monkeypatch, tmp_path):
+    def refuses(path, threads):
+        raise RuntimeError("cannot parse it")
+
+    monkeypatch.setattr(backends, "installed", lambda: {"openvino": refuses})
+    (tmp_path / "broken.onnx").write_bytes(b"no network")
+    for name in (AUTO, CPU, "openvino"):
+        with pytest.raises(InputError, match=r"broken\.onnx: not a usable ONNX network"):
+            load_backend(tmp_path / "broken.onnx", 1, name)
+
+
 def test_without_others_nothing_is_measured(with_others):
     with_others()
     assert load_backend(TDN, 1, AUTO, lambda: pytest.fail("looked at the clock")).name == CPU
@@ -84,7 +104,7 @@ def test_an_unusable_choice_is_refused_with_what_helps(monkeypatch):
         load_backend(TDN, 1, "gpu")
     monkeypatch.setattr(backends, "installed", dict)
     for name, how in INSTALLED_BY.items():
-        with pytest.raises(InputError, match=f"'{name}': not installed; {how}"):
+        with pytest.raises(InputError, match=f"'{name}': not installed; {re.escape(how)}"):
             load_backend(TDN, 1, name)
 
 

@@ -10,6 +10,7 @@ from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import VARIANTS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.missing_modules import install_extra
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.objects import bundled_objects
@@ -46,7 +47,7 @@ def test_a_slide_over_a_tool_is_laid_onto_it():
 def test_where_open3d_is_missing_it_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
-    assert "pip install -r tools/requirements/open3d.txt" in VARIANTS["registration"].missing
+    assert install_extra("open3d") in VARIANTS["registration"].missing
     assert VARIANTS["odometry"].missing == ""
 
 

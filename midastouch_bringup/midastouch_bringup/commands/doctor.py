@@ -5,25 +5,30 @@ from __future__ import annotations
 import argparse
 import importlib
 
-from midastouch_common.missing_modules import install_extra
+from midastouch_common.missing_modules import CLONE, install_extra, pip_install
 
 from . import arguments
 from .plugins import BrokenCommand, commands_of_others
 
-_SET_UP = "make setup"
+_CLONED = (CLONE / "Makefile").is_file()
+_SET_UP = "make setup" if _CLONED else "make setup, in a clone of the repository"
 _OPEN3D = f"{install_extra('open3d')}; sudo apt install libgl1 libegl1 libx11-6"
 
-# module, distribution, what it is for, required, the command that fixes it
+# module, distribution, what it is for
+_LIBRARIES = (
+    ("numpy", "numpy", "arrays"),
+    ("scipy", "scipy", "rotations, search"),
+    ("cv2", "opencv-contrib-python-headless", "images, cameras"),
+    ("trimesh", "trimesh", "mesh files"),
+    ("pykdtree", "pykdtree", "nearest neighbours"),
+    ("igl", "libigl", "nearest surface points"),
+    ("onnxruntime", "onnxruntime", "networks"),
+    ("matplotlib", "matplotlib", "plots"),
+    ("rosbags", "rosbags", "bags"),
+)
+# the same, required, the command that fixes it
 MODULES = (
-    ("numpy", "numpy", "arrays", True, _SET_UP),
-    ("scipy", "scipy", "rotations, search", True, _SET_UP),
-    ("cv2", "opencv-contrib-python-headless", "images, cameras", True, _SET_UP),
-    ("trimesh", "trimesh", "mesh files", True, _SET_UP),
-    ("pykdtree", "pykdtree", "nearest neighbours", True, _SET_UP),
-    ("igl", "libigl", "nearest surface points", True, _SET_UP),
-    ("onnxruntime", "onnxruntime", "networks", True, _SET_UP),
-    ("matplotlib", "matplotlib", "plots", True, _SET_UP),
-    ("rosbags", "rosbags", "bags", True, _SET_UP),
+    *((*library, True, _SET_UP if _CLONED else pip_install(library[1])) for library in _LIBRARIES),
     ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2"),
     ("midastouch_msgs.msg", "midastouch_msgs", "our messages", True, f"{_SET_UP}, or colcon build"),
     ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2"),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.patheffects import withStroke
 
 from .canvas import Camera
 
 _STEPS = np.outer(10.0 ** np.arange(-4, 2), (1, 2, 5)).ravel()  # m
 _PART = 0.2  # of what it is a scale of
-_INK = "#4a5260"
+INK = "#4a5260"
 
 
 def round_length(extent: float) -> tuple[float, str]:
@@ -23,5 +24,7 @@ def draw_scale(axes, camera: Camera) -> None:
     length, words = round_length(camera.width * camera.pixel_size)
     pixels = length / camera.pixel_size
     left, row = 0.03 * camera.width, 0.95 * camera.height
-    axes.plot([left, left + pixels], [row, row], color=_INK, lw=2, solid_capstyle="butt")
-    axes.text(left + pixels / 2, row - 0.01 * camera.height, words, color=_INK, fontsize=8, ha="center", va="bottom")
+    halo = [withStroke(linewidth=3, foreground="white")]  # it may lie on the object
+    axes.plot([left, left + pixels], [row, row], color=INK, lw=2, solid_capstyle="butt", path_effects=halo)
+    middle, above = left + pixels / 2, row - 0.01 * camera.height
+    axes.text(middle, above, words, color=INK, fontsize=8, ha="center", va="bottom", path_effects=halo)

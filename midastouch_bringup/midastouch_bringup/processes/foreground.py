@@ -15,22 +15,31 @@ from .process import Process, Program
 from .supervisor import BackOff, NodeFailed, Supervisor
 
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+Wait = Callable[[float | None], bool]
 
 
 @contextlib.contextmanager
-def woken_by_signals() -> Iterator[Callable[[float | None], bool]]:
+def interrupted_by_signals() -> Iterator[None]:
+    """Work that each signal to stop ends as Ctrl-C does, by KeyboardInterrupt: what is half written is removed."""
+    handlers = {number: signal.signal(number, signal.default_int_handler) for number in _heard()}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def woken_by_signals() -> Iterator[Wait]:
     """A function `wait(seconds)` that returns when a process ends, a signal to stop arrives, or the time is up.
 
     It returns whether a signal to stop has arrived since its last call. Such signals do nothing else meanwhile, so that
     none can hit between the start of a process and its being known.
     """
     reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-    # one that is ignored (nohup) stays so, but for SIGINT: shells without job control ignore it for what runs in the
-    # background, and who sends it then means it
-    numbers = [n for n in _STOP if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
     # before the handlers: a signal in between would do nothing at all
     former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    handlers = {number: signal.signal(number, lambda *_: None) for number in (*numbers, signal.SIGCHLD)}
+    handlers = {number: signal.signal(number, lambda *_: None) for number in (*_heard(), signal.SIGCHLD)}
 
     def wait(seconds: float | None) -> bool:
         if not select.select([reading], [], [], None if seconds is None else max(0.0, seconds))[0]:
@@ -47,6 +56,21 @@ def woken_by_signals() -> Iterator[Callable[[float | None], bool]]:
         os.close(writing)
 
 
+def _heard() -> list[signal.Signals]:
+    """The signals to stop that are not ignored, as by nohup, and SIGINT: shells without job control ignore it for what
+    runs in the background, and who sends it then means it."""
+    return [n for n in _STOP if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
+
+
+def await_ends(wait: Wait, left: Sequence[Process], seconds: float) -> bool:
+    """Return once the processes have ended, a signal to stop arrives, or after so long; whether one has arrived."""
+    deadline = time.monotonic() + seconds
+    while any(process.runs for process in left) and time.monotonic() < deadline:
+        if wait(deadline - time.monotonic()):
+            return True
+    return False
+
+
 def run_in_foreground(
     programs: Sequence[Program], environment: Mapping[str, str], respawn: Callable[[], BackOff] | None = None
 ) -> int:
@@ -61,13 +85,6 @@ def run_in_foreground(
         sys.stdout.reconfigure(errors="replace")
     supervisor = Supervisor(environment, _echo(), respawn)
     with woken_by_signals() as wait:
-
-        def await_ends(left: list[Process], seconds: float) -> None:
-            deadline = time.monotonic() + seconds
-            while any(process.runs for process in left) and time.monotonic() < deadline:
-                if wait(deadline - time.monotonic()):
-                    return
-
         try:
             for program in programs:
                 supervisor.start(program)
@@ -79,7 +96,7 @@ def run_in_foreground(
             supervisor.say(f"{error.cause}; ending all")
             return 1
         finally:
-            supervisor.end(await_ends)
+            supervisor.end(lambda left, seconds: await_ends(wait, left, seconds))
     return 0
 
 

@@ -116,18 +116,23 @@ class Process:
                     output(name, line)
 
 
-def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], None] | None = None) -> None:
+def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], object] | None = None) -> None:
     """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go.
 
-    await_ends(processes, seconds) returns once all of them have ended, or after so long.
+    await_ends(processes, seconds) returns once all of them have ended, or after so long. An exception from it, as
+    KeyboardInterrupt, kills those that are left at once.
     """
     processes = list(processes)
-    for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), GRACE_S, strict=True):
-        left = [process for process in processes if process.runs]
-        for process in left:
-            process.send_signal(number)
-        if left:
-            (await_ends or _await_ends)(left, grace)
+    try:
+        for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), GRACE_S, strict=True):
+            left = [process for process in processes if process.runs]
+            for process in left:
+                process.send_signal(number)
+            if left:
+                (await_ends or _await_ends)(left, grace)
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGKILL)
 
 
 def _await_ends(processes: list[Process], seconds: float) -> None:

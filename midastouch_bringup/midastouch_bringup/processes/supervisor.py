@@ -83,7 +83,7 @@ class Supervisor:
         """Whether any program runs or is to be started again."""
         return any(child.process is not None or child.due is not None for child in self._children.values())
 
-    def end(self, await_ends: Callable[[list[Process], float], None] | None = None) -> None:
+    def end(self, await_ends: Callable[[list[Process], float], object] | None = None) -> None:
         """End all, as `process.end` does it."""
         running = {name: child.process for name, child in self._children.items() if child.process is not None}
         self._children.clear()

@@ -24,8 +24,8 @@ from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..demo.preparation import prepare_codebooks
 from ..explore.result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
-from ..processes.foreground import woken_by_signals
-from ..processes.process import Program
+from ..processes.foreground import Wait, await_ends, woken_by_signals
+from ..processes.process import Process, Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import close_bars
 from ..replay.keyboard import Keyboard
@@ -54,7 +54,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
 
     programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as `explored` returns them. domain:
     ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it, by key or by
-    a signal; 1: not, or a node died.
+    a signal; 1: not, or a node died. KeyboardInterrupt: another signal, once it has ended.
     """
     touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / _RECORDING, time.monotonic()
@@ -63,7 +63,9 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     # Ctrl-C is the key for the end that everybody knows
     with woken_by_signals() as wait, atomic_path(bag) as temporary:
-        console = _explore(programs, touched, not objects, temporary, out / "log", domain, stopped=lambda: wait(0.0))
+        console = _explore(programs, touched, not objects, temporary, out / "log", domain, wait)
+        if wait(0.0):
+            raise KeyboardInterrupt
     seconds = time.monotonic() - started
     try:
         record = read_run(bag)
@@ -97,10 +99,15 @@ def _explore(
     bag: Path,
     logs: Path,
     domain: int,
-    stopped: Callable[[], bool],
+    wait: Wait,
 ) -> Console:
     """Run the exploration; its console knows how it ended."""
-    with supervised_run(domain, logs) as (supervisor, executor):
+
+    def end_at_once(left: list[Process], seconds: float) -> None:
+        if await_ends(wait, left, seconds):
+            raise KeyboardInterrupt
+
+    with supervised_run(domain, logs, end_at_once) as (supervisor, executor):
         executor.add_node(recorder := _recorder(bag, mesh, executor.context))
         executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
@@ -108,7 +115,7 @@ def _explore(
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(KEYS_HELP, flush=True)
-            _follow(executor, supervisor, recorder, console, stopped)
+            _follow(executor, supervisor, recorder, console, stopped=lambda: wait(0.0))
         return console
 
 

@@ -23,7 +23,7 @@ from ..datasets import Sequence as RecordedSequence
 from ..demo import NODES
 from ..nodes.recorder import TOPICS, Recorder
 from ..processes.local_domain import LogFolder, local_environment
-from ..processes.process import node_program
+from ..processes.process import Process, node_program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from .local_context import local_context
@@ -37,10 +37,12 @@ _ON_THEIR_WAY_S = 0.5
 
 
 @contextlib.contextmanager
-def supervised_run(domain: int, logs: Path) -> Iterator[tuple[Supervisor, SingleThreadedExecutor]]:
+def supervised_run(
+    domain: int, logs: Path, await_ends: Callable[[list[Process], float], object] | None = None
+) -> Iterator[tuple[Supervisor, SingleThreadedExecutor]]:
     """A supervisor of programs, whose output goes to a folder, and an executor for nodes made in its `context`.
 
-    At the end the executor's nodes are destroyed, then the programs are ended.
+    At the end the executor's nodes are destroyed, then the programs are ended, as `process.end` does it.
     """
     environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
     with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
@@ -52,6 +54,7 @@ def supervised_run(domain: int, logs: Path) -> Iterator[tuple[Supervisor, Single
             executor.shutdown()
             for node in nodes:
                 node.destroy_node()
+            supervisor.end(await_ends)
 
 
 def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Path, domain: int) -> float:

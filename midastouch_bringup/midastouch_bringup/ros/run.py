@@ -10,7 +10,7 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from ..output_paths import demo_slide, exploration
-from ..processes.foreground import run_in_foreground
+from ..processes.foreground import interrupted_by_signals, run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
 from ..processes.process import Program, node_program
@@ -20,6 +20,7 @@ from .launch_parameters import bundled_mesh, explored, named_files, object_to_co
 from .setups import SETUPS, executables
 
 
+@interrupted_by_signals()
 def run_setup(name: str, words: Sequence[str]) -> int:
     """Start the nodes of a set-up and watch them until they have ended or a signal comes; returns the exit status.
 

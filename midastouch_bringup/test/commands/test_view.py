@@ -14,6 +14,7 @@ from ports import free_ports
 
 from midastouch_bringup import cli
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import install_extra
 
 SCENE = {"object/particles", "object/modes", "object/gel", "object/estimate/here", "image", "status"}
 SCENE |= {"calibration", "image/next"}
@@ -22,7 +23,7 @@ SCENE |= {"calibration", "image/next"}
 def test_without_rerun_it_names_the_command_that_installs_it(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert cli.main(["view"]) == 2
-    assert "pip install -r tools/requirements/view.txt" in capsys.readouterr().err
+    assert install_extra("view") in capsys.readouterr().err
 
 
 @pytest.fixture

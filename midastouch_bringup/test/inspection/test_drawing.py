@@ -13,6 +13,7 @@ from midastouch_bringup.inspection import require_open3d, window
 from midastouch_bringup.inspection.geometry import export, mesh_geometry, shapes
 from midastouch_bringup.inspection.pictures import Pictures, save
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import install_extra
 
 from .conftest import MOMENTS
 
@@ -30,7 +31,7 @@ def test_without_open3d_it_names_the_command_that_installs_it_once_the_input_is_
     assert cli.main(["inspect", "run.mcap", "--mesh", str(tmp_path / "box.ply"), "--at", str(MOMENTS)]) == 2
     assert "--at" in capsys.readouterr().err
     assert cli.main(["inspect", "run.mcap", "--mesh", str(tmp_path / "box.ply")]) == 2
-    assert "pip install -r tools/requirements/open3d.txt" in capsys.readouterr().err
+    assert install_extra("open3d") in capsys.readouterr().err
 
 
 def test_a_missing_system_library_is_named(monkeypatch, tmp_path):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.processes.foreground import run_in_foreground, woken_by_signals
+from midastouch_bringup.processes.foreground import interrupted_by_signals, run_in_foreground, woken_by_signals
 from midastouch_bringup.processes.process import Program
 from midastouch_bringup.processes.supervisor import BackOff
 
@@ -264,3 +264,14 @@ def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
     with woken_by_signals() as wait:
         assert raised
         assert wait(0.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
+    former = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in the background of a shell without job control
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupted_by_signals():
+            signal.raise_signal(number)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, former)

@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import time
 
 import pytest
@@ -79,6 +80,19 @@ def test_who_does_not_listen_is_killed(supervisor, heard, monkeypatch):
     wait_for(lambda: heard)
     supervisor.end()
     assert heard == ["h_deaf ready", "midastouch h_deaf: killed by SIGKILL"]
+
+
+def test_who_is_left_when_the_waiting_is_cut_short_is_killed(supervisor, heard):
+    supervisor.start(shell("h_deaf", "trap '' INT TERM", "echo ready", FOR_EVER))
+    wait_for(lambda: heard)
+    (deaf,) = supervisor.pids.values()
+
+    def cut_short(left, seconds):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        supervisor.end(cut_short)
+    assert os.waitstatus_to_exitcode(os.waitpid(deaf, 0)[1]) == -signal.SIGKILL
 
 
 def test_who_has_died_is_started_again_and_its_log_goes_on(tmp_path, heard):

@@ -5,9 +5,13 @@ import json
 import os
 import pty
 import re
+import signal
 import struct
+import subprocess
 import sys
 import termios
+import time
+from pathlib import Path
 
 import pytest
 import yaml
@@ -73,6 +77,39 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path,
     assert result["by_hand"]
     assert "ended by hand" in (tmp_path / "out" / "explore" / "index.html").read_text()
     assert (tmp_path / "out" / "explore" / "run.mcap").is_file()
+
+
+def state_and_parent(pid: int) -> tuple[str, int]:
+    """Of a process: its state, as of proc(5), X once it is gone, and who has started it."""
+    try:
+        state, parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:2]
+    except OSError:
+        return "X", 0
+    return state, int(parent)
+
+
+def children(parent: int) -> list[int]:
+    pids = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    return [pid for pid in pids if state_and_parent(pid)[1] == parent]
+
+
+def test_a_second_ctrl_c_waits_for_no_node(short):
+    """The filter does not go, held as by a debugger."""
+    command = [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:3]]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
+        output = iter(run.stdout.readline, "")
+        assert any("no_contact, best pose" in line or "searching, best pose" in line for line in output)
+        (held,) = [pid for pid in children(run.pid) if b"particle_filter" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        os.kill(held, signal.SIGSTOP)
+        run.send_signal(signal.SIGINT)
+        while children(run.pid) != [held]:  # the others go
+            time.sleep(0.05)
+        run.send_signal(signal.SIGINT)
+        assert list(output)[-1] == "midastouch: interrupted\n"
+    assert run.returncode == cli.EXIT_INTERRUPTED
+    while state_and_parent(held)[0] not in "ZX":  # killed
+        time.sleep(0.05)
+    assert sorted(path.name for path in Path("out/explore").iterdir()) == [".lock", "log", "parameters.yaml"]
 
 
 def test_a_node_that_dies_ends_it_and_the_page_says_so(short, tmp_path, capsys):

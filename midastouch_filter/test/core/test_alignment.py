@@ -7,6 +7,7 @@ from midastouch_filter.core.alignment import (
     Aligned,
     CredibleRegion,
     PenetrationAlignment,
+    adjoint,
     align_in_turn,
     transform_covariance,
 )
@@ -201,6 +202,16 @@ def test_a_covariance_is_transformed_as_samples_are():
     np.testing.assert_allclose(
         transform_covariance(transform_covariance(covariance, motion), se3.inverse(motion)), covariance, atol=1e-12
     )
+
+
+def test_the_kernel_transforms_a_covariance_by_the_same_adjoint():
+    rng = np.random.default_rng(0)
+    motion, covariance = se3.exp(np.array([0.05, -0.02, 0.08, 0.4, -1.0, 2.0])), np.cov(rng.standard_normal((6, 20)))
+    tangent = np.array([2e-3, -1e-3, 3e-3, 0.02, 0.05, -0.03])
+    seen_after = se3.log(se3.inverse(motion) @ se3.exp(tangent) @ motion)
+    np.testing.assert_allclose(adjoint(motion) @ tangent, seen_after, atol=1e-14)
+    expected = adjoint(motion) @ covariance @ adjoint(motion).T
+    np.testing.assert_allclose(transform_covariance(covariance, motion), expected, atol=1e-13)
 
 
 POSE = se3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -97,15 +98,24 @@ class ObjectSymmetry:
         return cls(exact, float(content["residual"]), near, bool(content["given"]))
 
 
+def _no_matter() -> None:
+    """For those who need not hear of each motion."""
+
+
 def object_symmetry(
-    mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, given: Symmetry | None = None
+    mesh: ObjectMesh,
+    sensor: SensorModel,
+    poses: np.ndarray,
+    given: Symmetry | None = None,
+    tried: Callable[[], object] = _no_matter,
 ) -> ObjectSymmetry:
     """The symmetry of a mesh, as a sensor feels it at gel poses (N, 4, 4) that lie all over the surface.
 
-    given: what the user says to be the exact one, whatever the mesh is like.
+    given: what the user says to be the exact one, whatever the mesh is like. tried: called after each motion that was
+    compared with the mesh or with its touches; nobody knows before how many there will be.
     """
-    touches = _Touches(mesh, sensor, poses)
-    near, found = near_symmetry(mesh)
+    touches = _Touches(mesh, sensor, poses, tried)
+    near, found = near_symmetry(mesh, tried)
     if given is not None:
         residual = max(touches.difference(motion, until=np.inf) for motion in given.turned(_PROBED_TURNS))
         return ObjectSymmetry(given, residual, near, given=True)
@@ -113,15 +123,16 @@ def object_symmetry(
     return ObjectSymmetry(exact, residual, near)
 
 
-def near_symmetry(mesh: ObjectMesh) -> tuple[Symmetry, list[np.ndarray]]:
+def near_symmetry(mesh: ObjectMesh, tried: Callable[[], object] = _no_matter) -> tuple[Symmetry, list[np.ndarray]]:
     """The motions after which most of a mesh's surface lies within 1 mm of the surface (on small parts within half a
     percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
 
     Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then agree are kept.
     An axis about which every angle agrees, and a centre about which nearly every rotation does, are told by trying.
+    tried: as of `object_symmetry`.
     """
     tolerance = TOLERANCE if mesh.diagonal > _SMALL else _SMALL_TOLERANCE * mesh.diagonal
-    surface = _Surface(mesh, tolerance)
+    surface = _Surface(mesh, tolerance, tried)
     centre = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
     turned = about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())
     if np.mean([surface.deviation(motion) <= tolerance for motion in turned]) >= _FRACTION:  # a softball bulges here
@@ -213,7 +224,8 @@ def _closed(touches: _Touches, generators: list[np.ndarray]) -> tuple[list[np.nd
 class _Touches:
     """What a gel measures all over the surface: maps at poses, of which at most `_MOST_TOUCHES` are used."""
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray):
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, tried: Callable[[], object]):
+        self._tried = tried
         self._poses = poses[:: -(-len(poses) // _MOST_TOUCHES)]
         self._renderer = PenetrationRenderer(mesh, sensor.scaled(_MAP_SCALE))
         self._maps = self._renderer.render(self._poses)
@@ -231,6 +243,7 @@ class _Touches:
                 worst = max(worst, float(cv2.blur(each, (self._patch, self._patch)).max()))
             if worst > until**2:
                 break
+        self._tried()
         return float(np.sqrt(worst))
 
 
@@ -260,8 +273,8 @@ def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
 class _Surface:
     """How well a moved surface agrees with itself. `radius` [m]: mean distance of the surface to its middle."""
 
-    def __init__(self, mesh: ObjectMesh, tolerance: float):
-        self.tolerance = tolerance
+    def __init__(self, mesh: ObjectMesh, tolerance: float, tried: Callable[[], object]):
+        self.tolerance, self._tried = tolerance, tried
         self._mesh = mesh
         rng = np.random.default_rng(0)
         self._points, self._normals, _ = mesh.sample_surface(_POINTS, rng)
@@ -272,6 +285,7 @@ class _Surface:
 
     def deviation(self, transform: np.ndarray) -> float:
         """Distance [m] within which `_FRACTION` of the surface, moved by (4, 4), lies of what faces the same way."""
+        self._tried()
         points = self._points @ transform[:3, :3].T + transform[:3, 3]
         normals = self._normals @ transform[:3, :3].T
         distance = np.full(len(points), np.inf)
