@@ -7,6 +7,8 @@ As a module it is the other process.
 import importlib
 import subprocess
 import sys
+import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 PACKAGES = ("tf2_msgs", "vision_msgs", "midastouch_msgs")
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # whoever comes later gets it, too
-TIMEOUT_S = 120
+TIMEOUT_S, ANSWER_S = 120, 10
 
 pytestmark = pytest.mark.dds
 
@@ -75,10 +77,30 @@ def test_every_message_service_and_action_goes_to_another_process_and_back():
     executor.add_node(node)
     other = subprocess.Popen([sys.executable, __file__])
 
-    def outcome(future):
-        executor.spin_until_future_complete(future, timeout_sec=TIMEOUT_S)
-        assert future.done()
-        return future.result()
+    def outcome(ask):
+        """Of the future that `ask` returns; asked again, as a client is ready before the server knows it."""
+        until = time.monotonic() + TIMEOUT_S
+        while time.monotonic() < until:
+            executor.spin_until_future_complete(future := ask(), timeout_sec=ANSWER_S)
+            if future.done():
+                return future.result()
+        raise TimeoutError("no answer")
+
+    def reached(name, action):
+        """Feedback of a goal that was reached; sent again where its feedback was lost."""
+        client, heard = ActionClient(node, action, name), rclpy.Future(executor=executor)
+        assert client.wait_for_server(TIMEOUT_S)
+
+        def send():
+            return client.send_goal_async(filled(action.Goal()), lambda said: heard.done() or heard.set_result(said))
+
+        def result():
+            assert outcome(outcome(send).get_result_async).result == filled(action.Result()), name
+            return heard
+
+        feedback = outcome(result)
+        client.destroy()
+        return feedback
 
     try:
         for name, message in interfaces("msg").items():
@@ -86,22 +108,16 @@ def test_every_message_service_and_action_goes_to_another_process_and_back():
             back = node.create_subscription(message, f"{name}_back", came.set_result, KEPT)
             there = node.create_publisher(message, name, KEPT)
             there.publish(filled(message()))
-            assert outcome(came) == filled(message()), name
+            assert outcome(lambda came=came: came) == filled(message()), name
             node.destroy_subscription(back)
             node.destroy_publisher(there)
         for name, service in interfaces("srv").items():
             client = node.create_client(service, name)
             assert client.wait_for_service(TIMEOUT_S)
-            assert outcome(client.call_async(filled(service.Request()))) == filled(service.Response()), name
+            ask = partial(client.call_async, filled(service.Request()))
+            assert outcome(ask) == filled(service.Response()), name
         for name, action in interfaces("action").items():
-            client, heard = ActionClient(node, action, name), rclpy.Future(executor=executor)
-            assert client.wait_for_server(TIMEOUT_S)
-            goal = outcome(
-                client.send_goal_async(filled(action.Goal()), lambda said, heard=heard: heard.set_result(said))
-            )
-            assert outcome(goal.get_result_async()).result == filled(action.Result()), name
-            assert outcome(heard).feedback == filled(action.Feedback()), name
-            client.destroy()
+            assert reached(name, action).feedback == filled(action.Feedback()), name
     finally:
         other.kill()
         other.wait()
