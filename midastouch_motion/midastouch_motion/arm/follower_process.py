@@ -15,9 +15,9 @@ import numpy as np
 from .orders import ALIVE, READY, TROUBLE, Order
 
 _CONNECTING = 20.0  # s, for the import of ur-rtde and its own timeouts
-_SILENT = 2.0  # s, of a program that has connected
+SILENT_S = 2.0  # s, of a program that has connected
 _ENDING = 2.0  # s, for the arm to come to rest
-_PAUSE = 0.5  # s without an order, after which the next one begins a motion
+PAUSE_S = 0.5  # s without an order, after which the next one begins a motion
 
 
 class FollowerProcess:
@@ -43,7 +43,7 @@ class FollowerProcess:
     def send(self, twist: np.ndarray) -> None:
         """Order a twist (6,) of the TCP along its own axes; it is lost while there is trouble."""
         order = Order(time.monotonic(), twist)
-        begins, self._ordered = order.sent - self._ordered > _PAUSE, order.sent
+        begins, self._ordered = order.sent - self._ordered > PAUSE_S, order.sent
         with self._lock, contextlib.suppress(OSError):  # the program has ended, or does not read
             if self._process is None or self.trouble:
                 self.broken_off = bool(twist.any())
@@ -75,6 +75,8 @@ class FollowerProcess:
             os.set_blocking(process.stdin.fileno(), False)
             with self._lock:
                 self._process = process
+                if self._closing.is_set():  # since the program was started
+                    process.kill()
             reason = self._listen(process.stdout.fileno())
             with self._lock:
                 self._process = None
@@ -101,7 +103,7 @@ class FollowerProcess:
                     self.connections += 1
                     self._change("")
                 if word in (READY, ALIVE):
-                    patient_until = time.monotonic() + _SILENT
+                    patient_until = time.monotonic() + SILENT_S
         return "ur-rtde does not answer any more"
 
     def _change(self, trouble: str) -> None:

@@ -58,7 +58,7 @@ def test_the_reason_of_a_program_is_said(followed):
 
 
 def test_a_program_that_hangs_is_ended(followed, monkeypatch):
-    monkeypatch.setattr(follower_process, "_SILENT", 0.2)
+    monkeypatch.setattr(follower_process, "SILENT_S", 0.2)
     process = followed(program("print('ready', flush=True); time.sleep(600)"))
     until(lambda: process.connections >= 2)
     assert process.said[1] == "ur-rtde does not answer any more"
@@ -130,7 +130,7 @@ def test_a_controller_that_is_switched_off_and_on(ur_controller, followed):
 
 
 def test_a_motion_that_was_broken_off_does_not_go_on(ur_controller, followed, monkeypatch):
-    monkeypatch.setattr(follower_process, "_PAUSE", 60.0)  # for which no machine stands still
+    monkeypatch.setattr(follower_process, "PAUSE_S", 60.0)  # for which no machine stands still
     first = ur_controller()
     process = followed(real())
     until(lambda: not process.trouble)
