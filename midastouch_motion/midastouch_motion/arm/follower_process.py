@@ -23,22 +23,28 @@ PAUSE_S = 0.5  # s without an order, after which the next one begins a motion
 class FollowerProcess:
     """Keeps the program going until it is closed; a thread of its own listens to it.
 
-    Attributes: trouble, why the arm is not connected at present, empty while it is; connections, so far; broken_off,
-    whether a part of the motion that is still ordered was lost: the arm, which somebody may have stopped, follows the
-    next motion only, after an order of zero or a pause.
+    Attributes: trouble, why the arm is not connected at present, empty while it is; connections, so far.
 
     command: the command line; pause [s] before a program that has ended is started again; on_change: gets the trouble
     when it changes, in that thread.
     """
 
     def __init__(self, command: Sequence[str], pause: float, on_change: Callable[[str], None]):
-        self.trouble, self.connections, self.broken_off = "not connected yet", 0, False
-        self._ordered = -np.inf  # when
+        self.trouble, self.connections = "not connected yet", 0
+        self._ordered, self._lost = -np.inf, False  # when; whether a part of the present motion was lost
         self._command, self._pause, self._on_change = command, pause, on_change
         self._lock, self._closing = threading.Lock(), threading.Event()
         self._process: subprocess.Popen | None = None
         self._thread = threading.Thread(target=self._run, name="ur_follower", daemon=True)
         self._thread.start()
+
+    @property
+    def broken_off(self) -> bool:
+        """Whether a part of the motion that is still ordered was lost.
+
+        The arm, which somebody may have stopped, follows the next motion only, after an order of zero or a pause.
+        """
+        return self._lost and time.monotonic() - self._ordered <= PAUSE_S
 
     def send(self, twist: np.ndarray) -> None:
         """Order a twist (6,) of the TCP along its own axes; it is lost while there is trouble."""
@@ -46,10 +52,10 @@ class FollowerProcess:
         begins, self._ordered = order.sent - self._ordered > PAUSE_S, order.sent
         with self._lock, contextlib.suppress(OSError):  # the program has ended, or does not read
             if self._process is None or self.trouble:
-                self.broken_off = bool(twist.any())
+                self._lost = bool(twist.any())
             elif begins or not twist.any():
-                self.broken_off = False
-            if self._process is not None and not self.broken_off:
+                self._lost = False
+            if self._process is not None and not self._lost:
                 os.write(self._process.stdin.fileno(), order.line())
 
     def close(self) -> None:
