@@ -74,7 +74,7 @@ class World:
                 while coming and coming[0][0] <= now:
                     servo.measure(now, coming.popleft()[1])
                 out.depths.append(self.depth(here))
-                seen = Seen(now, servo.stamp, now, here[:3, 3], listeners=1, commanders=1)
+                seen = Seen(now, servo.stamp, now, here, listeners=1, commanders=1)
                 twist, ended = controller.step(now, seen)
                 arm.command(now, twist)
             out.ended.append(ended)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_motion.guard import Guard, Seen
 from midastouch_motion.simulated_arm import SimulatedArm
@@ -29,7 +30,7 @@ def test_while_all_is_well_the_arm_may_move():
         ({"pose": 9.0}, "the newest transform of the gel is 1000 ms old"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
-        ({"position": np.array([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
+        ({"gel": se3.make(np.eye(3), np.array([0.0, 0.2, 0.0]))}, r"at \(0, 200, 0\) mm, outside"),
     ],
 )
 def test_each_fault_stops_it(changes, reason):
