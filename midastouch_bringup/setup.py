@@ -58,6 +58,7 @@ setup(
             "detection_prior = midastouch_bringup.executables:detection_prior",
             "digit_sim = midastouch_bringup.executables:digit_sim",
             "explorer = midastouch_bringup.executables:explorer",
+            "finger = midastouch_bringup.executables:finger",
             "midastouch = midastouch_bringup.cli:main",
             "mount_tf = midastouch_bringup.executables:mount_tf",
             "recorder = midastouch_bringup.executables:recorder",

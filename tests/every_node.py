@@ -32,6 +32,7 @@ _NODES = {
     "digit_driver": ("digit_driver.nodes.digit_driver", "DigitDriver", {}),
     "digit_sim": (f"{_BRINGUP}.digit_sim", "DigitSim", {}),
     "explorer": (f"{_BRINGUP}.explorer", "Explorer", {}),
+    "finger": (f"{_BRINGUP}.finger", "Finger", {}),
     "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
@@ -61,7 +62,7 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
-    if name in ("digit_sim", "explorer", "mujoco_arm"):
+    if name in ("digit_sim", "finger", "mujoco_arm"):
         return {"mesh": str(bundled_objects()["ball"])}
     if name in ("ur_speed", "ur_tf"):
         return {"robot_ip": "the.arm"}

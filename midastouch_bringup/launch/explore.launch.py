@@ -24,6 +24,7 @@ from launch_ros.substitutions import ExecutableInPackage
 from midastouch_bringup.ros.launch_parameters import explored
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
     check_rviz,
@@ -39,7 +40,7 @@ ARGUMENTS = declared(SETUPS["explore"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Make what is missing, then `digit_sim`, the localisation and `explorer`."""
+    """Make what is missing, then `digit_sim`, the localisation, `finger` and `explorer`."""
     return LaunchDescription(
         [
             # nobody else on the network sees the nodes, unless the user has said so
@@ -68,6 +69,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes. Launch files that are included get the arguments of this one by their names."""
+    use_respawn = UseRespawn()
     return [
         # mesh, codebook and objects: those that were just made
         *(SetLaunchConfiguration(name, path) for name, path in explored(context.launch_configurations).items()),
@@ -76,6 +78,18 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         IncludeLaunchDescription(
             PythonLaunchDescriptionSource(str(SHARE / "launch" / "rviz.launch.py")),
             condition=IfCondition(LaunchConfiguration("use_rviz")),
+        ),
+        Node(
+            package="midastouch_bringup",
+            executable="finger",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[MergedParameters("finger", ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
+            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+            **bound_to_launch("finger"),
+            output="screen",
+            respawn=use_respawn,
+            respawn_delay=2.0,
+            on_exit=use_respawn.or_end_launch,
         ),
         # ends by itself; the others stay, to be looked at
         Node(

@@ -33,6 +33,7 @@ def test_types_are_those_declared(name):
 def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
     elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
+        "finger",
         "slider",
         "mujoco_arm",
         "ur_speed",
@@ -69,4 +70,4 @@ def test_presets_have_an_effect(name):
 
 
 def test_finger_and_simulated_camera_have_one_time():
-    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("explorer")["fps"]
+    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("finger")["fps"]

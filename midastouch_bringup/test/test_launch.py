@@ -207,9 +207,9 @@ def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
     launched = Launched()
     started = launched.carry_out("explore", use_rviz="false", **given, objects="")
     assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
-    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "explorer"}
+    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "finger", "explorer"}
     own = own_parameters(started)
-    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "explorer", "particle_filter")}
+    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "finger", "explorer", "particle_filter")}
     assert meshes == {Path(mesh).name}
     assert own["particle_filter"]["codebook"] == str(Path(codebook).resolve())
     assert own["tdn"]["reliable"]

@@ -39,7 +39,7 @@ class Controller:
             return self._end(now, self._reason or Ended(False, problem))
         if self._reason is None and (problem := self.guard.too_deep(seen)):
             self._reason, self.skill = Ended(False, problem), BackOff()
-        answer = self.skill.step(self.servo, now, seen.position)
+        answer = self.skill.step(self.servo, now, seen.gel)
         if isinstance(answer, Ended):
             return self._end(now, self._reason or answer)
         return self.servo.command(now, answer), None

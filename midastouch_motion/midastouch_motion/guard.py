@@ -16,14 +16,14 @@ from midastouch_common.errors import InputError
 
 @dataclass
 class Seen:
-    """What is known at a moment. Times [s] of the newest `enable`, image and pose, -inf before the first; position (3,)
-    m of the gel in the base frame; depth m; force N, 0 if nobody measures one; lost, whether the filter says so;
-    listeners and commanders of the twist topic, numbers of subscriptions and publishers."""
+    """What is known at a moment. Times [s] of the newest `enable`, image and pose, -inf before the first; gel, its pose
+    (4, 4) in the base frame; depth m; force N, 0 if nobody measures one; lost, whether the filter says so; listeners
+    and commanders of the twist topic, numbers of subscriptions and publishers."""
 
     enabled: float = -math.inf
     image: float = -math.inf
     pose: float = -math.inf
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    gel: np.ndarray = field(default_factory=lambda: np.eye(4))
     depth: float = 0.0
     force: float = 0.0
     lost: bool = False
@@ -68,8 +68,9 @@ class Guard:
             return f"a force of {seen.force:.1f} N, more than {self.force:.1f}"
         if seen.lost:
             return "the filter is lost"
-        if not ((self.low <= seen.position) & (seen.position <= self.high)).all():
-            return f"the gel is at {_in_mm(seen.position)} mm, outside of the box"
+        position = seen.gel[:3, 3]
+        if not ((self.low <= position) & (position <= self.high)).all():
+            return f"the gel is at {_in_mm(position)} mm, outside of the box"
         return ""
 
     def too_deep(self, seen: Seen) -> str:

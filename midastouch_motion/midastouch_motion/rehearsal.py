@@ -41,7 +41,7 @@ class Rehearsal:
     Args: arm; where(): T_obj_gel (4, 4) of its gel; look(T_obj_gel): depth [m] and slope (2,) that an image there
     shows; controller; fps, images per second; delay(): s until an image is understood.
     Attributes: now [s]; seen, what the guard looks at, to inject a fault into: of `enabled`, `image`, `pose` and
-    `position` those that `frozen` names are not set anew.
+    `gel` those that `frozen` names are not set anew.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Rehearsal:
             self._coming.append((self.now + self._delay(), Measured(self.now, *self._look(self._where()))))
         while self._coming and self._coming[0][0] <= self.now:
             self._controller.servo.measure(self.now, self._coming.popleft()[1])
-        news = {"enabled": self.now, "image": self._controller.servo.stamp, "pose": self.now, "position": pose[:3, 3]}
+        news = {"enabled": self.now, "image": self._controller.servo.stamp, "pose": self.now, "gel": pose}
         for name in news.keys() - self.frozen:
             setattr(self.seen, name, news[name])
         return taken

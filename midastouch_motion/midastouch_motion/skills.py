@@ -1,4 +1,4 @@
-"""The motions: touch until a depth is reached, slide along, lift, and back off from what is too deep.
+"""The motions: touch until a depth is reached, slide along, lift, approach a pose, back off from what is too deep.
 
 Each is asked for the twist of the moment, and answers how it has ended once it has.
 """
@@ -9,11 +9,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from midastouch_common import se3
+
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
+_THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
 
 
 class Ended(NamedTuple):
@@ -28,8 +31,8 @@ class Skill(Protocol):
 
     path: float
 
-    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
-        """The twist (6,) at `now` [s] of a gel that is at a position (3,) m, in any frame at rest; or how it ended."""
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        """The twist (6,) at `now` [s] of a gel that is at a pose (4, 4) in the base frame; or how it ended."""
 
 
 class _Moving:
@@ -38,7 +41,8 @@ class _Moving:
     def __init__(self) -> None:
         self.path, self._at = 0.0, None
 
-    def _gone(self, position: np.ndarray) -> float:
+    def _gone(self, pose: np.ndarray) -> float:
+        position = pose[:3, 3]
         self._at = position.copy() if self._at is None else self._at
         step = float(np.linalg.norm(position - self._at))
         if step > _STEP:
@@ -57,8 +61,8 @@ class Touch(_Moving):
         self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
         self._settled: float | None = None
 
-    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
-        gone = self._gone(position)
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        gone = self._gone(pose)
         if not servo.touching:
             self._settled = None
             if gone > self._distance:
@@ -85,8 +89,8 @@ class Slide(_Moving):
         self._length, self._depth = length, depth
         self._lost: np.ndarray | None = None
 
-    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
-        gone = self._gone(position)
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        gone = self._gone(pose)
         if gone >= self._length:
             return Ended(True, f"slid {1e3 * gone:.0f} mm")
         if servo.touching:
@@ -95,8 +99,8 @@ class Slide(_Moving):
         if self._lost is None:
             if gone == 0.0:
                 return Ended(False, "nothing touches: touch first")
-            self._lost = position.copy()
-        if np.linalg.norm(position - self._lost) > self._depth + _REACH:
+            self._lost = pose[:3, 3].copy()
+        if np.linalg.norm(pose[:3, 3] - self._lost) > self._depth + _REACH:
             return Ended(False, f"the contact was lost after {1e3 * gone:.0f} mm: over an edge, or off the object")
         return np.array([0, 0, -servo.approach_speed(self._depth), 0, 0, 0.0])
 
@@ -108,8 +112,8 @@ class Lift(_Moving):
         super().__init__()
         self._height = height
 
-    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
-        if self._gone(position) >= self._height:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        if self._gone(pose) >= self._height:
             return Ended(True, f"lifted by {1e3 * self._height:.0f} mm")
         return np.array([0, 0, servo.limits.air_speed, 0, 0, 0.0])
 
@@ -119,7 +123,38 @@ class BackOff(_Moving):
 
     _MOST = 5e-3  # m
 
-    def step(self, servo: ContactServo, now: float, position: np.ndarray) -> np.ndarray | Ended:
-        if servo.depth < 0.5 * servo.limits.depth or self._gone(position) > self._MOST:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        if servo.depth < 0.5 * servo.limits.depth or self._gone(pose) > self._MOST:
             return Ended(True, "backed off")
         return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
+
+
+class Approach(_Moving):
+    """Through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
+
+    What touches on the way ends it, backed off from.
+    """
+
+    def __init__(self, goal: np.ndarray):
+        super().__init__()
+        self._goal = goal
+        self._back: BackOff | None = None
+        self._touched = Ended(False, "")
+
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+        gone = self._gone(pose)
+        if self._back is None and servo.touching:
+            self._back = BackOff()
+            self._touched = Ended(False, f"touched on the way after {1e3 * gone:.0f} mm")
+        if self._back is not None:
+            answer = self._back.step(servo, now, pose)
+            return self._touched if isinstance(answer, Ended) else answer
+        way = pose[:3, :3].T @ (self._goal[:3, 3] - pose[:3, 3])
+        turn = se3.log(se3.inverse(pose) @ self._goal)[3:]
+        far, angle = float(np.linalg.norm(way)), float(np.linalg.norm(turn))
+        if far < _THERE[0] and angle < _THERE[1]:
+            return Ended(True, f"there, after {1e3 * gone:.0f} mm")
+        limits = servo.limits
+        # slower at the end, as where the gel is seen to be is old, too
+        seconds = max(far / limits.air_speed, angle / limits.turn_speed, 1.0 / servo.gain)
+        return np.concatenate([way, turn]) / seconds

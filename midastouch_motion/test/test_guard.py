@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_motion.guard import Guard, Seen
 from midastouch_motion.simulated_arm import SimulatedArm
@@ -30,7 +31,7 @@ def test_while_all_is_well_the_arm_may_move():
         ({"force": 12.0}, "a force of 12.0 N, more than 10.0"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
-        ({"position": np.array([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
+        ({"gel": se3.make(np.eye(3), np.array([0.0, 0.2, 0.0]))}, r"at \(0, 200, 0\) mm, outside"),
     ],
 )
 def test_each_fault_stops_it(changes, reason):

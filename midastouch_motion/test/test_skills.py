@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_motion.contact_servo import Limits
-from midastouch_motion.skills import Lift, Slide, Touch
+from midastouch_motion.skills import Approach, Lift, Slide, Touch
 
 from .conftest import above
 
@@ -81,3 +82,33 @@ def test_what_is_too_deep_is_backed_off(world):
     assert "deep, more than 0.80" in run.ended[0].message
     assert max(run.depths) < 1.2e-3
     assert there.depth(run.pose) < 5e-4
+
+
+@pytest.mark.parametrize(("image_delay", "arm_latency", "fps"), DELAYS)
+def test_an_approach_goes_straight_through_the_air_and_turns_on_the_way(world, image_delay, arm_latency, fps):
+    there = world("ball", image_delay=image_delay, arm_latency=arm_latency, fps=fps)
+    start = above(there.mesh, np.random.default_rng(8), 0.02)
+    goal = start @ se3.exp(np.array([0.03, 0.01, 0.02, 0.3, -0.2, 0.5]))
+    run = there.run(start, [Approach(goal)])
+    assert run.ended[0].success, run.ended[0].message
+    left = se3.inverse(goal) @ run.pose
+    assert np.linalg.norm(left[:3, 3]) < 1e-3
+    assert se3.rotation_angle(left[:3, :3]) < np.radians(1)
+    assert max(run.depths) == 0
+
+
+def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
+    there = world("ball", limits=Limits(depth=5e-3))
+    start = above(there.mesh, np.random.default_rng(9), 0.02)
+    through = start @ se3.make(np.eye(3), np.array([0, 0, -0.06]))
+    run = there.run(start, [Approach(through)])
+    assert not run.ended[0].success
+    assert "touched on the way after" in run.ended[0].message
+    assert there.depth(run.pose) < 3e-3
+
+
+def test_the_guard_ends_an_approach_too(world):
+    there = world("ball")
+    far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.make(np.eye(3), np.array([0, 0, 2.0]))
+    run = there.run(far, [Approach(far)])
+    assert "outside of the box" in run.ended[0].message

@@ -1,28 +1,33 @@
-"""Closed loop: a simulated finger slides until the filter is converged, where it is told to or at random."""
+"""Closed loop: a simulated finger explores until the filter is converged, where it is told to or at random.
+
+It decides as the node `explorer` does, by the same code.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
+from midastouch_bringup.explore.acts import Plan
+from midastouch_bringup.explore.exploration import Exploration
+from midastouch_bringup.explore.surroundings import Surroundings
+from midastouch_bringup.explore.world import World
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.active_touch.suggestion import Advisor, Wanted
+from midastouch_filter.active_touch.suggestion import Advice, Advisor, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
 from ..evidence import fingerprint
@@ -33,9 +38,9 @@ from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source
 from .yardstick import Yardstick
 
 POLICIES = {
-    "suggested": "where `suggest_motion` says, slides only",
-    "lifts": "the same, lifts allowed",
-    "random": "geodesics in random directions",
+    "suggested": "where `suggest_motion` says, which is asked for slides only",
+    "lifts": "the same, asked for lifts, too",
+    "random": "slides and lifts in random directions",
 }
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
 _COMPETING = 0.2  # probability of a place that competes
@@ -122,12 +127,12 @@ class _Trial:
         yardstick: Yardstick,
     ):
         self._rng = np.random.default_rng(seed)
-        self._finger = SimulatedFinger(mesh, networks.sensor, self._rng, STEP)
+        self._world = World(mesh, networks.sensor, self._rng, STEP)
+        self._exploration = Exploration(np.random.default_rng([seed, 1]), np.inf, size=mesh.diagonal)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
         self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
-        self._policy, self._diagonal, self._yardstick = policy, mesh.diagonal, yardstick
-        self._headings = np.random.default_rng([seed, 1])
+        self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
         self._converged_at: float | None = None
@@ -143,15 +148,12 @@ class _Trial:
         whether a mode was; rivalled: before some motion the true pose and another hypothesis were both probable;
         asked_ms, median and longest CPU time of an answer.
         """
-        ending, began = "given up", length
-        self._follow(self._finger.leap(0.0, 0.0))
-        while self._path < length and ending == "given up":
-            for motion in self._motions():
-                start = self._path
-                ending, began = self._follow(motion)
-                if self._path > start or ending != "given up":
-                    break
-        truth, pose = self._finger.pose, self.estimate.pose[None]
+        ending, began = self._follow(self._exploration.touch())
+        while self._path < length and ending == "given up" and self._exploration.verdict is None:
+            _, plan = self._exploration.decide(self._advice(), self._around())
+            ending, began = self._follow(plan)
+        began = length if ending == "given up" else began
+        truth, pose = self._world.finger.pose, self.estimate.pose[None]
         places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05])
         return {
             "ending": ending,
@@ -164,41 +166,37 @@ class _Trial:
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
         }
 
-    def _motions(self) -> Iterator[Iterable[np.ndarray]]:
-        """Motions to try, until one of them leads anywhere."""
+    def _advice(self) -> Advice | None:
+        """Where to touch next, if the policy asks for that."""
         self._competed |= self._has_competitor()
-        if self._policy != "random" and self.estimate is not None:  # else no touch was felt yet
-            began = time.process_time()
-            advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
-            self._asked_ms.append(1e3 * (time.process_time() - began))
-            self._alike = self._alike + 1 if advice.indistinguishable else 0
-            for each in advice.suggestions:
-                if each.lift:
-                    yield self._finger.leap(each.heading, each.length)
-                else:
-                    yield self._finger.slide(each.heading, each.length)
-        while True:
-            heading = self._headings.uniform(-np.pi, np.pi)
-            length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
-            # over a hole there may be nothing to touch at first
-            go = self._finger.slide if self._finger.touching else self._finger.leap
-            yield go(heading, length)
+        if self._policy == "random" or self.estimate is None:  # no touch was measured yet
+            return None
+        began = time.process_time()
+        advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
+        self._asked_ms.append(1e3 * (time.process_time() - began))
+        self._alike = self._alike + 1 if advice.indistinguishable else 0
+        return advice
+
+    def _around(self) -> Surroundings:
+        """What is around the gel by the best mode."""
+        gel = self._world.base_from_gel
+        if self.estimate is None:
+            return Surroundings(gel)
+        return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self._mesh)
 
     def _has_competitor(self) -> bool:
         """Whether the true pose and another hypothesis are probable."""
         likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
         poses = np.array([each.pose for each in likely]).reshape(-1, 4, 4)
-        return len(likely) > 1 and bool(self._yardstick.right(poses, self._finger.pose).any())
+        return len(likely) > 1 and bool(self._yardstick.right(poses, self._world.finger.pose).any())
 
-    def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
-        """Go on a way, until a trial's end."""
-        for pose in motion:
+    def _follow(self, plan: Plan[None]) -> tuple[str, float]:
+        """Carry out a plan, until a trial's end."""
+        for pose in self._world.follow(plan):
             self._frame(pose)
             if self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH:
                 return "converged", self._converged_at
-        if self._alike >= 2:
-            return "alike", self._path
-        return "given up", self._path
+        return ("alike" if self._alike >= 2 else "given up"), self._path
 
     def _frame(self, pose: np.ndarray) -> None:
         """One image at a pose (4, 4)."""

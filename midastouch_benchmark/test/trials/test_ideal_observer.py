@@ -74,7 +74,7 @@ class World:
     def slide(self, headings: list[float], length: float, seed: int) -> np.ndarray:
         """Poses of a finger that slides in several directions."""
         finger = SimulatedFinger(self.mesh, SENSOR, np.random.default_rng(seed), STEP)
-        list(finger.leap(0.0, 0.0))
+        list(finger.touch(0.02, np.array([0.0, 0.0, -1.0])))
         return np.array([finger.pose] + [pose for each in headings for pose in finger.slide(each, length)])
 
     def observe(self, frames: list[TrialFrame], *args, **kwargs):

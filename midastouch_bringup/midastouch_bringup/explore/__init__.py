@@ -1,1 +1,1 @@
-"""A simulated finger that explores an object until the filter knows where it is; what comes out, and its page."""
+"""Exploration by an arm until the filter knows where it is: decisions, a simulated finger, what comes out, its page."""

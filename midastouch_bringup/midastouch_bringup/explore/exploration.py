@@ -1,62 +1,23 @@
-"""How a simulated finger explores: the world that it touches, and which motion it makes next."""
+"""How an arm explores: which motion it makes next, by what the filter says; without knowing which arm it is."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.finger import SimulatedFinger
+from midastouch_filter.active_touch.suggestion import Advice
+from midastouch_perception.simulation.slide import MIN_PROGRESS
 
-from ..bags.messages import BASE_FROM_OBJECT
-
-PUSH = 6e-3, np.radians(5.0)
-"""m, rad: about what the filter's test of a moved object is made for."""
+from .acts import Act, Done, Lift, Plan, Slide, Touch
+from .leap import CLEARANCES, SEARCHED, leap, raised, ways_along, ways_to
+from .reach import EVERYWHERE, Reach
+from .surroundings import Surroundings, Track
 
 TELLS = 0.1
 """nats: a motion that tells so much is worth its way, though it may not tell hypotheses apart for certain."""
-
-
-class World:
-    """Attributes: mesh; finger; base_from_object, T_base_obj (4, 4).
-
-    Args: step [m], way of the finger between two images. Raises InputError if nothing of the object can be touched.
-    """
-
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
-        self._sensor, self._rng, self._step = sensor, rng, step
-        self.base_from_object = BASE_FROM_OBJECT
-        self.put(mesh)
-
-    @property
-    def base_from_gel(self) -> np.ndarray:
-        """T_base_gel (4, 4)."""
-        return self.base_from_object @ self.finger.pose
-
-    def put(self, mesh: ObjectMesh) -> None:
-        """Another object instead of the present one, the finger over a random point of it."""
-        self.finger = SimulatedFinger(mesh, self._sensor, self._rng, self._step)
-        self.mesh = mesh
-
-    def push(self) -> Iterator[np.ndarray]:
-        """Move the object, 6 mm in a random direction of the gel's plane and 5 deg about its axis; the finger stays.
-
-        Yields T_obj_gel (4, 4), one per image.
-        """
-        distance, angle = PUSH
-        count = int(np.ceil(distance / self._step))
-        direction = self._rng.uniform(0, 2 * np.pi)
-        about_gel = np.array([np.cos(direction) * distance, np.sin(direction) * distance, 0, 0, 0, angle]) / count
-        gel = self.finger.pose.copy()
-        moved = gel @ se3.exp(about_gel) @ se3.inverse(gel)  # T_old_new of the object's frame
-        for _ in range(count):
-            self.base_from_object = self.base_from_object @ moved
-            yield self.finger.stay_in_place(moved)
-
 
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
 _LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long where they began
@@ -64,8 +25,10 @@ _MOST_FRUITLESS = 3  # motions in a row in which nothing is measured, or refused
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
 _RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
+_NEAR = 1e-3  # m from a position that a person shows: there
+_SLIDES_TO = 4  # such a position, each along the chord of what is left
 
-Poses = Iterator[np.ndarray]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -86,57 +49,85 @@ class Verdict:
 
 
 class Exploration:
-    """Moves the finger of a world; its motions yield poses T_obj_gel (4, 4), one per image.
+    """Decides on motions, as plans of acts that somebody carries out.
 
-    Attributes: path [m] on the surface; slides and lifts, how many; verdict, once it is over.
-    Args: max_path [m], after which it gives up.
+    Attributes: path [m] on the surface; slides and lifts, how many; touching, whether the gel does after the newest
+    act; verdict, once it is over.
+    Args: max_path [m], after which it gives up; reach, what is out of which is left out; down [m], how far it looks for
+    a surface that it knows nothing of; size [m] of an object of which nothing is known.
     """
 
-    def __init__(self, world: World, rng: np.random.Generator, max_path: float):
-        self.world, self._rng, self._max_path = world, rng, max_path
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        max_path: float,
+        reach: Reach = EVERYWHERE,
+        down: float = 0.05,
+        size: float = 0.1,
+    ):
+        self._rng, self._max_path, self._reach, self._down, self._size = rng, max_path, reach, down, size
         self.restart()
 
     def restart(self) -> None:
         """Begin anew, as after a change of the object: no path, no motions, no verdict."""
         self.path, self.slides, self.lifts = 0.0, 0, 0
+        self.touching = False
         self.verdict: Verdict | None = None
         self._unmeasured = self._refused = self._hopeless = self._sure = 0
         self._blocked = False
+        self._why_not, self._gel = "", np.eye(4)
 
-    def touch(self) -> Poses:
-        """Down onto the surface."""
-        if not (yield from self._carry_out(Motion(0.0, 0.0, lift=True))):
-            self.verdict = Verdict(False, f"the finger does not reach {self.world.mesh.name} below it")
+    # --- what comes next
 
-    def go(self, suggested: Sequence[Motion]) -> Poses:
+    def touch(self) -> Plan[None]:
+        """Down onto the surface; beside it, where that cannot be touched."""
+        done = yield from self._watched(_only(Touch(self._down)))
+        self.lifts += done.touching
+        if not done.touching:
+            lifted = yield from self._watched(_only(Lift(max(done.path, CLEARANCES[0]))))
+            yield from self.go([], Surroundings(lifted.pose))
+        if not self.touching:
+            self.verdict = Verdict(False, f"the finger reaches nothing below it: {done.message}")
+
+    def decide(self, advice: Advice | None, around: Surroundings) -> tuple[str, Plan[None]]:
+        """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none."""
+        if advice is None:
+            return "somewhere, as nothing better is known", self.go([], around)
+        if advice.indistinguishable and not any(each.information > TELLS for each in advice.suggestions):
+            self._hopeless += 1
+            if self._hopeless >= _MOST_FRUITLESS:
+                self.verdict = Verdict(False, f"nothing tells the poses apart: {advice.message}")
+            leaps = [self._random_leap(around) for _ in range(_TRIES)]
+            return "elsewhere, as nothing within reach would tell", self.go(leaps, around)
+        self._refused = self._hopeless = 0
+        # the best by metre are mere steps; each motion is awaited, so that one that tells much is worth its way
+        best = sorted(advice.suggestions, key=lambda each: -each.information)
+        able = [each for each in best if self._reachable(Motion(each.heading, each.length, each.lift), around)]
+        reason = able[0].reason if able else "somewhere, as nothing better is within reach"
+        return reason, self.go([Motion(each.heading, each.length, each.lift) for each in able], around)
+
+    def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
         """The first of these motions that can be carried out; without one of them one at random.
 
         Lifts come first where the last slide was blocked: what it was to find out is behind that.
         """
         suggested = sorted(suggested, key=lambda motion: not motion.lift) if self._blocked else suggested
-        slides = [self.random_slide() for _ in range(_TRIES)]
-        leaps = [self.random_leap() for _ in range(_TRIES)]
-        at_random = [*leaps, *slides] if self._rng.random() < _LEAPS else [*slides, *leaps]
+        slides = [self._random_slide(around) for _ in range(_TRIES)]
+        leaps = [self._random_leap(around) for _ in range(_TRIES)]
+        leap_first = self._rng.random() < _LEAPS or not self.touching
+        at_random = [*leaps, *slides] if leap_first else [*slides, *leaps]
+        self._why_not = "every way is out of the arm's reach"
         for motion in [*suggested, *at_random]:
-            if (yield from self._carry_out(motion)):
+            if self._reachable(motion, around) and (yield from self.obey(motion, around)):
                 return
-        name = self.world.mesh.name
-        self.verdict = Verdict(False, f"the finger is stuck: it can neither slide on nor lift over {name}")
-
-    def random_slide(self) -> Motion:
-        """Somewhere, straight on."""
-        length = self.world.mesh.diagonal * self._rng.uniform(*_RANDOM_LENGTHS)
-        return Motion(self._rng.uniform(0, 2 * np.pi), length)
-
-    def random_leap(self) -> Motion:
-        """Somewhere else, up to half of the object away."""
-        slide = self.random_slide()
-        return Motion(slide.heading, 2 * slide.length, lift=True)
+        self.verdict = Verdict(
+            False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self._why_not}"
+        )
 
     def judge(self, state: str, why: str, measured: bool) -> None:
         """Look at the filter's state after a motion, its reason, and whether it has `measured` what the finger
         touches."""
-        self._unmeasured = 0 if measured or not self.world.finger.touching else self._unmeasured + 1
+        self._unmeasured = 0 if measured or not self.touching else self._unmeasured + 1
         self._sure = self._sure + 1 if state == "converged" else 0
         if self._sure >= _SURE:
             self.verdict = Verdict(True, f"the filter knows the pose: {why}")
@@ -155,50 +146,104 @@ class Exploration:
         if self._refused >= _MOST_FRUITLESS:
             self.verdict = Verdict(False, f"no suggestion where to touch next: {why}")
 
-    def hopeless(self, why: str) -> Sequence[Motion]:
-        """Nothing within reach tells the poses apart, for this reason. Motions to where something else is in reach."""
-        self._hopeless += 1
-        if self._hopeless >= _MOST_FRUITLESS:
-            self.verdict = Verdict(False, f"nothing tells the poses apart: {why}")
-        return [self.random_leap() for _ in range(_TRIES)]
+    # --- what a person wants
 
-    def accepted(self) -> None:
-        """There are suggestions again."""
-        self._refused = self._hopeless = 0
+    def obey(self, motion: Motion, around: Surroundings) -> Plan[bool]:
+        """This very motion, as far as it can be carried out; whether it went anywhere."""
+        if not motion.lift:
+            return (yield from self._slide(motion, around))
+        return (yield from self._leap(ways_along(around, motion.heading, motion.length), around))
 
-    def obey(self, motion: Motion) -> Poses:
-        """This very motion, as far as it can be carried out."""
-        yield from self._carry_out(motion)
+    def leap(self, around: Surroundings) -> Plan[bool]:
+        """Lift, and touch elsewhere at random."""
+        return self.obey(self._random_leap(around), around)
 
-    def visit(self, point: np.ndarray) -> Generator[np.ndarray, None, bool]:
-        """Touch the surface next to a point (3,) of the object's frame: slide there if that leads there, else lift.
+    def visit(self, position: np.ndarray, around: Surroundings) -> Plan[bool]:
+        """Touch the surface next to a position (3,) m of the base frame: slide there if that leads there, else lift.
 
         Whether it touches there then, and not only as near as it can.
         """
-        finger = self.world.finger
-        (goal,), _, _ = self.world.mesh.closest_points(point[None])
-        for move, lift in (finger.slide_to, False), (finger.leap_to, True):
-            if not finger.touches(goal):
-                yield from self._count(move(goal), lift)
+        goal = around.over(position)[:3, 3]
+        for _ in range(_SLIDES_TO):
+            track = around.towards(goal, _distance(around, goal))
+            if _distance(around, goal) < _NEAR or not _comes_nearer(track, goal):
+                break
+            motion = Motion(track.heading, track.gone[-1])
+            if not (yield from self._slide(motion, around)):
+                break
+            around = replace(around, gel=self._gel)
+        if _distance(around, goal) > _NEAR or not self.touching:
+            yield from self._leap(ways_to(around, goal), around)
+            around = replace(around, gel=self._gel)
         self._blocked = False
-        return finger.touches(goal)
+        return self.touching and _distance(around, goal) < _NEAR
 
-    def _carry_out(self, motion: Motion) -> Generator[np.ndarray, None, bool]:
-        """Whether it went anywhere."""
-        finger, before = self.world.finger, self.path
-        move = finger.leap if motion.lift else finger.slide
-        went = yield from self._count(move(motion.heading, motion.length), motion.lift)
-        self._blocked = not motion.lift and self.path - before < _BLOCKED * motion.length
+    # --- motions
+
+    def _random_slide(self, around: Surroundings) -> Motion:
+        """Somewhere, straight on."""
+        size = self._size if around.mesh is None else around.mesh.diagonal
+        length = size * self._rng.uniform(*_RANDOM_LENGTHS)
+        return Motion(self._rng.uniform(0, 2 * np.pi), length)
+
+    def _random_leap(self, around: Surroundings) -> Motion:
+        """Somewhere else, up to half of the object away."""
+        slide = self._random_slide(around)
+        return Motion(slide.heading, 2 * slide.length, lift=True)
+
+    def _reachable(self, motion: Motion, around: Surroundings) -> bool:
+        if motion.lift:
+            return self._can_leap(ways_along(around, motion.heading, motion.length)[0])
+        return self._reach.holds(around.track(motion.heading, motion.length).poses)
+
+    def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
+        if not self.touching:
+            return False
+        done = yield from self._watched(_only(Slide(motion.heading, motion.length)))
+        self._blocked = done.path < _BLOCKED * motion.length
+        self.path += done.path
+        self.slides += done.path > 0
+        if not done.touching:  # over an edge
+            yield from self._watched(leap([around.gel[None]]))
+        return done.path > 0
+
+    def _can_leap(self, way: np.ndarray) -> bool:
+        """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
+        return self._reach.holds(np.concatenate([raised(way, CLEARANCES[0]), way[-1:]]))
+
+    def _leap(self, ways: Sequence[np.ndarray], around: Surroundings) -> Plan[bool]:
+        able = [way for way in ways if self._can_leap(way)]
+        if not able:
+            return False
+        self._blocked = False
+        went = yield from self._watched(leap(able, self._down if around.mesh is None else SEARCHED))
+        self.lifts += went
         return went
 
-    def _count(self, poses: Poses, lift: bool) -> Generator[np.ndarray, None, bool]:
-        """Move along, by the surface or with a lift; whether it went anywhere."""
-        last, went = self.world.finger.pose[:3, 3], False
-        for pose in poses:
-            if not lift:
-                self.path += float(np.linalg.norm(pose[:3, 3] - last))
-            last, went = pose[:3, 3], True
-            yield pose
-        self.lifts += went and lift
-        self.slides += went and not lift
-        return went
+    def _watched(self, plan: Plan[_T]) -> Plan[_T]:
+        """A plan, while what its acts come to is noted."""
+        done = None
+        while True:
+            try:
+                act = plan.send(done)
+            except StopIteration as end:
+                return end.value
+            done = yield act
+            self.touching, self._gel = done.touching, done.pose
+            if not done.success:
+                self._why_not = done.message
+
+
+def _only(act: Act) -> Plan[Done]:
+    return (yield act)
+
+
+def _distance(around: Surroundings, goal: np.ndarray) -> float:
+    """m along the surface, about, to a position (3,) of it."""
+    return float(np.linalg.norm(around.over(around.gel[:3, 3])[:3, 3] - goal))
+
+
+def _comes_nearer(track: Track, goal: np.ndarray) -> bool:
+    """Whether each step of a way leads towards a position (3,)."""
+    left = np.linalg.norm(track.poses[:, :3, 3] - goal, axis=1)
+    return len(left) > 1 and bool((np.diff(left) < -MIN_PROGRESS * np.diff(track.gone)).all())

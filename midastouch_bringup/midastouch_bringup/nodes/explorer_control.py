@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from geometry_msgs.msg import PointStamped
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import point_from_msg
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
 
-from ..explore.exploration import Exploration, Motion, Poses
+from ..explore.acts import Plan
+from ..explore.exploration import Exploration, Motion
+from .explorer_sight import Sight, load_mesh
 
-Order = Callable[[], Poses]
+Order = Callable[[], Plan]
 _LONGEST_MOTION_M = 1.0
 
 
@@ -28,20 +28,22 @@ class ExplorerControl:
 
     Attributes: commands, what the first four do, by their names; each returns why it cannot be, else an empty text.
     take(order, reason): gives a person the finger, and lets it do what is ordered, if anything, after its present
-    motion; returns why that cannot be, in words, else an empty text. resume(): gives it back. change(request): puts the
-    object of a request there. load(address): its mesh, or InputError.
+    motion; returns why that cannot be, in words, else an empty text. resume(): gives it back. push(): moves the object.
+    change(request): puts the object of a request there.
     """
 
     def __init__(
         self,
         node: Node,
         exploration: Exploration,
+        sight: Sight,
         take: Callable[[Order | None, str], str],
         resume: Callable[[], None],
-        change: Callable[[SetObject.Request], Poses],
-        load: Callable[[str], ObjectMesh],
+        push: Order,
+        change: Callable[[SetObject.Request], Plan],
     ):
-        self._did, self._take, self._resume, self._change, self._load = exploration, take, resume, change, load
+        self._did, self._sight, self._take = exploration, sight, take
+        self._resume, self._do_push, self._change = resume, push, change
         self._log = node.get_logger()
         self.commands = {"pause": self._pause, "resume": self._go_on, "push": self._push, "lift": self._lift}
         for name, do in self.commands.items():
@@ -57,29 +59,25 @@ class ExplorerControl:
         return ""
 
     def _push(self) -> str:
-        return self._take(self._did.world.push, "a person has pushed the object")
+        return self._take(self._do_push, "a person has pushed the object")
 
     def _lift(self) -> str:
-        return self._take(lambda: self._did.obey(self._did.random_leap()), "a person has lifted the finger")
+        return self._take(lambda: self._did.leap(self._sight.of_filter()), "a person has lifted the finger")
 
     def _on_move(self, order: Suggestion) -> None:
         numbers = order.heading, order.length
         if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST_MOTION_M:
-            self._take(lambda: self._did.obey(motion_of(order)), "a person moves the finger")
+            motion = Motion(order.heading, order.length, order.lift)
+            self._take(lambda: self._did.obey(motion, self._sight.of_filter()), "a person moves the finger")
         else:
             self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST_MOTION_M:g} m")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
-            self._load(request.mesh_path)
+            load_mesh(request.mesh_path)
         except InputError as error:
             return _answer(response, str(error))
         return _answer(response, self._take(lambda: self._change(request), f"the object becomes {request.mesh_path}"))
-
-
-def motion_of(suggestion: Suggestion) -> Motion:
-    """The motion that a message means."""
-    return Motion(suggestion.heading, suggestion.length, suggestion.lift)
 
 
 def _answer(response: Trigger.Response | SetObject.Response, why_not: str) -> Trigger.Response | SetObject.Response:
@@ -94,41 +92,37 @@ class FingerGoals:
     """Adds `clicked_point` to a node, the topic of RViz's tool *Publish Point*.
 
     take(order, reason): as for `ExplorerControl`. problem(kind, words): called with what is not possible.
-    Args: frames, the names of `base` and `object`.
     """
 
     def __init__(
         self,
         node: Node,
         exploration: Exploration,
-        frames: Mapping[str, str],
+        sight: Sight,
         take: Callable[[Order | None, str], str],
         problem: Callable[[str, str], None],
     ):
-        self._did, self._frames, self._take, self._problem = exploration, frames, take, problem
+        self._did, self._sight, self._take, self._problem = exploration, sight, take, problem
         node.create_subscription(PointStamped, "clicked_point", self._on_click, qos.COMMAND)
 
     def send(self, point: np.ndarray, frame: str) -> None:
         """Let a person have the finger touch the surface next to a point (3,) m of a frame."""
-        object_from = {
-            self._frames["object"]: np.eye(4),
-            self._frames["base"]: se3.inverse(self._did.world.base_from_object),
-        }
-        if frame not in object_from:
-            why_not = f"it is in '{frame}'; choose {' or '.join(object_from)} as RViz's Fixed Frame"
-        elif not (np.abs(point) <= _FARTHEST_POINT_M).all():
-            why_not = f"no number may be beyond {_FARTHEST_POINT_M:g} m"
-        else:
-            place = (object_from[frame] @ [*point, 1.0])[:3]
-            why_not = self._take(lambda: self._visit(place), "a person shows the finger where to touch")
+        try:
+            if not (np.abs(point) <= _FARTHEST_POINT_M).all():
+                raise InputError(f"no number may be beyond {_FARTHEST_POINT_M:g} m")
+            position = self._sight.in_base(point, frame)
+            why_not = self._take(lambda: self._visit(position, point), "a person shows the finger where to touch")
+        except InputError as error:
+            why_not = str(error)
         if why_not:
             self._problem("refused_places", f"nothing touches the place {_words(point)}: {why_not}")
 
-    def _visit(self, place: np.ndarray) -> Poses:
-        if not (yield from self._did.visit(place)):
-            name = self._did.world.mesh.name
+    def _visit(self, position: np.ndarray, point: np.ndarray) -> Plan[None]:
+        """position (3,) m in the base frame; point (3,) m: the same as a person has shown it."""
+        if not (yield from self._did.visit(position, self._sight.of_person())):
+            name = self._sight.shown.name if self._sight.shown else "what is there"
             self._problem(
-                "out_of_reach", f"the finger cannot touch {name} at {_words(place)}: this is as near as it gets"
+                "out_of_reach", f"the finger cannot touch {name} at {_words(point)}: this is as near as it gets"
             )
 
     def _on_click(self, click: PointStamped) -> None:

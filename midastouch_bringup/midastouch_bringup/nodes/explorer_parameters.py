@@ -7,28 +7,44 @@ from midastouch_common.ros.parameters import Parameter
 from ..bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 
 PARAMETERS = (
-    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
-    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of digit_sim"),
-    Parameter("seed", 0, "Of where the finger begins, and of its motions", minimum=0, maximum=2**31 - 1),
-    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
-    Parameter("speed", 0.05, "Of the finger on the surface", "m/s", minimum=1e-3, maximum=0.3),
+    Parameter("seed", 0, "Of its motions at random", minimum=0, maximum=2**31 - 1),
     Parameter(
         "max_motion", 0.0, "Longest motion that is asked for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0
     ),
     Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
     Parameter(
-        "untouched_frames",
-        32,
-        "Answered images of the untouched sensor before it touches: as many as tdn estimates its background from",
-        minimum=1,
-        maximum=1000,
+        "touch_distance",
+        0.05,
+        "How far below the gel it looks for a surface of which nothing is known, as at first",
+        "m",
+        minimum=1e-3,
+        maximum=0.1,
+    ),
+    Parameter(
+        "object_size",
+        0.1,
+        "About the object's diagonal, for motions at random while the filter does not know the object",
+        "m",
+        minimum=5e-3,
+        maximum=2.0,
+    ),
+    Parameter("reach_low", [-10.0, -10.0, -10.0], "Corner of the box in the base frame that the arm reaches", "m"),
+    Parameter("reach_high", [10.0, 10.0, 10.0], "Its opposite corner", "m"),
+    Parameter(
+        "reach_cone",
+        180.0,
+        "Largest angle between the z axes of gel and base frame that the arm reaches; 180: every one",
+        "deg",
+        minimum=0.0,
+        maximum=180.0,
     ),
     Parameter(
         "start_paused", False, "It begins in a person's hands: the finger does not move before ~/resume or an order"
     ),
+    Parameter("mesh", "", "Mesh that a person sees and points at, in object_frame_id; empty: none"),
     Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
-    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
-    Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
+    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object that a person sees, as of digit_sim"),
+    Parameter("sensor_frame_id", GEL_FRAME, "Gel frame"),
     Parameter(
         "patience",
         120.0,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import diagnostics, qos
 from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_filter.nodes.markers import object_mesh
@@ -20,19 +19,19 @@ _LAST_WORD_S = 2.0
 
 
 class ExplorerReport:
-    """What the explorer reports. Attributes: state and reason, those of `ExplorerStatus`.
+    """What the explorer reports. Attributes: state and reason, those of `ExplorerStatus`; stamp [ns] of the newest
+    image that the filter has answered.
 
-    Args: base and object, names of frames; stamp: of the newest image [ns].
+    Args: base and object, names of frames.
     """
 
-    def __init__(self, node: Node, exploration: Exploration, base: str, object_: str, stamp: Callable[[], int]):
-        self._did, self._base, self._object, self._stamp = exploration, base, object_, stamp
+    def __init__(self, node: Node, exploration: Exploration, base: str, object_: str):
+        self._did, self._base, self._object, self.stamp = exploration, base, object_, 0
         self._log = node.get_logger()
         self._status = node.create_publisher(ExplorerStatus, "~/status", qos.latched())
         self._mesh = node.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
         self._diagnostics = diagnostics.Diagnostics(node, self._describe)
-        self.state, self.reason = ExplorerStatus.STATE_WAITING, "for the filter to see that nothing touches"
-        self.show_object()
+        self.state, self.reason = ExplorerStatus.STATE_WAITING, "for an arm, and the filter's first answer"
         self.tell()
 
     @property
@@ -48,7 +47,7 @@ class ExplorerReport:
 
     def tell(self) -> None:
         """Publish state and reason again, with the present path and motions."""
-        header = Header(stamp=stamp_from_ns(self._stamp()), frame_id=self._base)
+        header = Header(stamp=stamp_from_ns(self.stamp), frame_id=self._base)
         status = ExplorerStatus(header=header, state=self.state, reason=self.reason)
         status.path_length, status.slides, status.lifts = self._did.path, self._did.slides, self._did.lifts
         self._status.publish(status)
@@ -62,10 +61,9 @@ class ExplorerReport:
         """Count a problem."""
         self._diagnostics.problem(name, words)
 
-    def show_object(self) -> None:
+    def show_object(self, mesh: ObjectMesh) -> None:
         """What is really there, where it is; the filter shows what it takes it for."""
-        mesh = self._did.world.mesh.path.resolve().as_uri()
-        self._mesh.publish(object_mesh(mesh, Header(frame_id=self._object)))
+        self._mesh.publish(object_mesh(mesh.path.resolve().as_uri(), Header(frame_id=self._object)))
 
     def _describe(self) -> tuple[bytes, str, dict]:
         level = diagnostics.ERROR if self.state == ExplorerStatus.STATE_GAVE_UP else diagnostics.OK

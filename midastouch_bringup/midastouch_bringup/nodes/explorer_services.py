@@ -1,16 +1,31 @@
-"""Services that an explorer calls: where to touch next, and another object under the finger."""
+"""Services that an explorer calls: where to touch next, and what a person does to a simulated object."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
+from midastouch_filter.active_touch.suggestion import Advice, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
+from ..explore.acts import Plan
+
 _TIMEOUT_S = 10.0  # with an answer that takes a tenth of a second
+
+
+def advice_of(response: SuggestMotion.Response) -> Advice:
+    """What a response of `suggest_motion` says, but for the paths."""
+    names = "heading", "length", "lift", "information", "cost", "reason"
+    suggestions = [
+        Suggestion(**{name: getattr(each, name) for name in names}, path=np.zeros((0, 4, 4)))
+        for each in response.suggestions
+    ]
+    return Advice(suggestions, response.indistinguishable, response.message)
 
 
 class SuggestionClient:
@@ -53,20 +68,23 @@ class SuggestionClient:
 
 
 class ObjectChange:
-    """Calls the two services `set_object`, one after the other, for a node that is spun.
+    """Calls the services `set_object` of finger, sensor and filter, one after the other, for a node that is spun.
 
-    on_end(mesh_path, why_not) is called after each change, with an empty text if both have taken the object. `pending`:
+    on_end(mesh_path, why_not) is called after each change, with an empty text if all have taken the object. `pending`:
     whether one is going on.
     """
 
     def __init__(self, node: Node, on_end: Callable[[str, str], None]):
         self._on_end, self.pending = on_end, False
-        self._services = [node.create_client(SetObject, name) for name in ("digit_sim/set_object", "set_object")]
+        # the filter last: it begins anew with images of the new object
+        names = "finger/set_object", "digit_sim/set_object", "set_object"
+        self._services = [node.create_client(SetObject, name) for name in names]
 
-    def begin(self, request: SetObject.Request) -> None:
+    def __call__(self, request: SetObject.Request) -> Plan[None]:
         """Change the object to the mesh of a request."""
         self.pending = True
         self._call(request, 0)
+        yield from ()
 
     def _call(self, request: SetObject.Request, number: int) -> None:
         service = self._services[number]
@@ -87,3 +105,18 @@ class ObjectChange:
     def _end(self, request: SetObject.Request, why_not: str) -> None:
         self.pending = False
         self._on_end(request.mesh_path, why_not)
+
+
+class Push:
+    """Calls `finger/push`, which moves a simulated object. problem(kind, words): is told what is not possible."""
+
+    def __init__(self, node: Node, problem: Callable[[str, str], None]):
+        self._client, self._problem = node.create_client(Trigger, "finger/push"), problem
+
+    def __call__(self) -> Plan[None]:
+        """The finger does it before whatever it is asked for next."""
+        if self._client.service_is_ready():
+            self._client.call_async(Trigger.Request())
+        else:
+            self._problem("refused_pushes", "nobody offers finger/push: the object is none of a simulation")
+        yield from ()

@@ -1,180 +1,211 @@
-"""A simulated finger as others see it: on TF, one image's time after the other, and as an interactive marker."""
+"""Node `finger`: an arm without mechanics, whose finger touches a simulated object, by the actions of a real arm."""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, TransformStamped, Vector3
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-from std_msgs.msg import ColorRGBA, Header
-from tf2_msgs.msg import TFMessage
-from visualization_msgs.msg import (
-    InteractiveMarker,
-    InteractiveMarkerControl,
-    InteractiveMarkerFeedback,
-    InteractiveMarkerPose,
-    InteractiveMarkerUpdate,
-    Marker,
-    MenuEntry,
-)
-from visualization_msgs.srv import GetInteractiveMarkers
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
-from midastouch_common.message_arrays import point_from_msg
-from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
-from midastouch_filter.transforms import SECOND
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.conversions import stamp_from_ns
+from midastouch_common.ros.goals import end_goal
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameters
+from midastouch_filter.nodes.object_source import resolve
+from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.sensor_model import SensorModel
 
-from ..bags.messages import TRUTH_GEL_FRAME
-from ..explore.exploration import World
+from ..explore.acts import Done
+from ..explore.world import World
+from .arm_actions import KINDS, act_of, name_of
+from .finger_parameters import PARAMETERS
+from .finger_tf import FingerTf
+
+_IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
+AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
+_UNTOUCHED = (FilterStatus.STATE_NO_CONTACT, FilterStatus.STATE_UNINITIALISED)
 
 
-class FingerTf:
-    """The time of the finger is its own: it goes on by one image, 1 / `fps` s, with each `publish`.
+@dataclass
+class _Motion:
+    """What yields poses, one per image, and returns how it ended; goal: whose it is, None if nobody's."""
 
-    Attributes: stamp [ns] of the newest; awaited, the stamps in order that nobody has answered; moved_at [s], when it
-    last went on, by a clock that never stops.
-    Args: frames, the names of `base`, `object` and `sensor`.
+    poses: Generator[np.ndarray, None, Done | None]
+    goal: ServerGoalHandle | None = None
+    kind: type | None = None
+    path: float = 0.0
+    over: bool = False
+    done: Done | None = None
+
+
+class Finger(PipelineNode):
+    """Carries out one goal of `touch`, `slide`, `lift` or `approach` at a time, as fast as the filter follows.
+
+    A goal ends once the filter has answered the images of its motion. `~/push` moves the object, `~/set_object` puts
+    another one there.
     """
 
-    def __init__(self, node: Node, world: World, fps: float, frames: Mapping[str, str]):
-        self._publisher = node.create_publisher(TFMessage, "/tf", qos.TF)
-        self._world, self._frames, self._period = world, frames, round(SECOND / fps)
-        self.stamp, self.moved_at = time.time_ns(), time.monotonic()
-        self.awaited: deque[int] = deque()
+    _servers: Sequence[ActionServer] = ()
 
-    def publish(self) -> None:
-        """Finger and object as they are now, one image later."""
-        self.stamp += self._period
-        self.moved_at = time.monotonic()
-        self.awaited.append(self.stamp)
-        world, frames = self._world, self._frames
-        transforms = [
-            self._transform(frames["base"], frames["object"], world.base_from_object),
-            self._transform(frames["base"], frames["sensor"], world.base_from_gel),
-            self._transform(frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
-        ]
-        self._publisher.publish(TFMessage(transforms=transforms))
-
-    def answered(self, stamp: int) -> bool:
-        """Whether the image of a stamp [ns] was awaited; no longer, nor are those before it, which are lost."""
-        if stamp not in self.awaited:
-            return False
-        while self.awaited and self.awaited[0] <= stamp:
-            self.awaited.popleft()
-        return True
-
-    def _transform(self, parent: str, child: str, pose: np.ndarray) -> TransformStamped:
-        header = Header(stamp=stamp_from_ns(self.stamp), frame_id=parent)
-        return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(pose))
-
-
-_NAME = "finger"
-_RATE = 10.0  # Hz; what the eye takes for a motion
-_DIAMETER, _LENGTH = 0.01, 0.03  # m
-_COLOUR = ColorRGBA(r=1.0, g=0.7, b=0.1, a=0.8)
-
-
-class FingerMarker:
-    """The finger of a world on `~/finger/...`, in the protocol of ROS 2's package `interactive_markers`.
-
-    A viewer asks the service `get_interactive_markers` for all of them, then follows `update`, whose messages are
-    numbered without a gap, and says on `feedback` what its user does. It asks again when a number is missing or the
-    service was gone, so that nothing has to be sent to keep it. While its user drags it keeps updates back by itself.
-
-    Args: frame, of the object; send(point, frame): lets the finger touch there; menu: what each entry does, returning
-    why it cannot be or an empty text. problem(kind, words): is told what is wrong with a feedback.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        world: World,
-        frame: str,
-        send: Callable[[np.ndarray, str], None],
-        menu: Mapping[str, Callable[[], str]],
-        problem: Callable[[str, str], None],
-    ):
-        self._world, self._send, self._problem = world, send, problem
-        self._menu = dict(enumerate(menu.items(), start=1))  # 0 is no entry
-        self._server = node.get_fully_qualified_name()
-        self._header = Header(frame_id=frame)  # without a stamp: it moves along with the frame
-        self._number, self._shown = 0, None
-        self._grasped: tuple[str, np.ndarray] | None = None  # by which viewer, and where
-        node.create_service(GetInteractiveMarkers, "~/finger/get_interactive_markers", self._on_request)
-        self._updates = node.create_publisher(InteractiveMarkerUpdate, "~/finger/update", qos.INTERACTIVE_MARKERS)
-        node.create_subscription(
-            InteractiveMarkerFeedback, "~/finger/feedback", self._on_feedback, qos.INTERACTIVE_MARKERS
-        )
-        node.create_timer(1 / _RATE, self._follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    # --- what viewers get
-
-    def _on_request(self, _, response: GetInteractiveMarkers.Response) -> GetInteractiveMarkers.Response:
-        entries = [MenuEntry(id=key, title=title) for key, (title, _) in self._menu.items()]
-        pose = pose_to_msg(self._world.finger.pose)
-        response.sequence_number = self._number
-        response.markers = [
-            InteractiveMarker(
-                header=self._header, name=_NAME, pose=pose, scale=_LENGTH, menu_entries=entries, controls=[_control()]
+    def __init__(self, **node_options):
+        super().__init__("finger", **node_options)
+        settings = self._settings = Parameters(self, PARAMETERS)
+        sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
+        self._world = World(_load(settings["mesh"]), sensor, rng, settings["speed"] / settings["fps"])
+        self._motions: deque[_Motion] = deque()
+        self._untouched, self._ended = 0, ""
+        frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
+        self._frames, self._tf = frames, FingerTf(self, self._world, settings["fps"], frames)
+        diagnostics.Diagnostics(self, self._describe)
+        self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+        self.create_service(Trigger, "~/push", self._on_push)
+        self.create_service(SetObject, "~/set_object", self._on_set_object)
+        self._servers = [
+            ActionServer(
+                self,
+                kind,
+                name_of(kind),
+                execute_callback=lambda goal: None,  # `_end` names another one
+                handle_accepted_callback=lambda goal, kind=kind: self._on_goal(goal, kind),
+                cancel_callback=self._on_cancel,
             )
+            for kind in KINDS.values()
         ]
+        self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def destroy_node(self) -> None:
+        """As of every node; goals cannot be ended any more."""
+        for server in self._servers:
+            server.destroy()
+        super().destroy_node()
+
+    @property
+    def _ready(self) -> bool:
+        """`tdn` would take a contact for part of the untouched sensor, and measure it for ever."""
+        return self._untouched >= self._settings["untouched_frames"]
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        going = next((name_of(one.kind) for one in self._motions if one.kind), "none")
+        values = {"motion": going, "last_motion": self._ended, "awaited": len(self._tf.awaited)}
+        return diagnostics.OK, "" if self._ready else "it waits for images of the untouched sensor", values
+
+    # --- images
+
+    def _look(self) -> None:
+        """Keep images coming while nothing moves, and an answer that does not come from being awaited for ever."""
+        if not self._ready or time.monotonic() - self._tf.moved_at > AT_REST_S:
+            self._tf.publish()
+
+    def _on_filter(self, status: FilterStatus) -> None:
+        if status.state == FilterStatus.STATE_WAITING or not self._tf.answered(stamp_ns(status.header.stamp)):
+            return
+        # one that does not know yet which object it is says nothing of contact
+        self._untouched += not self._ready and status.state in _UNTOUCHED
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """The next poses, as far as the filter has followed; after the last one the next motion."""
+        while self._ready and self._motions:
+            motion = self._motions[0]
+            while not motion.over and len(self._tf.awaited) < _IN_FLIGHT:
+                self._step(motion)
+            if not motion.over or self._tf.awaited:
+                return
+            self._motions.popleft()
+            if motion.goal is not None:
+                self._end(motion.goal, motion.kind, motion.done)
+
+    def _step(self, motion: _Motion) -> None:
+        before = self._world.finger.pose[:3, 3]
+        try:
+            pose = next(motion.poses)
+        except StopIteration as end:
+            motion.over, motion.done = True, end.value
+            return
+        self._tf.publish()
+        motion.path += float(np.linalg.norm(pose[:3, 3] - before))
+        if motion.goal is not None:
+            header = Header(stamp=stamp_from_ns(self._tf.stamp), frame_id=self._frames["sensor"])
+            depth = self._world.finger.depth
+            motion.goal.publish_feedback(motion.kind.Feedback(header=header, path=motion.path, depth=depth))
+
+    # --- goals
+
+    def _on_goal(self, goal: ServerGoalHandle, kind: type) -> None:
+        try:
+            if other := next((one for one in self._motions if one.goal is not None), None):
+                raise InputError(f"the finger is carrying out a {name_of(other.kind)}; cancel it first")
+            act = act_of(goal.request, self._frames["base"])
+        except InputError as error:
+            self._end(goal, kind, self._refusal(str(error)))
+            return
+        self._motions.append(_Motion(self._world.carry_out(act), goal, kind))
+        self._go_on()
+
+    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+        # it is being cancelled only once this has returned
+        self.executor.create_task(lambda: self._cancel(goal))
+        return CancelResponse.ACCEPT
+
+    def _cancel(self, goal: ServerGoalHandle) -> None:
+        for motion in [one for one in self._motions if one.goal is goal]:
+            self._motions.remove(motion)
+            self._end(goal, motion.kind, self._refusal("cancelled", motion.path))
+
+    def _refusal(self, why: str, path: float = 0.0) -> Done:
+        return Done(False, why, path, self._world.finger.touching, self._world.base_from_gel)
+
+    def _end(self, goal: ServerGoalHandle, kind: type, done: Done) -> None:
+        self._ended = done.message
+        self.get_logger().info(f"{name_of(kind)}: {done.message}")
+        end_goal(goal, done.success, self._result(kind, done))
+
+    def _result(self, kind: type, done: Done) -> Any:
+        depth = self._world.finger.depth
+        return kind.Result(success=done.success, message=done.message, path=done.path, depth=depth)
+
+    # --- the object
+
+    def _on_push(self, _, response: Trigger.Response) -> Trigger.Response:
+        """After what it carries out at present, and before what it is asked for next."""
+        self._motions.append(_Motion(self._world.push()))
+        self._go_on()
+        response.success = True
         return response
 
-    def _follow(self) -> None:
-        """Where the finger is, if that is another pose than the last one sent."""
-        pose = self._world.finger.pose
-        if pose is self._shown or not self._updates.get_subscription_count():
-            return
-        self._shown, self._number = pose, self._number + 1
-        moved = InteractiveMarkerPose(header=self._header, name=_NAME, pose=pose_to_msg(pose))
-        update = InteractiveMarkerUpdate.UPDATE
-        self._updates.publish(
-            InteractiveMarkerUpdate(server_id=self._server, seq_num=self._number, type=update, poses=[moved])
-        )
-
-    # --- what their users do
-
-    def _on_feedback(self, did: InteractiveMarkerFeedback) -> None:
-        position = point_from_msg(did.pose.position)
-        if did.marker_name != _NAME:
-            self._refuse(did, f"there is no marker '{did.marker_name}'; there is '{_NAME}'")
-        elif not np.isfinite(position).all():
-            self._refuse(did, f"its position is {position}")
-        elif did.event_type == InteractiveMarkerFeedback.MOUSE_DOWN:
-            self._grasped = did.client_id, position
-        elif did.event_type == InteractiveMarkerFeedback.MOUSE_UP:
-            self._release(did, position)
-        elif did.event_type == InteractiveMarkerFeedback.MENU_SELECT:
-            self._choose(did)
-
-    def _release(self, did: InteractiveMarkerFeedback, position: np.ndarray) -> None:
-        if self._grasped is None or self._grasped[0] != did.client_id:
-            self._refuse(did, "it lets the finger go, which it has not grasped or another one has grasped since")
-            return
-        (_, before), self._grasped = self._grasped, None
-        if (position != before).any():
-            self._shown = None  # a viewer leaves it where it was dropped
-            self._send(position, did.header.frame_id)
-
-    def _choose(self, did: InteractiveMarkerFeedback) -> None:
-        title, do = self._menu.get(did.menu_entry_id, ("", None))
-        if do is None:
-            self._refuse(did, f"the menu has no entry {did.menu_entry_id}")
-        elif why_not := do():
-            self._refuse(did, f"{title}: {why_not}")
-
-    def _refuse(self, did: InteractiveMarkerFeedback, why: str) -> None:
-        self._problem("refused_feedback", f"~/finger/feedback of '{did.client_id}': {why}")
+    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
+        try:
+            if self._motions:
+                raise InputError("the finger is moving")
+            self._world.put(_load(request.mesh_path))
+            response.success = True
+        except InputError as error:
+            response.message = str(error)
+        return response
 
 
-def _control() -> InteractiveMarkerControl:
-    """What is grasped: a finger that stands on the surface, and is dragged as the camera sees it."""
-    finger = Marker(type=Marker.CYLINDER, scale=Vector3(x=_DIAMETER, y=_DIAMETER, z=_LENGTH), color=_COLOUR)
-    finger.pose = Pose(position=Point(z=_LENGTH / 2))
-    control = InteractiveMarkerControl(name="drag", always_visible=True, markers=[finger])
-    control.interaction_mode = InteractiveMarkerControl.MOVE_3D
-    return control
+def _load(mesh: str) -> ObjectMesh:
+    return ObjectMesh.load(resolve(mesh, "mesh"))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Entry point of the executable `finger`."""
+    return spin.run(lambda: [Finger()], args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

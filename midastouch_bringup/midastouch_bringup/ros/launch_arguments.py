@@ -65,7 +65,7 @@ ARGUMENTS = {
     "sensor_model": Argument(
         "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; empty: as in the "
         "parameter files",
-        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, "explorer")),
+        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, "finger")),
     ),
     # perception and filter
     "background": Argument(
@@ -78,7 +78,7 @@ ARGUMENTS = {
     ),
     "mesh": Argument(
         "Mesh of the object, metres: a path or package://...",
-        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh"), ("explorer", "mesh")),
+        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh"), ("finger", "mesh"), ("explorer", "mesh")),
     ),
     "codebook": Argument(
         "Codebook of that mesh; empty: a coarse one is built", sets=(("particle_filter", "codebook"),)
@@ -103,7 +103,7 @@ ARGUMENTS = {
     ),
     "seed": Argument(
         "Seed of the filter; in an exploration also of sensor and finger",
-        sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("explorer", "seed")),
+        sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("finger", "seed"), ("explorer", "seed")),
         kind=int,
     ),
     # arm

@@ -43,7 +43,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"], given.get("sensor_model", "")).resolve()))
-        for node in ("digit_sim", "explorer"):
+        for node in ("digit_sim", "finger", "explorer"):
             overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("objects"):
         objects = ",".join(_named(name, given.get("sensor_model", "")) for name in given["objects"].split(","))
@@ -52,12 +52,12 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
-        for node in ("particle_filter", "explorer"):
+        for node in ("particle_filter", "finger", "explorer"):
             overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
     if prefix := given.get("sensor_prefix"):
         for node in ("digit_driver", "digit_sim"):
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
-        for node in ("digit_sim", "tdn", "particle_filter", "explorer"):
+        for node in ("digit_sim", "tdn", "particle_filter", "finger", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))

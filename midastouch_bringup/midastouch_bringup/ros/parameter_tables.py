@@ -17,6 +17,7 @@ from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 from ..nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
 from ..nodes.digit_sim import PARAMETERS as DIGIT_SIM
 from ..nodes.explorer_parameters import PARAMETERS as EXPLORER
+from ..nodes.finger_parameters import PARAMETERS as FINGER
 from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
 from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay import PARAMETERS as REPLAY
@@ -30,6 +31,7 @@ TABLES = {
     "tcn": TCN,
     "particle_filter": PARTICLE_FILTER,
     "explorer": EXPLORER,
+    "finger": FINGER,
     "slider": SLIDER,
     "mujoco_arm": MUJOCO_ARM,
     "ur_speed": UR_SPEED,

@@ -109,7 +109,12 @@ SETUPS = {
     "explore": Setup(
         "a simulated finger that explores an object by itself until the filter knows where it is",
         tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop", "sensor_model")),
-        ("digit_sim", "localization", Executable("midastouch_bringup", "explorer", ends=True)),
+        (
+            "digit_sim",
+            "localization",
+            Executable("midastouch_bringup", "finger"),
+            Executable("midastouch_bringup", "explorer", ends=True),
+        ),
         # a beginning from which it knows soon; from others it may give up
         {
             "object": "handle_tool",

@@ -1,104 +1,123 @@
-import types
-
 import numpy as np
 import pytest
+from fake_arms import Scripted, followed, over_an_edge, refusing, seen
 
-from midastouch_bringup.explore.exploration import PUSH, Exploration, Motion, World
-from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_model import SensorModel
+from midastouch_bringup.explore.acts import Approach, Lift, Slide, Touch
+from midastouch_bringup.explore.exploration import Exploration, Motion
+from midastouch_bringup.explore.reach import Reach
+from midastouch_bringup.explore.surroundings import Surroundings
+from midastouch_filter.active_touch.suggestion import Advice, Suggestion
 
 STEP = 1.5e-3
 
 
 @pytest.fixture
-def world():
-    """A finger over the ball."""
-    mesh, sensor = ObjectMesh.load(bundled_objects()["ball"]), SensorModel.load("digit_tacto")
-    return World(mesh, sensor, np.random.default_rng(3), STEP)
-
-
-@pytest.fixture
 def exploration(world):
     """One that has touched, with half a metre to go."""
-    exploration = Exploration(world, np.random.default_rng(4), max_path=0.5)
-    list(exploration.touch())
+    exploration = Exploration(np.random.default_rng(4), max_path=0.5)
+    followed(world, exploration.touch())
     return exploration
 
 
-class NailedFinger:
-    """It goes nowhere."""
-
-    touching = True
-    pose = np.eye(4)
-
-    def slide(self, heading, length):
-        return iter(())
-
-    leap = slide
-
-    def slide_to(self, goal):
-        return iter(())
-
-    leap_to = slide_to
-
-    def touches(self, goal):
-        return False
+def advice(*suggestions, indistinguishable=False, message=""):
+    """Each suggestion: heading, length, lift, information."""
+    nowhere = np.zeros((0, 4, 4))
+    made = [Suggestion(h, n, lift, nats, n, f"worth {nats}", nowhere) for h, n, lift, nats in suggestions]
+    return Advice(made, indistinguishable, message)
 
 
-@pytest.fixture
-def stuck():
-    mesh = types.SimpleNamespace(name="wall", diagonal=0.1, closest_points=lambda points: (points, None, None))
-    return Exploration(types.SimpleNamespace(finger=NailedFinger(), mesh=mesh), np.random.default_rng(0), 1.0)
+def go(world, exploration, *motions):
+    return followed(world, exploration.go(motions, seen(world)))[0]
 
 
-def test_it_does_what_is_suggested_first(exploration):
-    poses = list(exploration.go([Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True)]))
+def test_it_does_what_is_suggested_first(world, exploration):
+    poses = go(world, exploration, Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True))
     assert len(poses) == 20
     assert exploration.path == pytest.approx(0.03, abs=3e-3)
     assert (exploration.slides, exploration.lifts) == (1, 1)  # the lift is the first touch
 
 
-def test_where_a_slide_was_blocked_it_lifts_first(exploration, monkeypatch):
-    finger = exploration.world.finger
-    blocked = lambda heading, length: iter([finger.pose])  # noqa: E731  # one image, no way
-    with monkeypatch.context() as patched:
-        patched.setattr(finger, "slide", blocked)
-        list(exploration.go([Motion(0.0, 0.03)]))
-    for motions_are in ((1, 2), (2, 2)):  # the slide comes first again after that
-        list(exploration.go([Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True)]))
-        assert (exploration.slides, exploration.lifts) == motions_are
+def test_what_tells_most_comes_first_and_says_why(world, exploration):
+    around = seen(world)
+    reason, plan = exploration.decide(advice((1.0, 0.005, False, 0.1), (0.0, 0.03, False, 0.3)), around)
+    assert reason == "worth 0.3"
+    assert len(followed(world, plan)[0]) == 20
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_leap_leaves_the_surface_and_touches_elsewhere(world, exploration, known):
+    before = world.finger.pose
+    went = followed(world, exploration.obey(Motion(0.5, 0.03, lift=True), seen(world, known)))[1]
+    assert went
+    assert exploration.touching
+    assert exploration.lifts == 2
+    assert exploration.path == 0
+    assert 0.015 < np.linalg.norm(world.finger.pose[:3, 3] - before[:3, 3]) < 0.07
+
+
+def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
+    arm = Scripted(lambda act: (False, "blocked", 1e-3, True, np.eye(4)))
+    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    for lifts in (2, 2):  # the slide comes first again after that
+        go(world, exploration, Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True))
+        assert exploration.lifts == lifts
+
+
+def test_a_slide_over_an_edge_ends_where_it_began():
+    arm, exploration = Scripted(over_an_edge), Exploration(np.random.default_rng(0), 1.0)
+    arm.follow(exploration.touch())
+    assert arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
+    assert exploration.touching
+    assert exploration.path == pytest.approx(0.008)
 
 
 @pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])
-def test_it_visits_the_surface_next_to_a_place_that_a_person_shows(exploration, degrees, motions_are):
-    finger = exploration.world.finger
+def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, exploration, degrees, motions_are):
+    finger = world.finger
     place = 0.05 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
-    arrived = []
-    assert list(visit(exploration, place, arrived))
-    assert arrived == [True]
+    shown = (world.base_from_object @ [*place, 1.0])[:3]
+    poses, arrived = followed(world, exploration.visit(shown, seen(world)))
+    assert poses
+    assert arrived
     assert np.linalg.norm(finger.pose[:3, 3] - 0.6 * place) < STEP
     assert (exploration.slides, exploration.lifts) == motions_are
     assert exploration.path == pytest.approx(0.03 * np.radians(50) if motions_are[0] else 0.0, abs=3e-3)
-    assert not list(visit(exploration, place, arrived))  # it is there
-    assert arrived == [True, True]
+    assert followed(world, exploration.visit(shown, seen(world))) == ([], True), "it is there"
 
 
-def test_a_place_that_cannot_be_touched_is_told(stuck):
-    arrived = []
-    assert not list(visit(stuck, np.zeros(3), arrived))
-    assert arrived == [False]
-    assert stuck.verdict is None  # a person's wish ends nothing
+def test_a_position_that_cannot_be_touched_is_told():
+    arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
+    assert not arm.follow(exploration.visit(np.array([0.1, 0, 0]), Surroundings(np.eye(4))))
+    assert exploration.verdict is None  # a person's wish ends nothing
 
 
-def visit(exploration, place, arrived):
-    arrived.append((yield from exploration.visit(place)))
-
-
-def test_without_a_suggestion_it_goes_somewhere(exploration):
-    assert list(exploration.go([]))
+def test_without_a_suggestion_it_goes_somewhere(world, exploration):
+    assert followed(world, exploration.decide(None, seen(world))[1])[0]
     assert exploration.verdict is None
+
+
+class TestReach:
+    def test_what_the_arm_does_not_reach_is_left_out(self, world):
+        heights = world.base_from_object[2, 3] + np.array([-0.1, 0.03 * np.cos(np.radians(60))])
+        reach = Reach([-1, -1, heights[0]], [1, 1, 1], np.radians(70))
+        exploration = Exploration(np.random.default_rng(4), 0.5, reach)
+        followed(world, exploration.touch())
+        for _ in range(12):
+            followed(world, exploration.decide(advice((0.0, 0.06, True, 0.9), (0.0, 0.06, False, 0.9)), seen(world))[1])
+            if exploration.verdict is not None:
+                assert "out of the arm's reach" in exploration.verdict.words
+                break
+            assert world.base_from_gel[2, 2] > np.cos(np.radians(77))  # it is not quite steady
+
+    def test_if_nothing_is_within_reach_it_ends_and_says_so(self, world, exploration):
+        nowhere = Exploration(np.random.default_rng(4), 0.5, Reach([5, 5, 5], [6, 6, 6], np.pi))
+        followed(world, nowhere.touch())
+        reason, plan = nowhere.decide(advice((0.0, 0.03, True, 0.5), (0.0, 0.03, False, 0.5)), seen(world))
+        assert reason == "somewhere, as nothing better is within reach"
+        assert followed(world, plan)[0] == []
+        assert nowhere.verdict.words.endswith("every way is out of the arm's reach")
+        assert not followed(world, nowhere.obey(Motion(0.0, 0.03, lift=True), seen(world)))[1]
 
 
 def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
@@ -110,14 +129,17 @@ def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
     assert "modulo symmetry: 6 poses alike" in exploration.verdict.words
 
 
+HOPELESS = advice(indistinguishable=True, message="(1, 2, 3) mm")
+
+
 @pytest.mark.parametrize(
     ("happens", "words"),
     [
         (lambda it: it.judge("no_contact", "", measured=False), "measured nothing for 3 motions"),
         (lambda it: it.refused("not in contact"), "no suggestion where to touch next: not in contact"),
-        (lambda it: it.hopeless("(1, 2, 3) mm"), "nothing tells the poses apart: (1, 2, 3) mm"),
+        (lambda it: it.decide(HOPELESS, Surroundings(np.eye(4))), "nothing tells the poses apart: (1, 2, 3) mm"),
     ],
-    ids=["unfelt", "refused", "hopeless"],
+    ids=["unmeasured", "refused", "hopeless"],
 )
 def test_it_gives_up_after_the_third_time_in_a_row(exploration, happens, words):
     for _ in range(2):
@@ -128,55 +150,63 @@ def test_it_gives_up_after_the_third_time_in_a_row(exploration, happens, words):
     assert words in exploration.verdict.words
 
 
-def test_what_goes_well_in_between_starts_the_count_anew(exploration):
+def test_what_goes_well_in_between_starts_the_count_anew(world, exploration):
     for _ in range(3):
         exploration.refused("why")
-        exploration.hopeless("why")
+        exploration.decide(HOPELESS, seen(world))
         exploration.judge("no_contact", "", measured=False)
         exploration.judge("ambiguous", "", measured=True)
-        exploration.accepted()
+        exploration.decide(advice((0.0, 0.03, False, 0.3)), seen(world))
     assert exploration.verdict is None
 
 
-def test_without_suggestions_that_help_it_looks_for_others_elsewhere(exploration):
-    assert all(motion.lift for motion in exploration.hopeless("why"))
+def test_without_suggestions_that_help_it_looks_for_others_elsewhere(world, exploration):
+    followed(world, exploration.decide(HOPELESS, seen(world))[1])
+    assert (exploration.slides, exploration.lifts) == (0, 2)
 
 
-def test_it_gives_up_after_the_longest_way(exploration):
+def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(world, exploration):
+    hardly = advice((0.0, 0.02, False, 0.4), indistinguishable=True)
+    assert exploration.decide(hardly, seen(world))[0] == "worth 0.4"
+
+
+def test_it_gives_up_after_the_longest_way(world, exploration):
     while exploration.path <= 0.5:
-        assert list(exploration.go([Motion(0.3, 0.1)]))
+        assert go(world, exploration, Motion(0.3, 0.1))
     exploration.judge("lost", "these touches are not of this mesh", measured=True)
     assert exploration.verdict.words.startswith("still lost after 0.5")
     assert exploration.verdict.words.endswith("these touches are not of this mesh")
 
 
-def test_a_finger_that_cannot_move_or_touch_is_no_loop(stuck):
-    assert list(stuck.go([Motion(0.0, 0.1)])) == []
-    assert "stuck" in stuck.verdict.words
-    assert "wall" in stuck.verdict.words
-    stuck.restart()
-    assert list(stuck.touch()) == []
-    assert stuck.verdict.words == "the finger does not reach wall below it"
+def test_an_arm_that_does_not_move_is_no_loop_and_the_reason_is_its_own():
+    arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
+    exploration.touching = True
+    arm.follow(exploration.go([Motion(0.0, 0.1)], Surroundings(np.eye(4))))
+    assert "stuck" in exploration.verdict.words
+    assert exploration.verdict.words.endswith("not enabled")
 
 
-def test_another_object_begins_anew(exploration):
-    list(exploration.go([]))
+def test_where_nothing_is_below_it_touches_beside_that(world):
+    aside = world.finger.pose.copy()
+    aside[:3, 3] += 0.035 * aside[:3, 0]
+    world.finger.pose = aside
+    exploration = Exploration(np.random.default_rng(4), 0.5, down=0.02)
+    followed(world, exploration.touch())
+    assert exploration.touching
+    assert exploration.verdict is None
+
+
+def test_if_nothing_is_anywhere_it_ends():
+    arm = Scripted(lambda act: (not isinstance(act, Touch), "nothing touched", 0.01, False, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(4), 0.5)
+    arm.follow(exploration.touch())
+    assert exploration.verdict.words == "the finger reaches nothing below it: nothing touched"
+
+
+def test_another_object_begins_anew(world, exploration):
+    go(world, exploration)
     exploration.judge("converged", "", measured=True)
     exploration.restart()
     exploration.judge("converged", "", measured=True)
     assert (exploration.path, exploration.slides, exploration.lifts) == (0.0, 0, 0)
     assert exploration.verdict is None
-
-
-def test_a_push_moves_the_object_and_not_the_finger(world):
-    exploration = Exploration(world, np.random.default_rng(4), max_path=0.5)
-    list(exploration.touch())
-    before, gel = world.base_from_object, world.base_from_gel
-    on_object = world.finger.pose
-    assert list(world.push())
-    moved = se3.inverse(before) @ world.base_from_object
-    assert np.degrees(se3.rotation_angle(moved[:3, :3])) == pytest.approx(np.degrees(PUSH[1]), abs=0.1)
-    assert np.linalg.norm(world.base_from_gel[:3, 3] - gel[:3, 3]) < 1e-3
-    shift = np.linalg.norm(world.finger.pose[:3, 3] - on_object[:3, 3])
-    assert shift == pytest.approx(PUSH[0], rel=0.3)
-    assert world.finger.touching

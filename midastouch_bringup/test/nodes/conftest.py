@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes
 
 @pytest.fixture
 def hasty(monkeypatch):
-    """An explorer at rest goes on, and diagnostics are published, ten times as often: the tests wait for both."""
-    from midastouch_bringup.nodes import explorer
+    """A finger at rest goes on, and diagnostics are published, ten times as often: the tests wait for both."""
+    from midastouch_bringup.nodes import finger
     from midastouch_common.ros import diagnostics
 
-    monkeypatch.setattr(explorer, "AT_REST_S", 0.1)
+    monkeypatch.setattr(finger, "AT_REST_S", 0.1)
     monkeypatch.setattr(diagnostics, "PERIOD_S", 0.1)

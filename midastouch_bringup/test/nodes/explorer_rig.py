@@ -1,4 +1,4 @@
-"""The explorer with a stand-in for the filter, which answers each pose as an image of it."""
+"""The explorer and a finger, with a stand-in for the filter, which answers each pose as an image of it."""
 
 import numpy as np
 from std_srvs.srv import Trigger
@@ -6,6 +6,7 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
+from midastouch_bringup.nodes.finger import Finger
 from midastouch_common.message_arrays import transform_from_msg
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
@@ -18,17 +19,21 @@ TOUCHING = RADIUS + 1e-3  # of the gel's apex from the centre
 
 
 class Rig:
-    """An explorer over the ball, and a filter that answers with `state` where the finger touches."""
+    """An explorer, a finger over the ball, and a filter that answers with `state` where the finger touches.
 
-    def __init__(self, graph, **parameters):
+    parameters: of the explorer, but for those in `of_finger`, mesh and seed, which both have.
+    """
+
+    def __init__(self, graph, of_finger=None, **parameters):
         self.graph, self.state, self.silent, self.ended = graph, "ambiguous", False, []
         self.reason = ""
         self.untouched = FilterStatus.STATE_NO_CONTACT
-        self.poses, self.objects, self.asked = [], [], []
+        self.poses, self.objects, self.gels, self.asked = [], [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        given = {"mesh": BALL, "seed": 1, "untouched_frames": 1, **parameters}
-        self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), given)
+        both = {name: parameters.pop(name, default) for name, default in (("mesh", BALL), ("seed", 1))}
+        self.finger = graph.add(Finger, {"untouched_frames": 1} | both | (of_finger or {}))
+        self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), both | parameters)
         self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
 
     def _on_tf(self, message):
@@ -36,6 +41,7 @@ class Rig:
         stamp = message.transforms[0].header.stamp
         self.poses.append(np.linalg.inv(frames[TRUTH_FRAME]) @ frames[GEL_FRAME])
         self.objects.append(frames[TRUTH_FRAME])
+        self.gels.append(frames[GEL_FRAME])
         touches = np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
         if not self.silent:
             status = FilterStatus(state=self.state if touches else self.untouched, reason=self.reason)

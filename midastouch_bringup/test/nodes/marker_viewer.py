@@ -15,7 +15,8 @@ FINGER = "explorer/finger"
 
 
 class Viewer:
-    """Attributes: marker and number, as asked for; pose, T_obj_gel (4, 4), the newest; numbers and kinds of updates."""
+    """Attributes: marker and number, as asked for; pose, T_base_gel (4, 4), the newest; numbers and kinds of
+    updates."""
 
     def __init__(self, graph, name="rviz"):
         self.graph, self.name, self.numbers, self.kinds = graph, name, [], []

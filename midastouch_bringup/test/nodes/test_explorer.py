@@ -1,22 +1,14 @@
 import numpy as np
 import pytest
 from explorer_rig import TOOL, TOUCHING, Rig
-from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import TRUTH_FRAME
-from midastouch_bringup.nodes.explorer_parameters import PARAMETERS
-from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.nodes import tdn
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
-
-
-def default(parameters, name):
-    return next(one.default for one in parameters if one.name == name)
 
 
 @pytest.fixture
@@ -34,16 +26,6 @@ def test_it_explores_until_the_filter_knows(rig):
     assert status.path_length > 0.01
     steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
     assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
-
-
-def test_it_touches_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):
-    """Else a contact becomes part of the background, and is felt to the end in images without one."""
-    needed = default(tdn.PARAMETERS, "background_frames")
-    rig = Rig(graph, untouched_frames=default(PARAMETERS, "untouched_frames"))
-    rig.until("exploring", "somewhere")
-    first_touch = next(i for i, pose in enumerate(rig.poses) if np.linalg.norm(pose[:3, 3]) < TOUCHING)
-    assert first_touch >= needed
-    assert np.ptp([pose[:3, 3] for pose in rig.poses[:needed]], axis=0).max() == 0
 
 
 def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
@@ -232,12 +214,3 @@ class TestAnotherObject:
         assert not response.success
         assert "/nowhere/cup.ply" in response.message
         assert rig.statuses[-1].state == "exploring"
-
-
-def test_stamps_are_evenly_spaced(rig):
-    stamps = []
-    rig.graph.companion.create_subscription(
-        TFMessage, "/tf", lambda m: stamps.append(stamp_ns(m.transforms[0].header.stamp)), qos.TF
-    )
-    rig.graph.spin_until(lambda: len(stamps) > 30, "thirty images")
-    assert set(np.diff(stamps)) == {round(1e9 / 30)}

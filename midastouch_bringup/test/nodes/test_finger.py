@@ -1,216 +1,198 @@
-"""The finger's interactive marker, with a viewer that does what RViz is recorded to do."""
+"""The finger as an arm that offers actions, with a stand-in for the filter that answers its images."""
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from explorer_rig import RADIUS, TOOL, Rig
-from geometry_msgs.msg import Point, PointStamped
-from marker_viewer import FACTS, FINGER, Viewer
+from explorer_rig import BALL, TOOL, TOUCHING
+from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3
+from rclpy.action import ActionClient
 from std_msgs.msg import Header
-from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerUpdate, MenuEntry
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.messages import BASE_FRAME, TRUTH_FRAME
+from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_bringup.nodes.finger import Finger
+from midastouch_bringup.nodes.finger_parameters import PARAMETERS
+from midastouch_common import se3
+from midastouch_common.message_arrays import stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg
+from midastouch_msgs.action import Approach, Lift, Slide, Touch
+from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.nodes import tdn
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
-NEAR = 1.5e-3  # m: half a step of 50 mm/s at 30 Hz, and how deep the gel is pressed in
 
 
-def looked_at(graph, **parameters):
-    """One that explores, with a viewer."""
-    rig = Rig(graph, **parameters)
-    rig.problems = graph.listen(DiagnosticArray, "/diagnostics")
-    rig.viewer = Viewer(graph)
-    rig.until("exploring", "somewhere")
-    return rig
+def default(parameters, name):
+    return next(one.default for one in parameters if one.name == name)
 
 
-def hold(rig):
-    """Take the finger, and let it come to rest."""
-    rig.viewer.choose("pause")
-    rig.until("paused", "a person has the finger")
-    rest(rig)
-    return rig
+class Rig:
+    """Attributes: gels T_base_gel and objects T_base_obj, of each image; stamps [ns]; silent, whether the filter is;
+    state, which it says, by default that of where the finger is; handle of the newest goal, once it is accepted."""
+
+    def __init__(self, graph, **parameters):
+        self.graph, self.silent, self.state = graph, False, ""
+        self.gels, self.objects, self.stamps = [], [], []
+        self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
+        graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
+        self.node = graph.add(Finger, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
+
+    def _on_tf(self, message):
+        frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
+        stamp = message.transforms[0].header.stamp
+        self.gels.append(frames[GEL_FRAME])
+        self.objects.append(frames[TRUTH_FRAME])
+        self.stamps.append(stamp_ns(stamp))
+        if not self.silent:
+            state = self.state or ("ambiguous" if self.touches else "no_contact")
+            self._answers.publish(FilterStatus(state=state, header=Header(stamp=stamp)))
+
+    @property
+    def touches(self):
+        on_object = se3.inverse(self.objects[-1]) @ self.gels[-1]
+        return np.linalg.norm(on_object[:3, 3]) < TOUCHING
+
+    def ask(self, kind, **goal):
+        """The results of a goal, one once it has ended, and the feedback so far."""
+        client, feedback, results = ActionClient(self.graph.companion, kind, kind.__name__.lower()), [], []
+        self.graph.spin_until(client.server_is_ready, f"the action {kind.__name__}")
+
+        self.handle = None
+
+        def on_accepted(future):
+            self.handle = future.result()
+            self.handle.get_result_async().add_done_callback(lambda done: results.append(done.result().result))
+
+        client.send_goal_async(kind.Goal(**goal), feedback.append).add_done_callback(on_accepted)
+        return results, feedback
+
+    def do(self, kind, **goal):
+        """The result of a goal."""
+        results, _ = self.ask(kind, **goal)
+        self.graph.spin_until(lambda: results, f"the end of {kind.__name__}")
+        return results[0]
 
 
 @pytest.fixture
 def rig(graph):
-    return looked_at(graph)
+    return Rig(graph)
 
 
-@pytest.fixture
-def held(rig):
-    return hold(rig)
+def posed(pose, frame=BASE_FRAME):
+    return PoseStamped(header=Header(frame_id=frame), pose=pose_to_msg(pose))
 
 
-def rest(rig):
-    """Spin until the last order is carried out and the viewer has seen that."""
-    asked = len(rig.poses) + 3
-    rig.graph.spin_until(
-        lambda: (
-            len(rig.poses) > asked
-            and np.allclose(rig.poses[-1], rig.poses[-3])
-            and np.allclose(rig.viewer.pose, rig.poses[-1], atol=1e-6)
-        ),
-        "the finger to rest, and its marker with it",
-    )
+def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
+    touch = rig.do(Touch, distance=0.05)
+    assert touch.success, touch.message
+    assert 4e-4 < touch.depth < 1.1e-3
+    assert rig.touches
+    slide = rig.do(Slide, heading=1.0, length=0.02)
+    assert slide.success
+    assert slide.path == pytest.approx(0.02, abs=2e-3)
+    lift = rig.do(Lift, height=0.02)
+    assert (lift.success, lift.depth) == (True, 0.0)
+    goal = rig.gels[-1] @ se3.exp(np.array([0.03, 0, 0.02, 0.3, 0, 0]))
+    approach = rig.do(Approach, pose=posed(goal))
+    assert approach.success
+    np.testing.assert_allclose(rig.gels[-1], goal, atol=1e-6)
 
 
-def says(rig, words):
-    return lambda: any(words in status.message for report in rig.problems for status in report.status)
+def test_it_moves_only_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):
+    """Else a contact becomes part of the background, and is felt to the end in images without one."""
+    needed = default(tdn.PARAMETERS, "background_frames")
+    assert default(PARAMETERS, "untouched_frames") >= needed
+    rig = Rig(graph, untouched_frames=needed)
+    rig.do(Touch, distance=0.05)
+    assert np.ptp([gel[:3, 3] for gel in rig.gels[:needed]], axis=0).max() == 0
 
 
-def elsewhere(rig, degrees):
-    """A place (3,) of the ball, so far from where the finger is."""
-    here = rig.poses[-1][:3, :3]
-    return RADIUS * (here @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))))
+def test_while_the_filter_lags_behind_it_does_not_begin(rig):
+    rig.state = "stale"
+    results, _ = rig.ask(Touch, distance=0.05)
+    seen = len(rig.gels)
+    rig.graph.spin_until(lambda: len(rig.gels) > seen + 5, "images at rest")
+    assert not results
+    assert np.ptp([gel[:3, 3] for gel in rig.gels], axis=0).max() == 0
+    rig.state = ""
+    rig.graph.spin_until(lambda: results, "the end")
 
 
-def distance_to(rig, place):
-    return np.linalg.norm(rig.poses[-1][:3, 3] - place)
-
-
-def test_a_viewer_gets_the_marker_with_its_menu_and_one_thing_to_grasp(rig):
-    marker = rig.viewer.marker
-    assert (marker.name, marker.header.frame_id) == ("finger", TRUTH_FRAME)
-    assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (0, 0)  # it moves along with a pushed object
-    assert [entry.title for entry in marker.menu_entries] == ["pause", "resume", "push", "lift"]
-    assert all(entry.id and not entry.parent_id for entry in marker.menu_entries)
-    assert {entry.command_type for entry in marker.menu_entries} == {MenuEntry.FEEDBACK}
-    (control,) = marker.controls
-    assert control.interaction_mode == InteractiveMarkerControl.MOVE_3D
-    assert control.markers
-    names = {name: kinds[0] for name, kinds in rig.node.get_service_names_and_types()}
-    assert names[f"/{FINGER}/get_interactive_markers"] == FACTS["names"]["get_interactive_markers"]
-
-
-def test_it_follows_the_finger_without_a_gap_and_is_silent_at_rest(held):
-    for degrees in (40, 50):
-        slides = held.statuses[-1].slides
-        held.viewer.drag(elsewhere(held, degrees))
-        held.graph.spin_until(lambda slides=slides: held.statuses[-1].slides > slides, "the slide")
-        rest(held)
-    numbers = held.viewer.numbers  # the first ones may be lost while both sides still find each other
-    assert held.viewer.number < numbers[-1]
-    assert set(np.diff(numbers)) == {FACTS["client"]["next_number"]}
-    assert set(held.viewer.kinds) == {InteractiveMarkerUpdate.UPDATE}
-    said = len(numbers)
-    held.graph.spin_for(0.2)
-    assert len(numbers) == said
-    late = Viewer(held.graph, "late")
-    assert late.number == numbers[-1]
-    assert np.allclose(late.pose, held.poses[-1], atol=1e-6)
-
-
-def test_where_it_is_dropped_the_finger_slides(held):
-    slides, place = held.statuses[-1].slides, elsewhere(held, 40)
-    held.viewer.drag(1.1 * place)  # the camera's plane leaves the surface
-    held.until("paused", "shows the finger where to touch")
-    held.graph.spin_until(lambda: held.statuses[-1].slides > slides, "the slide")
-    rest(held)
-    assert distance_to(held, place) < NEAR
-    held.viewer.choose("resume")
-    held.state = "converged"
-    held.until("known")
-
-
-def test_to_a_place_that_no_slide_leads_to_it_lifts(held):
-    lifts, place = held.statuses[-1].lifts, elsewhere(held, 170)
-    held.viewer.drag(place)
-    held.graph.spin_until(lambda: held.statuses[-1].lifts > lifts, "the lift")
-    rest(held)
-    assert distance_to(held, place) < NEAR
-
-
-def test_where_it_cannot_touch_it_goes_as_near_as_it_can_and_says_so(graph):
-    # it begins far from the centre: the filter there is one of a ball
-    rig = hold(looked_at(graph, mesh=TOOL, seed=3))
-    groove = np.array([25.3, -6.2, -10.4]) * 1e-3  # where the grip enters the head
-    rig.viewer.drag(groove)
-    rig.graph.spin_until(says(rig, "cannot touch handle_tool at (25.3, -6.2, -10.4) mm"), "the problem")
-    rest(rig)
-    assert NEAR < distance_to(rig, groove) < 0.045
-
-
-def test_a_click_that_drags_nothing_moves_nothing(rig):
-    here = rig.viewer.pose[:3, 3]
-    rig.viewer.does("press", here)
-    rig.viewer.does("release", here)
-    rig.viewer.choose("pause")
-    rig.until("paused", "a person has the finger")
-    assert not [one for one in rig.statuses if "where to touch" in one.reason]
-
-
-def test_the_menu_does_what_the_services_do(held):
-    before, lifts = held.objects[-1], held.statuses[-1].lifts
-    held.viewer.choose("push")
-    held.graph.spin_until(lambda: np.linalg.norm(held.objects[-1] - before) > 0.05, "the object to move")
-    held.viewer.choose("lift")
-    held.graph.spin_until(lambda: held.statuses[-1].lifts > lifts, "the lift")
-    held.viewer.choose("resume")
-    held.until("exploring", "going on by itself")
-
-
-def test_of_two_viewers_the_one_that_grasped_last_has_it(held):
-    other, place = Viewer(held.graph, "other"), elsewhere(held, 40)
-    here = held.viewer.pose[:3, 3]
-    held.viewer.does("press", here)
-    other.does("press", here)
-    held.viewer.does("release", elsewhere(held, -40))
-    other.does("release", place)
-    held.until("paused", "shows the finger where to touch")
-    held.graph.spin_until(says(held, "feedback of 'rviz': it lets the finger go"), "the problem")
-    rest(held)
-    assert distance_to(held, place) < NEAR
-
-
-BAD = (
-    ("press", 0.0, {"marker_name": "arm"}, "there is no marker 'arm'"),
-    ("release", np.nan, {}, "its position is [nan"),
-    ("release", 0.0, {"client_id": "stranger"}, "of 'stranger': it lets the finger go"),
-    ("menu", 0.0, {"menu_entry_id": 99}, "the menu has no entry 99"),
-)
-
-
-def test_bad_feedback_is_counted_and_said(held):
-    for what, position, fields, words in BAD:
-        held.viewer.does(what, np.full(3, position), **fields)
-        held.graph.spin_until(says(held, words), f"{words} in diagnostics")
-    assert held.statuses[-1].state == "paused"
-    values = {value.key: value.value for one in held.problems[-1].status for value in one.values}
-    assert int(values["refused_feedback"]) >= len(BAD)
-
-
-def test_a_drop_in_a_foreign_frame_or_far_away_is_refused_and_the_marker_comes_back(held):
-    before = held.poses[-1]
-    for frame, distance, words in ("map", 0.01, "it is in 'map'"), (TRUTH_FRAME, 1e300, "beyond 3 m"):
-        said = len(held.viewer.numbers)
-        held.viewer.marker.header.frame_id = frame
-        held.viewer.drag(np.full(3, distance))
-        held.graph.spin_until(says(held, words), "the problem")
-        held.graph.spin_until(lambda said=said: len(held.viewer.numbers) > said, "an update")
-    assert np.allclose(held.viewer.pose, before, atol=1e-6)
-    assert np.allclose(held.poses[-1], before)
-
-
-def test_what_a_person_shows_before_the_finger_has_touched_is_refused(graph):
-    rig = Rig(graph)
+def test_a_goal_ends_only_once_the_filter_has_answered_its_images(rig):
+    rig.do(Touch, distance=0.05)
+    results, feedback = rig.ask(Slide, heading=0.0, length=3e-3)
     rig.silent = True
-    rig.problems = graph.listen(DiagnosticArray, "/diagnostics")
-    viewer = Viewer(graph)
-    viewer.choose("push")
-    graph.spin_until(says(rig, "push: not while waiting"), "the problem")
-    viewer.drag(np.zeros(3))
-    graph.spin_until(says(rig, "not while waiting: for the filter"), "the problem")
+    rig.graph.spin_until(lambda: feedback, "feedback")
+    seen = len(rig.gels)
+    rig.graph.spin_until(lambda: len(rig.gels) > seen + 3, "more images while no answer comes")
+    assert not results
+    rig.silent = False
+    rig.graph.spin_until(lambda: results, "the end")
+    assert stamp_ns(feedback[-1].feedback.header.stamp) in rig.stamps
+    assert feedback[-1].feedback.path == pytest.approx(results[0].path)
 
 
-def test_a_click_on_the_object_sends_the_finger_there(held):
-    clicks = held.graph.publisher(PointStamped, "clicked_point", qos.COMMAND)
-    for frame, degrees in (TRUTH_FRAME, 60), (BASE_FRAME, 40):
-        place = elsewhere(held, degrees)
-        shown = place if frame == TRUTH_FRAME else (held.objects[-1] @ [*place, 1.0])[:3]
-        point = Point(**dict(zip("xyz", shown, strict=True)))
-        clicks.publish(PointStamped(header=Header(frame_id=frame), point=point))
-        rest(held)
-        assert distance_to(held, place) < NEAR
-    held.until("paused", "shows the finger where to touch")
+def test_stamps_are_evenly_spaced_and_the_steps_as_fast_as_it_is_said(rig):
+    rig.do(Touch, distance=0.05)
+    rig.do(Slide, heading=0.0, length=0.03)
+    rig.do(Lift, height=0.02)
+    assert set(np.diff(rig.stamps)) == {round(1e9 / 30)}
+    steps = np.linalg.norm(np.diff([gel[:3, 3] for gel in rig.gels], axis=0), axis=1)
+    assert steps.max() < 4 * 1.5 * 0.05 / 30  # in the air it is four times as fast
+
+
+def test_one_motion_at_a_time_and_a_cancelled_one_ends(rig):
+    rig.do(Touch, distance=0.05)
+    results, feedback = rig.ask(Slide, heading=0.0, length=2.0)
+    rig.graph.spin_until(lambda: feedback and rig.handle, "a motion, and its handle")
+    rig.silent = True  # so that it does not come to its end
+    slide = rig.handle
+    assert rig.do(Lift, height=0.01).message == "the finger is carrying out a slide; cancel it first"
+    slide.cancel_goal_async()
+    rig.graph.spin_until(lambda: results, "the end")
+    assert results[0].message == "cancelled"
+    assert results[0].path > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "goal", "reason"),
+    [
+        (Touch, {"distance": 0.0}, "distance 0 is not between"),
+        (Touch, {"distance": 0.01, "direction": Vector3(x=float("nan"))}, "direction: not finite"),
+        (Slide, {"length": -1.0}, "length -1 is not between"),
+        (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
+        (Lift, {"height": float("nan")}, "height nan is not between"),
+        (Approach, {"pose": posed(np.eye(4), "map")}, "it is in 'map'; give it in 'base_link'"),
+        (Approach, {"pose": PoseStamped(header=Header(frame_id=BASE_FRAME), pose=Pose(position=Point(x=float("nan"))))},
+         "non-finite"),
+    ],
+)  # fmt: skip
+def test_a_goal_that_makes_no_sense_is_refused(rig, kind, goal, reason):
+    assert reason in rig.do(kind, **goal).message
+
+
+def test_it_touches_in_another_direction_if_it_is_told_one(rig):
+    ended = rig.do(Touch, distance=0.03, direction=Vector3(z=1.0))
+    assert not ended.success
+    assert "nothing on which it fits touched within 30 mm" in ended.message
+
+
+def test_the_object_is_pushed_and_the_finger_stays(rig):
+    rig.do(Touch, distance=0.05)
+    before, gel = rig.objects[-1], rig.gels[-1]
+    assert rig.graph.call(Trigger, "finger/push", Trigger.Request()).success
+    turned = lambda: np.linalg.norm(rig.objects[-1][:3, :3] - before[:3, :3])  # noqa: E731
+    rig.graph.spin_until(lambda: turned() > 0.1, "the object to move")
+    assert np.linalg.norm(rig.gels[-1][:3, 3] - gel[:3, 3]) < 1e-3
+
+
+def test_another_object_is_put_there(rig):
+    def put(path):
+        return rig.graph.call(SetObject, "finger/set_object", SetObject.Request(mesh_path=path))
+
+    assert "/nowhere/cup.ply" in put("/nowhere/cup.ply").message
+    rig.do(Touch, distance=0.05)
+    assert put(TOOL).success
+    assert rig.do(Touch, distance=0.05).success, "it begins over the new one"

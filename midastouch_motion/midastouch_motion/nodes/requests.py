@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import pose_from_msg
 from midastouch_common.ros.parameters import Parameters
-from midastouch_msgs.action import Lift, Slide, Touch
+from midastouch_msgs.action import Approach, Lift, Slide, Touch
 
 from .. import skills
 
@@ -36,7 +37,23 @@ def _lift(goal: Lift.Goal, parameters: Parameters) -> skills.Lift:
     return skills.Lift(_checked("height", goal.height, _FARTHEST))
 
 
-SKILL_OF: dict[type, Callable[[Any, Parameters], skills.Skill]] = {Touch: _touch, Slide: _slide, Lift: _lift}
+def _approach(goal: Approach.Goal, parameters: Parameters) -> skills.Approach:
+    base, frame = parameters["base_frame_id"], goal.pose.header.frame_id
+    if frame != base:
+        raise InputError(f"pose: it is in '{frame}'; give it in '{base}'")
+    pose = pose_from_msg(goal.pose.pose)
+    low, high = np.array(parameters["box_low"]), np.array(parameters["box_high"])
+    if not ((low <= pose[:3, 3]) & (pose[:3, 3] <= high)).all():
+        raise InputError("pose: outside of the box")
+    return skills.Approach(pose)
+
+
+SKILL_OF: dict[type, Callable[[Any, Parameters], skills.Skill]] = {
+    Touch: _touch,
+    Slide: _slide,
+    Lift: _lift,
+    Approach: _approach,
+}
 """By the kind of action, what makes a motion of its goal and the parameters of the node."""
 
 

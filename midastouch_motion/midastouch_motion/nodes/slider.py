@@ -32,7 +32,7 @@ from .touch_images import TouchImages
 
 
 class Slider(ManagedNode):
-    """While active, carries out one goal of `touch`, `slide` or `lift` at a time, as long as `~/enable` is repeated.
+    """While active, carries out goals of `touch`, `slide`, `lift` and `approach`, as long as `~/enable` is repeated.
 
     Twists of the gel, in its own frame, are on `delta_twist_cmds` while a goal is carried out, and two of zero after
     it.
@@ -156,7 +156,7 @@ class Slider(ManagedNode):
         except TransformError:
             return
         if not isinstance(pose, Wait):
-            self._seen.pose, self._seen.position = stamp / SECOND, pose[:3, 3]
+            self._seen.pose, self._seen.gel = stamp / SECOND, pose
         topic = self._twists.topic_name
         self._seen.listeners, self._seen.commanders = self.count_subscribers(topic), self.count_publishers(topic)
 

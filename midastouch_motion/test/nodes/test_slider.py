@@ -1,16 +1,49 @@
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistStamped, Vector3, Wrench, WrenchStamped
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    TwistStamped,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
+from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_motion.nodes.slider import Slider
-from midastouch_msgs.action import Lift, Slide, Touch
+from midastouch_msgs.action import Approach, Lift, Slide, Touch
 from midastouch_msgs.msg import FilterStatus
 
 from .rig import Rig, moving
 
 pytestmark = pytest.mark.dds
+
+
+def posed(frame="base_link", w=1.0, **position):
+    """A pose, upright."""
+    pose = Pose(position=Point(**position), orientation=Quaternion(w=w))
+    return PoseStamped(header=Header(frame_id=frame), pose=pose)
+
+
+def test_an_approach_ends_where_it_was_sent(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Approach, pose=posed(x=0.05))
+    asked.moves()
+    assert rig.twists[-1].twist.linear.x > 0
+    rig.position = np.array([0.05, 0, 0])
+    assert asked.ended().message == "there, after 50 mm"
+
+
+def test_an_approach_that_touches_ends(graph):
+    rig = Rig(graph)
+    asked = rig.ask(Approach, pose=posed(x=0.05))
+    asked.moves()
+    rig.depth = 2e-4
+    assert "touched on the way" in asked.ended().message
 
 
 def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
@@ -159,6 +192,10 @@ def test_a_deactivated_node_stops_and_refuses(graph):
         (Slide, {"length": -1.0}, "length -1 is not between"),
         (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
         (Lift, {"height": float("nan")}, "height nan is not between"),
+        (Approach, {"pose": posed("map")}, "it is in 'map'; give it in 'base_link'"),
+        (Approach, {"pose": posed(x=float("nan"))}, "non-finite"),
+        (Approach, {"pose": posed(w=0.0)}, "zero quaternion"),
+        (Approach, {"pose": posed(z=2.0)}, "outside of the box"),
     ],
 )
 def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):

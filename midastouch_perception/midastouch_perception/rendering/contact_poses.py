@@ -67,7 +67,7 @@ class Reachability:
 
     def settle(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Poses (N, 4, 4) pulled back to at most 2 mm of penetration; which (N,) can be reached and touch."""
-        deepest = self._renderer.render(poses).max(axis=(1, 2)).astype(float)
+        deepest = self.deepest(poses)
         reachable = deepest - press <= MAX_EXCESS
         poses = poses.copy()
         # on a flank, pulling back by the excess does not take all of it away: the deepest point moves along
@@ -76,12 +76,16 @@ class Reachability:
             if not len(deep):
                 break
             poses[deep, :3, 3] += (deepest[deep] - MAX_PENETRATION)[:, None] * poses[deep, :3, 2]
-            deepest[deep] = self._renderer.render(poses[deep]).max(axis=(1, 2))
+            deepest[deep] = self.deepest(poses[deep])
         return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
 
     def free(self, poses: np.ndarray) -> np.ndarray:
         """Which (N,) of the poses (N, 4, 4) touch nothing: away from one wall may be into another."""
-        return ~self._renderer.render(poses).any(axis=(1, 2))
+        return self.deepest(poses) == 0
+
+    def deepest(self, poses: np.ndarray) -> np.ndarray:
+        """m (N,) by which poses (N, 4, 4) penetrate, 0 in the air."""
+        return self._renderer.render(poses).max(axis=(1, 2)).astype(float)
 
 
 def sample_contact_poses(

@@ -9,12 +9,25 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
 
 STEP = 1.5e-3
+DOWN = np.array([0.0, 0.0, -1.0])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def moved(motion):
+    """Poses (N, 4, 4) of a motion, and whether it went as far as it was to."""
+    poses = []
+    while True:
+        try:
+            poses.append(next(motion))
+        except StopIteration as end:
+            return np.array(poses).reshape(-1, 4, 4), end.value
 
 
 def finger_on(name, sensor, seed=0):
     mesh = ObjectMesh.load(bundled_objects()[name])
     finger = SimulatedFinger(mesh, sensor, np.random.default_rng(seed), STEP)
-    down = np.stack(list(finger.leap(0.0, 0.0)))
+    down, touched = moved(finger.touch(0.05, DOWN))
+    assert touched
     assert finger.touching
     return finger, down, PenetrationRenderer(mesh, sensor.scaled(0.25))
 
@@ -23,17 +36,48 @@ def deepest(renderer, poses):
     return renderer.render(poses).max(axis=(1, 2))
 
 
-def test_it_begins_in_the_air_and_comes_down_until_it_touches(sensor):
-    _, down, renderer = finger_on("handle_tool", sensor)
+def shifted(pose, way):
+    return pose @ se3.make(np.eye(3), np.array(way))
+
+
+@pytest.mark.parametrize("name", sorted(bundled_objects()))
+def test_it_begins_in_the_air_and_comes_down_until_it_touches(name, sensor):
+    finger, down, renderer = finger_on(name, sensor)
     depths = deepest(renderer, down)
     assert depths[0] == 0
     assert 2e-4 < depths[-1] < 2.2e-3
+    assert finger.depth == pytest.approx(7.5e-4, abs=2.6e-4)
+    assert moved(finger.touch(0.05, DOWN))[1], "it touches already"
+
+
+def test_where_nothing_is_it_goes_as_far_as_it_is_sent(sensor):
+    finger, _, _ = finger_on("ball", sensor)
+    moved(finger.lift(0.02))
+    before = finger.pose
+    poses, touched = moved(finger.touch(0.03, UP))
+    assert not touched
+    assert finger.depth == 0
+    gone = np.linalg.norm(poses[-1][:3, 3] - before[:3, 3])
+    assert gone == pytest.approx(0.03, abs=5 * STEP)
+
+
+@pytest.mark.parametrize("tilt", [0.3, 0.6])
+def test_it_comes_down_flat_however_it_is_tilted(tilt, sensor):
+    finger, _, renderer = finger_on("ball", sensor)
+    moved(finger.lift(0.02))
+    moved(finger.approach(finger.pose @ se3.exp(np.array([0, 0, 0, tilt, 0, 0]))))
+    poses, touched = moved(finger.touch(0.04, DOWN))
+    assert touched
+    outwards = poses[-1][:3, 3] / np.linalg.norm(poses[-1][:3, 3])
+    assert outwards @ poses[-1][:3, 2] > np.cos(np.radians(6))
+    assert deepest(renderer, poses).max() < 2.2e-3
 
 
 def test_a_slide_goes_where_it_is_sent_and_stays_in_contact(sensor):
     finger, down, renderer = finger_on("ball", sensor)
-    slide = np.stack(list(finger.slide(np.pi / 2, 0.03)))
+    slide, arrived = moved(finger.slide(np.pi / 2, 0.03))
     way = se3.inverse(down[-1]) @ slide
+    assert arrived
     assert len(slide) == 20
     assert np.linalg.norm(np.diff(slide[:, :3, 3], axis=0), axis=1).max() < 2 * STEP
     # along the gel's y axis, up to the tilt of a hand that is not quite steady
@@ -41,63 +85,50 @@ def test_a_slide_goes_where_it_is_sent_and_stays_in_contact(sensor):
     assert 2e-4 < deepest(renderer, slide).min() <= deepest(renderer, slide).max() < 2.2e-3
 
 
-@pytest.mark.parametrize("name", sorted(bundled_objects()))
-def test_a_leap_leads_through_free_air_to_another_touch(name, sensor):
-    finger, down, renderer = finger_on(name, sensor)
-    leap = np.stack(list(finger.leap(0.5, 0.03)))
-    depths = deepest(renderer, leap)
-    assert (depths == 0).sum() > 3
-    assert depths.max() < 2.2e-3
-    assert depths[-1] > 2e-4
-    # as the crow flies it is nearer than along the surface, and around an eyebolt much so
-    assert 3e-3 < np.linalg.norm(leap[-1, :3, 3] - down[-1, :3, 3]) < 0.08
-
-
-def place_on_ball(finger, degrees):
-    """A point (3,) so far around the ball from where the finger is."""
-    return 0.03 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
-
-
-def test_a_slide_to_a_place_comes_nearer_with_every_step_and_stays_in_contact(sensor):
-    finger, down, renderer = finger_on("ball", sensor)
-    goal = place_on_ball(finger, 60)
-    slide = np.stack(list(finger.slide_to(goal)))
-    assert finger.touches(goal)
-    assert np.array_equal(slide[-1], finger.pose)
-    left = np.linalg.norm(np.concatenate([down[-1:], slide])[:, :3, 3] - goal, axis=1)
-    assert (np.diff(left) < 0).all()
-    assert len(slide) == pytest.approx(0.03 * np.radians(60) / STEP, abs=2)
-    assert 2e-4 < deepest(renderer, slide).min() <= deepest(renderer, slide).max() < 2.2e-3
-
-
-def test_no_slide_leads_to_the_far_side_but_a_leap_does(sensor):
-    finger, down, _ = finger_on("ball", sensor)
-    goal = place_on_ball(finger, 175)
-    assert not list(finger.slide_to(goal))
-    assert np.array_equal(finger.pose, down[-1])
-    assert list(finger.leap_to(goal))
-    assert finger.touches(goal)
-
-
-@pytest.mark.parametrize("name", sorted(bundled_objects()))
-def test_a_leap_to_a_place_ends_there_or_before_it(name, sensor):
-    finger, _, renderer = finger_on(name, sensor)
-    mesh = ObjectMesh.load(bundled_objects()[name])
-    goals, _, _ = mesh.sample_surface(10, np.random.default_rng(5))
-    there = 0
-    for goal in goals:
-        leap = np.stack(list(finger.leap_to(goal)))
-        depths = deepest(renderer, leap)
-        assert (depths == 0).sum() > 3
-        assert depths[-1] > 2e-4
-        assert np.linalg.norm(leap[-1, :3, 3] - goal) < 0.04 + 3e-3
-        there += finger.touches(goal)
-    assert there >= 5
-
-
 def test_a_slide_ends_where_it_cannot_go_on(sensor):
-    finger, _, _ = finger_on("eyebolt", sensor, seed=1)
-    assert len(list(finger.slide(0.3, 1.0))) < 1.0 / STEP / 2
+    finger, _, _ = finger_on("eyebolt", sensor, seed=2)
+    poses, arrived = moved(finger.slide(0.3, 1.0))
+    assert not arrived
+    assert len(poses) < 1.0 / STEP / 2
+
+
+def test_in_the_air_it_does_not_slide_and_on_the_surface_it_approaches_nothing(sensor):
+    finger, down, _ = finger_on("ball", sensor)
+    assert moved(finger.approach(shifted(down[-1], (0, 0, 0.05)))) == (pytest.approx(np.zeros((0, 4, 4))), False)
+    moved(finger.lift(0.02))
+    assert moved(finger.slide(0.0, 0.02)) == (pytest.approx(np.zeros((0, 4, 4))), False)
+
+
+def test_a_lift_goes_straight_off_the_surface(sensor):
+    finger, down, renderer = finger_on("ball", sensor)
+    poses, arrived = moved(finger.lift(0.02))
+    assert arrived
+    assert not finger.touching
+    np.testing.assert_allclose((se3.inverse(down[-1]) @ poses[-1])[:3, 3], [0, 0, 0.02], atol=1e-9)
+    assert deepest(renderer, poses)[-1] == 0
+
+
+def test_an_approach_is_straight_turns_on_the_way_and_ends_at_the_pose(sensor):
+    finger, _, _ = finger_on("ball", sensor)
+    moved(finger.lift(0.02))
+    start = finger.pose
+    goal = start @ se3.exp(np.array([0.03, 0.02, 0.05, 0.4, -0.3, 0.6]))
+    poses, arrived = moved(finger.approach(goal))
+    assert arrived
+    np.testing.assert_allclose(finger.pose, goal, atol=1e-9)
+    ways = poses[:, :3, 3] - start[:3, 3]
+    assert np.linalg.matrix_rank(ways, tol=1e-9) == 1
+
+
+def test_what_is_in_the_way_ends_an_approach_before_it(sensor):
+    finger, _, renderer = finger_on("ball", sensor)
+    moved(finger.lift(0.02))
+    opposite = finger.pose.copy()
+    opposite[:3, 3] *= -1
+    poses, arrived = moved(finger.approach(opposite))
+    assert not arrived
+    assert deepest(renderer, poses).max() < 3e-4
+    assert moved(finger.lift(0.02))[1], "it is not caught there"
 
 
 def test_it_yields_to_an_object_that_is_moved(sensor):

@@ -1,0 +1,59 @@
+"""What an arm can be asked to do, as the actions `touch`, `slide`, `lift` and `approach` have it, and how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Touch:
+    """On until something touches, at most `distance` m; direction (3,) in the gel's frame."""
+
+    distance: float
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+
+
+@dataclass(frozen=True)
+class Slide:
+    """On along the surface for `length` m, heading [rad] in the gel's plane, from its x to its y axis."""
+
+    heading: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Lift:
+    """Straight off the surface by `height` m."""
+
+    height: float
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Through the air to a pose T_base_gel (4, 4)."""
+
+    pose: np.ndarray
+
+
+Act = Touch | Slide | Lift | Approach
+
+
+@dataclass(frozen=True)
+class Done:
+    """How an act ended: whether it did what was asked, in words; path [m] that the gel went; whether it touches then;
+    pose T_base_gel (4, 4) then."""
+
+    success: bool
+    message: str
+    path: float
+    touching: bool
+    pose: np.ndarray
+
+
+_T = TypeVar("_T")
+Plan = Generator[Act, Done, _T]
+"""Acts one after the other, each chosen by how those before it went."""

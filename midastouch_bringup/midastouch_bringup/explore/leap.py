@@ -1,0 +1,102 @@
+"""Off the surface, through the air, and down elsewhere: as plans of acts.
+
+A way (N, 4, 4) is the gel poses T_base_gel on the surface that a leap goes over, the last of them the one to touch at.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from midastouch_common import se3
+
+from .acts import Approach, Lift, Plan, Touch
+from .surroundings import Surroundings, Track
+
+CLEARANCES = 12e-3, 30e-3, 72e-3
+"""m over the surface on the way; higher where something is in it. The filter takes less for a gap in a slide."""
+
+SEARCHED = 0.015
+"""m below where a surface should be: the estimate may be off."""
+
+_TURN = np.radians(60.0)  # from one pose to the next in the air: straight ways between them lead around the object
+_AROUND = 0.013, 0.026, 0.039  # m beyond a position that cannot be touched others are tried
+_SHORTER = 1.0, 0.5, 0.25  # of a way beside which no surface is known
+
+
+def ways_along(around: Surroundings, heading: float, length: float) -> list[np.ndarray]:
+    """Ways to touch `length` m away, and others for when it cannot be touched there: farther, or nearer where the
+    surface is not known."""
+    if around.mesh is None:
+        track = around.track(heading, length)
+        return [_over(track, fraction * length) for fraction in _SHORTER]
+    track = around.track(heading, length + _AROUND[-1])
+    return [_over(track, length), *(_over(track, length + on) for on in _AROUND if length + on < track.gone[-1])]
+
+
+def ways_to(around: Surroundings, position: np.ndarray) -> list[np.ndarray]:
+    """The same for a position (3,) m of the base frame, the others on the way back from it."""
+    there = around.over(position)
+    track = around.towards(position, 2 * float(np.linalg.norm(there[:3, 3] - around.gel[:3, 3])))
+    nearest = int(np.argmin(np.linalg.norm(track.poses[:, :3, 3] - there[:3, 3], axis=1)))
+    before = _over(track, track.gone[nearest])[:-1]
+    back = Surroundings(there, around.object, around.mesh).towards(around.gel[:3, 3], _AROUND[-1])
+    ends = [there, *(back.at(length) for length in _AROUND[:-1])]
+    return [np.concatenate([before, end[None]]) for end in ends]
+
+
+def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
+    """Up, over and down at the end of the first of the ways where that can be done, else down again where it was;
+    whether it touches at the end of one.
+
+    searched: m below the last pose in which it looks for the surface. What led nowhere is retraced: that way is free.
+    """
+    height, left = 0.0, [*ways]
+    for clearance in CLEARANCES:
+        lifted = yield Lift(clearance - height)
+        height = clearance
+        while left:
+            passed = yield from _fly(raised(left[0], clearance))
+            through = len(passed) == len(left[0])
+            if through and (yield Touch(clearance + searched)).touching:
+                return True
+            yield from _fly([*reversed(passed), lifted.pose])
+            if not through:  # higher up: the other ways lead by the same obstacle
+                break
+            del left[0]
+        if not left:
+            break
+    yield Touch(height + SEARCHED)
+    return False
+
+
+def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
+    """From pose to pose (4, 4) as far as nothing is in the way; those that it came to."""
+    passed = []
+    for pose in poses:
+        if not (over := (yield Approach(pose))).success:
+            break
+        passed.append(over.pose)
+    return passed
+
+
+def raised(poses: np.ndarray, height: float) -> np.ndarray:
+    """Poses (..., 4, 4) moved out along their z axes by `height` m."""
+    return poses @ se3.make(np.eye(3), np.array([0.0, 0.0, height]))
+
+
+def _over(track: Track, length: float) -> np.ndarray:
+    """The way (N, 4, 4) along a track up to `length` m, of as few poses as lead around the object."""
+    poses = track.poses[: track.index(length) + 1]
+    kept = [poses[0]]
+    for before, pose in itertools.pairwise(poses):
+        if _angle(kept[-1], pose) > _TURN:
+            kept.append(before)
+    return np.stack([*kept[1:], poses[-1]])
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """rad between the z axes of two poses (4, 4)."""
+    return float(np.arccos(np.clip(a[:3, 2] @ b[:3, 2], -1, 1)))

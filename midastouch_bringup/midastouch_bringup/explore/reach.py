@@ -1,0 +1,29 @@
+"""Where an arm can have its gel: a box, and a cone of directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from midastouch_common.errors import InputError
+
+
+class Reach:
+    """low, high (3,) m: corners of the box in the base frame; cone [rad]: largest angle between the z axes of gel and
+    base, pi for every direction. Raises InputError for an empty box."""
+
+    def __init__(self, low: Sequence[float], high: Sequence[float], cone: float):
+        self._low, self._high, self._least = np.array(low), np.array(high), np.cos(cone)
+        if not (self._low < self._high).all():
+            raise InputError(f"the box of reach from {list(low)} to {list(high)} m is empty")
+
+    def holds(self, poses: np.ndarray) -> bool:
+        """Whether all of these poses T_base_gel (N, 4, 4) can be reached."""
+        position = poses[:, :3, 3]
+        # an upright gel is not to fall out of a cone of 0 by rounding
+        upright = poses[:, 2, 2] >= self._least - 1e-9
+        return bool((upright & ((self._low <= position) & (position <= self._high)).all(axis=1)).all())
+
+
+EVERYWHERE = Reach([-np.inf] * 3, [np.inf] * 3, np.pi)

@@ -1,0 +1,82 @@
+"""What is around a gel, as far as it is known: where ways along the surface lead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.simulation.slide import MIN_PROGRESS, carried, straight_on
+
+_STEP = 4e-3  # m
+
+
+@dataclass(frozen=True)
+class Track:
+    """A way that begins with a heading [rad] in the gel's plane: gel poses T_base_gel (N, 4, 4) flat on the surface,
+    and how far each of them is, gone (N,) m."""
+
+    heading: float
+    poses: np.ndarray
+    gone: np.ndarray
+
+    def index(self, length: float) -> int:
+        """Of the first pose so far along the way, or of the last one."""
+        return int(min(np.searchsorted(self.gone, length - 1e-9), len(self.gone) - 1))
+
+    def at(self, length: float) -> np.ndarray:
+        """That pose (4, 4)."""
+        return self.poses[self.index(length)]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """gel T_base_gel (4, 4); object T_base_obj (4, 4) and its mesh, both None where nothing is known of them."""
+
+    gel: np.ndarray
+    object: np.ndarray | None = None
+    mesh: ObjectMesh | None = None
+
+    def track(self, heading: float, length: float) -> Track:
+        """The way over `length` m in a direction [rad] of the gel's plane: along the surface as far as that leads on,
+        straight on in that plane where no surface is known. The first pose is where the gel is now."""
+        if self.mesh is not None:
+            return self._geodesic(heading, length)
+        gone = np.append(np.arange(0.0, length, _STEP), length)
+        along = np.outer(gone, (np.cos(heading), np.sin(heading), 0.0))
+        return Track(heading, self.gel @ se3.make(np.broadcast_to(np.eye(3), (len(gone), 3, 3)), along), gone)
+
+    def towards(self, goal: np.ndarray, length: float) -> Track:
+        """The way over `length` m that begins in the direction of a position (3,) m in the base frame."""
+        x, y, _ = self._flat(self.gel)[:3, :3].T @ (goal - self.gel[:3, 3])
+        return self.track(float(np.arctan2(y, x)), length)
+
+    def over(self, position: np.ndarray) -> np.ndarray:
+        """The gel's pose (4, 4) flat on the surface next to a position (3,) m of the base frame, turned the shortest
+        way from where it is now; as it is now where no surface is known."""
+        return self._flat(se3.make(self.gel[:3, :3], position))
+
+    def _flat(self, pose: np.ndarray) -> np.ndarray:
+        """A pose T_base_gel (4, 4) laid flat onto the surface, which it is near to."""
+        if self.mesh is None:
+            return pose
+        on_object = se3.inverse(self.object) @ pose
+        (point,), _, _ = self.mesh.closest_points(on_object[None, :3, 3])
+        (normal,) = self.mesh.smooth_normals(point[None])
+        return self.object @ se3.make(carried(on_object[:3, :3], normal), point)
+
+    def _geodesic(self, heading: float, length: float) -> Track:
+        here = se3.inverse(self.object) @ self._flat(self.gel)
+        frame, point = here[:3, :3], here[:3, 3]
+        direction = frame @ (np.cos(heading), np.sin(heading), 0.0)
+        poses, gone = [here], [0.0]
+        while (left := length - gone[-1]) > _STEP / 100:
+            ahead = straight_on(self.mesh, point, direction, step := min(_STEP, left))
+            if ahead.moved < MIN_PROGRESS * step:
+                break
+            frame, point, direction = carried(frame, ahead.normal), ahead.point, ahead.heading
+            poses.append(se3.make(frame, point))
+            gone.append(gone[-1] + ahead.moved)
+        return Track(heading, self.object @ np.stack(poses), np.array(gone))

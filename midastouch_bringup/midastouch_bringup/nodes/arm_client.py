@@ -1,0 +1,63 @@
+"""The actions of an arm as an explorer calls them: one act at a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+from ..explore.acts import Act
+from .arm_actions import KINDS, goal_of, name_of
+
+
+class ArmClient:
+    """Asks for acts. on_end(result) is called after each, with None for a goal that was not accepted.
+
+    Attribute: heard_at [s], when the arm last said something, by a clock that never stops.
+    Args: base, name of the arm's base frame.
+    """
+
+    def __init__(self, node: Node, base: str, on_end: Callable[[Any | None], None]):
+        self._base, self._on_end = base, on_end
+        self._clients = {act: ActionClient(node, kind, name_of(kind)) for act, kind in KINDS.items()}
+        self._goal: ClientGoalHandle | None = None
+        self.heard_at = time.monotonic()
+
+    def close(self) -> None:
+        """Have the arm stop, and ask no more."""
+        if self._goal is not None:
+            self._goal.cancel_goal_async()
+            self._goal = None
+        for client in self._clients.values():
+            client.destroy()
+
+    @property
+    def ready(self) -> bool:
+        """Whether somebody offers all actions."""
+        return all(client.server_is_ready() for client in self._clients.values())
+
+    def carry_out(self, act: Act) -> None:
+        """Ask for an act."""
+        self.heard_at = time.monotonic()
+        sent = self._clients[type(act)].send_goal_async(goal_of(act, self._base), self._on_feedback)
+        sent.add_done_callback(self._on_answer)
+
+    def _on_feedback(self, _) -> None:
+        self.heard_at = time.monotonic()
+
+    def _on_answer(self, answer: Future) -> None:
+        goal: ClientGoalHandle = answer.result()
+        if goal.accepted:
+            self._goal = goal
+            goal.get_result_async().add_done_callback(self._on_result)
+        else:
+            self._on_end(None)
+
+    def _on_result(self, answer: Future) -> None:
+        self.heard_at, self._goal = time.monotonic(), None
+        self._on_end(answer.result().result)
