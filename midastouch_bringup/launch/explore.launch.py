@@ -1,4 +1,4 @@
-"""A simulated finger explores an object by itself, until the filter knows its pose. No hardware, no data.
+"""A simulated finger or arm explores an object by itself, until the filter knows its pose. No hardware, no data.
 
 The codebooks are made by the first run, under out/ of the present folder, and kept. `midastouch run explore` does the
 same, takes keys, and ends with a page.
@@ -17,7 +17,7 @@ from launch.actions import (
 )
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch.substitutions import EnvironmentVariable, EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
@@ -30,17 +30,18 @@ from midastouch_bringup.ros.launch_parts import (
     check_rviz,
     declared,
     end_launch_if_failed,
+    lifecycle_node,
     once_done,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-ARGUMENTS = declared(SETUPS["explore"].values())
+ARGUMENTS = declared(SETUPS["explore"].values(), SETUPS["explore"].choices)
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Make what is missing, then `digit_sim`, the localisation, `finger` and `explorer`."""
+    """Make what is missing, then `digit_sim`, the localisation, what moves the gel and `explorer`."""
     return LaunchDescription(
         [
             # nobody else on the network sees the nodes, unless the user has said so
@@ -58,6 +59,7 @@ def generate_launch_description() -> LaunchDescription:
                     ["mesh:=", LaunchConfiguration("mesh")],
                     ["codebook:=", LaunchConfiguration("codebook")],
                     ["objects:=", LaunchConfiguration("objects")],
+                    ["arm:=", LaunchConfiguration("arm")],
                     "--prepare",
                 ],
                 output="screen",
@@ -69,7 +71,6 @@ def generate_launch_description() -> LaunchDescription:
 
 def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes. Launch files that are included get the arguments of this one by their names."""
-    use_respawn = UseRespawn()
     return [
         # mesh, codebook and objects: those that were just made
         *(SetLaunchConfiguration(name, path) for name, path in explored(context.launch_configurations).items()),
@@ -79,18 +80,9 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             PythonLaunchDescriptionSource(str(SHARE / "launch" / "rviz.launch.py")),
             condition=IfCondition(LaunchConfiguration("use_rviz")),
         ),
-        Node(
-            package="midastouch_bringup",
-            executable="finger",
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[MergedParameters("finger", ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
-            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-            **bound_to_launch("finger"),
-            output="screen",
-            respawn=use_respawn,
-            respawn_delay=2.0,
-            on_exit=use_respawn.or_end_launch,
-        ),
+        _simulated_arm("midastouch_bringup", "finger", "finger"),
+        _simulated_arm("midastouch_motion", "mujoco_arm", "mujoco"),
+        lifecycle_node("midastouch_motion", "slider", ["tf_prefix", "sensor_prefix"], condition=_arm_is("mujoco")),
         # ends by itself; the others stay, to be looked at
         Node(
             package="midastouch_bringup",
@@ -103,3 +95,25 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             on_exit=end_launch_if_failed,
         ),
     ]
+
+
+def _arm_is(name: str) -> IfCondition:
+    return IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), name))
+
+
+def _simulated_arm(package: str, executable: str, name: str) -> Node:
+    """What moves the gel, started for arm:=`name`."""
+    use_respawn = UseRespawn()
+    return Node(
+        package=package,
+        executable=executable,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[MergedParameters(executable, ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
+        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        **bound_to_launch(executable),
+        output="screen",
+        respawn=use_respawn,
+        respawn_delay=2.0,
+        on_exit=use_respawn.or_end_launch,
+        condition=_arm_is(name),
+    )

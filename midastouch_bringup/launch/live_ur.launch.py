@@ -24,7 +24,7 @@ from midastouch_bringup.ros.launch_parts import (
 from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
-ARGUMENTS = declared(SETUPS["live_ur"].values())
+ARGUMENTS = declared(SETUPS["live_ur"].values(), SETUPS["live_ur"].choices)
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -79,12 +79,14 @@ class ParticleFilter:
         self._reporter = Reporter(self.config, self._policies, self._object.symmetry, gates, watch)
         self._belief: Belief | None = None
         self._answered: _Answered | None = None
+        self._untouched = False
 
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:
         """Start over the whole surface, with uniform yaw: nothing is known."""
         self._start(self._policies.source.uniform(self.config.max_particles), None)
+        self._untouched = True
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
@@ -107,7 +109,7 @@ class ParticleFilter:
             self._policies.refine.recall(measured, self._object.measurement.log_ratio_of)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
-        self._answered = None
+        self._answered, self._untouched = None, False
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder, self._object.symmetry.exact)
         self._policies.restart(prior)
 
@@ -151,6 +153,9 @@ class ParticleFilter:
         self.deferred_update()
         if self._belief is None:
             return self._reporter.nothing()
+        if self._untouched:
+            # wherever the sensor is, it will touch the surface somewhere
+            odometry, self._untouched = None, not any(touch.in_contact for touch in touches.values())
         outcome = self._step(self._belief, odometry, touches, elapsed)
         estimate = self._reporter.estimate(self._belief, outcome)
         self._watch.restart()

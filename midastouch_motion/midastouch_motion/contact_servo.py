@@ -25,17 +25,21 @@ _TELLING = 2e-3  # m: a contact that extends less far tells little of the surfac
 _STEEPEST = 0.5  # slope of a surface that is taken for one
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # of the speed, where the gel is hardly pressed on
+_CENTRAL = (
+    6e-3  # m from the apex: a contact farther out is cut by the image's border, and its depth is not to be trusted
+)
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # kept; some seconds
 
 
 class Measured(NamedTuple):
     """What one image shows: stamp [s]; depth [m] of the gel's deepest point, 0 where nothing touches; slope (2,) of the
-    touched surface, dz/dx and dz/dy in the gel's frame."""
+    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) m of the contact there."""
 
     stamp: float
     depth: float
     slope: np.ndarray
+    centre: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,11 @@ class Limits:
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"limit {name}: {value:g} is not a positive number")
+
+
+def centre_of(points: np.ndarray) -> np.ndarray:
+    """Centre (2,) m of contact points (K, 3) m in the gel's frame; the apex without any."""
+    return points[:, :2].mean(axis=0) if len(points) else np.zeros(2)
 
 
 def slope_of(points: np.ndarray) -> np.ndarray:
@@ -79,7 +88,7 @@ class ContactServo:
         self._delays: deque[float] = deque([0.1], maxlen=_REMEMBERED)
         self._last = np.zeros(6)
         self._drift = np.zeros(3)  # of depth and slope, 1 / s: what the surface does
-        self._measured = Measured(-math.inf, 0.0, np.zeros(2))
+        self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
         self._now = -math.inf
 
     @property
@@ -122,6 +131,16 @@ class ContactServo:
     def slope(self) -> np.ndarray:
         """Slope (2,) of the surface then."""
         return self._predicted()[1:]
+
+    @property
+    def off_centre(self) -> np.ndarray:
+        """By how much (2,) m the contact lies too far out; zero where all of it is seen."""
+        centre = self._measured.centre
+        return centre * max(1.0 - _CENTRAL / max(float(np.linalg.norm(centre)), 1e-12), 0.0)
+
+    def towards_centre(self, depth: float) -> np.ndarray:
+        """m/s (2,) along the surface that bring a contact at the gel's border into view."""
+        return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
     def approach_speed(self, depth: float) -> float:
         """m/s at which the gel gets half as deep as `depth` [m] before the arm has answered to the first contact."""

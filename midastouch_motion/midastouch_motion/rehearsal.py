@@ -38,8 +38,8 @@ class Moment(NamedTuple):
 class Rehearsal:
     """Carries out one motion after the other.
 
-    Args: arm; where(): T_obj_gel (4, 4) of its gel; look(T_obj_gel): depth [m] and slope (2,) that an image there
-    shows; controller; fps, images per second; delay(): s until an image is understood.
+    Args: arm; where(): T_obj_gel (4, 4) of its gel; look(T_obj_gel): depth [m], slope (2,) and centre (2,) m that an
+    image there shows; controller; fps, images per second; delay(): s until an image is understood.
     Attributes: now [s]; seen, what the guard looks at, to inject a fault into: of `enabled`, `image`, `pose` and
     `gel` those that `frozen` names are not set anew.
     """
@@ -48,7 +48,7 @@ class Rehearsal:
         self,
         arm: Arm,
         where: Callable[[], np.ndarray],
-        look: Callable[[np.ndarray], tuple[float, np.ndarray]],
+        look: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
         controller: Controller,
         fps: float,
         delay: Callable[[], float],

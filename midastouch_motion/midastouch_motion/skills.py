@@ -74,7 +74,7 @@ class Touch(_Moving):
             self._settled = now
         elif now - self._settled > _SETTLED_FOR:
             return Ended(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
-        return servo.pressed(self._depth, np.zeros(2))
+        return servo.pressed(self._depth, servo.towards_centre(self._depth))
 
 
 class Slide(_Moving):
@@ -95,7 +95,11 @@ class Slide(_Moving):
             return Ended(True, f"slid {1e3 * gone:.0f} mm")
         if servo.touching:
             self._lost = None
-            return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along)
+            if servo.off_centre @ self._along < 0:
+                return Ended(False, f"the contact leaves the gel after {1e3 * gone:.0f} mm: over an edge")
+            beside = servo.towards_centre(self._depth)
+            beside = beside - (beside @ self._along) * self._along
+            return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + beside)
         if self._lost is None:
             if gone == 0.0:
                 return Ended(False, "nothing touches: touch first")

@@ -27,7 +27,7 @@ def test_limits_that_are_none_are_refused():
 def servo_at(now, depth, slope=(0.0, 0.0), age=0.05):
     servo = ContactServo(Limits(), 0.05)
     servo.stop(now - 0.01)
-    servo.measure(now, Measured(now - age, depth, np.array(slope)))
+    servo.measure(now, Measured(now - age, depth, np.array(slope), np.zeros(2)))
     return servo
 
 
@@ -40,7 +40,7 @@ def test_what_was_commanded_since_an_image_counts():
     assert servo.depth == pytest.approx(0.3e-3 + 0.04 * 0.005, rel=0.2)
     assert servo.slope[1] == pytest.approx(-0.1 * 0.04, rel=0.3)
     servo.stop(0.06)
-    servo.measure(0.2, Measured(0.15, 0.4e-3, np.zeros(2)))
+    servo.measure(0.2, Measured(0.15, 0.4e-3, np.zeros(2), np.zeros(2)))
     assert servo.depth == pytest.approx(0.4e-3), "all of it is in the image"
 
 

@@ -13,7 +13,7 @@ import midastouch_motion
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.contact_servo import ContactServo, Limits, slope_of
+from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
 from midastouch_motion.controller import Controller
 from midastouch_motion.gel_layer import Gel
 from midastouch_motion.guard import Guard
@@ -155,12 +155,12 @@ class _Trial:
         gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
         return gel, se3.make(up[:3, :3], _AT) @ se3.inverse(se3.make(frame, point))
 
-    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray]:
+    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         contact = self._stage.process(self._digit.look(T_obj_gel).image, self._background)
         if not contact.in_contact:
-            return 0.0, np.zeros(2)
+            return 0.0, np.zeros(2), np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._small)
-        return contact.depth_m, slope_of(points)
+        return contact.depth_m, slope_of(points), centre_of(points)
 
     def run(self) -> dict:
         """touch and slide: how each ended, in words; whether it succeeded; deepest_mm; touch: depth_mm in the end;
@@ -174,11 +174,12 @@ class _Trial:
             return trial
         heading = rng.uniform(-np.pi, np.pi)
         slide = self._motion(Slide(heading, rng.uniform(*_LENGTHS), DEPTH))
+        off = any(word in slide["message"] for word in ("was lost", "leaves the gel"))
         depths = np.array([depth for depth, image in self._moments if image])
         trial["slide"] = slide | {
             "images": len(depths),
             "held": int((np.abs(depths - DEPTH) <= 0.25e-3).sum()),
-            "lost": not slide["success"] and "lost" in slide["message"] and self._goes_on(heading),
+            "lost": off and self._goes_on(heading),
         }
         if self._controller.servo.touching:
             trial["fault"] = self._fault()

@@ -24,6 +24,7 @@ _UR_TYPES = (
     *("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e"),
     *("ur8long", "ur15", "ur18", "ur20", "ur30"),
 )
+SIMULATED_ARMS = ("finger", "mujoco_arm")
 STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
 
 
@@ -65,7 +66,7 @@ ARGUMENTS = {
     "sensor_model": Argument(
         "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; empty: as in the "
         "parameter files",
-        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, "finger")),
+        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, *SIMULATED_ARMS)),
     ),
     # perception and filter
     "background": Argument(
@@ -78,7 +79,7 @@ ARGUMENTS = {
     ),
     "mesh": Argument(
         "Mesh of the object, metres: a path or package://...",
-        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh"), ("finger", "mesh"), ("explorer", "mesh")),
+        sets=tuple((node, "mesh") for node in ("particle_filter", "digit_sim", *SIMULATED_ARMS, "explorer")),
     ),
     "codebook": Argument(
         "Codebook of that mesh; empty: a coarse one is built", sets=(("particle_filter", "codebook"),)
@@ -108,9 +109,10 @@ ARGUMENTS = {
     ),
     # arm
     "arm": Argument(
-        "Where TF of the arm comes from: already running, the UR ROS driver started here, or ur_tf over RTDE",
+        "Where TF of the arm comes from: already running, the UR ROS driver started here, or ur_tf over RTDE; in an "
+        "exploration: a finger without mechanics, or a UR in MuJoCo",
         "running",
-        ("running", "ur_driver", "rtde"),
+        ("running", "ur_driver", "rtde", "finger", "mujoco"),
     ),
     "robot_ip": Argument(
         "Address of the arm; must be given with arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)

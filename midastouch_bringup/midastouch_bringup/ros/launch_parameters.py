@@ -15,10 +15,12 @@ from midastouch_perception.objects import bundled_objects
 
 from ..output_paths import codebook_path, quick_codebook
 from ..processes.parameter_files import merged, read_parameters
-from .launch_arguments import ARGUMENTS, OF_FILES, STREAM_NODES
+from .launch_arguments import ARGUMENTS, OF_FILES, SHARE, SIMULATED_ARMS, STREAM_NODES
 
 FILES = ("params_file", "setup_file", "params_overlay")
 """Arguments that name parameter files, each laid over those before."""
+OWN_TIME = ("mujoco",)
+"""Values of the argument `arm` with a parameter file of their own, over setup_file, and with a time of their own."""
 
 
 def parameters(given: Mapping[str, str]) -> dict[str, dict]:
@@ -28,6 +30,8 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     for a file whose sensor is another than the argument's, and for an arm without its address.
     """
     paths = [given[name] for name in FILES if given.get(name)]
+    if given.get("arm") in OWN_TIME:
+        paths.insert(len(paths) - bool(given.get("params_overlay")), str(SHARE / "config" / f"arm_{given['arm']}.yaml"))
     files = [_read(path) for path in paths]
     for path, nodes in zip(paths, files, strict=True):
         _require_same_sensor(path, nodes, given.get("sensor_model"))
@@ -37,13 +41,14 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
             value = _converted(name, given[name])
             for node, parameter in argument.sets:
                 overrides.setdefault(node, {})[parameter] = value
-    for node in STREAM_NODES:
-        overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
+    of_clock = given.get("use_sim_time") == "true" or given.get("arm") in OWN_TIME
+    for node in (*STREAM_NODES, *(("slider", "explorer") if of_clock else ())):
+        overrides.setdefault(node, {})["use_sim_time"] = of_clock
     if given.get("object"):
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"], given.get("sensor_model", "")).resolve()))
-        for node in ("digit_sim", "finger", "explorer"):
+        for node in ("digit_sim", *SIMULATED_ARMS, "explorer"):
             overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("objects"):
         objects = ",".join(_named(name, given.get("sensor_model", "")) for name in given["objects"].split(","))
@@ -52,12 +57,14 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
-        for node in ("particle_filter", "finger", "explorer"):
+        for node in ("particle_filter", *SIMULATED_ARMS, "slider", "explorer"):
             overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
     if prefix := given.get("sensor_prefix"):
         for node in ("digit_driver", "digit_sim"):
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
-        for node in ("digit_sim", "tdn", "particle_filter", "finger", "explorer"):
+        # the gel of an arm with mechanics is where its mount has it
+        sees = () if given.get("arm") in OWN_TIME else ("digit_sim",)
+        for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "slider", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))

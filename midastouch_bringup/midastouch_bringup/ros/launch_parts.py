@@ -9,6 +9,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import launch.logging
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -26,13 +27,16 @@ from .launch_arguments import ARGUMENTS, SHARE
 from .launch_parameters import FILES, object_to_come, parameters
 
 
-def declared(defaults: Mapping[str, str]) -> list[DeclareLaunchArgument]:
-    """Launch arguments by their names and defaults, as `Setup.values` gives them; the rest is of `ARGUMENTS`."""
+def declared(
+    defaults: Mapping[str, str], choices: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> list[DeclareLaunchArgument]:
+    """Launch arguments by their names and defaults, as `Setup.values` gives them; choices: where they take fewer values
+    than in `ARGUMENTS`, which the rest is of."""
     return [
         DeclareLaunchArgument(
             name,
             default_value=default,
-            choices=ARGUMENTS[name].choices or None,
+            choices=choices.get(name, ARGUMENTS[name].choices) or None,
             description=ARGUMENTS[name].description,
         )
         for name, default in defaults.items()
@@ -43,13 +47,13 @@ class MergedParameters(Substitution):
     """Path of the parameter file of one process, which launch writes to its log folder.
 
     params_file comes first, over it what the launch file changes (setup_file), then params_overlay, and over all of
-    them those of `arguments`, names of launch arguments, that are given; `ARGUMENTS` says what each of them sets. A
-    name that no launch file has declared counts as not given.
+    them those of `arguments`, names of launch arguments, that are given, and `arm`; `ARGUMENTS` says what each of them
+    sets. A name that no launch file has declared counts as not given.
     """
 
     def __init__(self, process: str, arguments: Sequence[str]):
         super().__init__()
-        self._process, self._names = process, {*FILES, *arguments}
+        self._process, self._names = process, {*FILES, "arm", *arguments}
 
     def describe(self) -> str:
         """For the messages of launch."""
@@ -89,8 +93,9 @@ class UseRespawn(LaunchConfiguration):
             raise _died(event)
 
 
-def lifecycle_node(package: str, executable: str, takes: Sequence[str]) -> LifecycleNode:
-    """One of our nodes, named as its executable; takes, names of the launch arguments that set its parameters."""
+def lifecycle_node(package: str, executable: str, takes: Sequence[str], **options) -> LifecycleNode:
+    """One of our nodes, named as its executable; takes, names of the launch arguments that set its parameters; options,
+    of the action, such as a condition."""
     use_respawn = UseRespawn()
     return LifecycleNode(
         package=package,
@@ -104,6 +109,7 @@ def lifecycle_node(package: str, executable: str, takes: Sequence[str]) -> Lifec
         respawn=use_respawn,
         respawn_delay=2.0,
         on_exit=use_respawn.or_end_launch,
+        **options,
     )
 
 

@@ -28,6 +28,10 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     Raises InputError for arguments that mean nothing and for nodes that are not installed.
     """
     given = values(name, words)
+    if given.get("arm") == "mujoco":
+        from midastouch_motion.mujoco_arm import require_mujoco
+
+        require_mujoco()
     environment = dict(os.environ)
     _programs(name, given, Path())  # what is not installed is named before the work of minutes
     prepare(name, given)
@@ -96,8 +100,9 @@ def values(setup: str, words: Sequence[str]) -> dict[str, str]:
         argument = ARGUMENTS[name]
         if argument.launch_only:
             raise InputError(f"{name}: only ros2 launch starts what this is about")
-        if argument.choices and value not in argument.choices:
-            raise InputError(f"{word}: must be one of {_choices(argument.choices)}")
+        allowed = SETUPS[setup].allowed(name)
+        if allowed and value not in allowed:
+            raise InputError(f"{word}: must be one of {_choices(allowed)}")
         given[name] = value
     if setup == "explore" and given["namespace"]:
         raise InputError("namespace: midastouch run explore draws without one; ros2 launch takes it")
@@ -113,7 +118,8 @@ def manual(setup: str) -> str:
     for name, default in defaults.items():
         argument = ARGUMENTS[name]
         if not argument.launch_only:
-            choices = f". One of: {_choices(argument.choices)}" if argument.choices else ""
+            allowed = SETUPS[setup].allowed(name)
+            choices = f". One of: {_choices(allowed)}" if allowed else ""
             lines.append(f"  {name}:={default}\n      {argument.description}{choices}")
     return "\n".join(lines)
 

@@ -31,17 +31,22 @@ class Executable:
 class Setup:
     """Processes that are started together. A part that is a name stands for all parts of that set-up.
 
-    `defaults`: of arguments that have another default here.
+    `defaults`: of arguments that have another default here; `choices`: of those that take fewer values here.
     """
 
     summary: str
     arguments: tuple[str, ...]
     parts: tuple[Executable | str, ...]
     defaults: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def values(self) -> dict[str, str]:
         """Every argument with its default."""
         return {name: self.defaults.get(name, ARGUMENTS[name].default) for name in self.arguments}
+
+    def allowed(self, name: str) -> tuple[str, ...]:
+        """The values that an argument takes; empty if any."""
+        return self.choices.get(name, ARGUMENTS[name].choices)
 
 
 _PERCEPTION = ("serial", "background", "sensor_model")
@@ -99,6 +104,7 @@ SETUPS = {
         ),
         (Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")), "mount", "driver", "localization"),
         {"sensor_model": "digit_real"},
+        {"arm": ("running", "ur_driver", "rtde")},
     ),
     "replay": Setup(
         "a recording through perception and filter, in its own time, without losing a frame",
@@ -107,22 +113,26 @@ SETUPS = {
         _OF_RECORDINGS,
     ),
     "explore": Setup(
-        "a simulated finger that explores an object by itself until the filter knows where it is",
-        tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop", "sensor_model")),
+        "a simulated finger or arm that explores an object by itself until the filter knows where it is",
+        ("arm", *(name for name in _RECORDING if name not in ("bag", "rate", "loop", "sensor_model"))),
         (
             "digit_sim",
             "localization",
-            Executable("midastouch_bringup", "finger"),
+            Executable("midastouch_bringup", "finger", when=("arm", "finger")),
+            Executable("midastouch_motion", "mujoco_arm", when=("arm", "mujoco")),
+            Executable("midastouch_motion", "slider", when=("arm", "mujoco")),
             Executable("midastouch_bringup", "explorer", ends=True),
         ),
         # a beginning from which it knows soon; from others it may give up
         {
+            "arm": "finger",
             "object": "handle_tool",
             "objects": ",".join(bundled_objects()),
             "seed": "2",
             "setup_file": str(SHARE / "config" / "explore.yaml"),
             "rviz_config": str(SHARE / "rviz" / "explore.rviz"),
         },
+        {"arm": ("finger", "mujoco")},
     ),
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",

@@ -23,7 +23,7 @@ from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import FilterStatus, TactileContact
 
 from .. import skills
-from ..contact_servo import ContactServo, Limits, Measured, slope_of
+from ..contact_servo import ContactServo, Limits, Measured, centre_of, slope_of
 from ..controller import Controller
 from ..guard import Guard, Seen
 from .requests import SKILL_OF
@@ -129,7 +129,7 @@ class Slider(ManagedNode):
         self._seen.enabled = self._now() if msg.data else -math.inf
 
     def _on_status(self, msg: FilterStatus) -> None:
-        self._seen.lost = msg.state == FilterStatus.STATE_LOST
+        self._seen.lost = self.parameters["stop_if_lost"] and msg.state == FilterStatus.STATE_LOST
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
         force = msg.wrench.force
@@ -142,7 +142,7 @@ class Slider(ManagedNode):
         if stamp <= self._seen.image:
             return
         depth = contact.depth if contact.in_contact else 0.0
-        self._controller.servo.measure(self._now(), Measured(stamp, depth, slope_of(points)))
+        self._controller.servo.measure(self._now(), Measured(stamp, depth, slope_of(points), centre_of(points)))
         self._seen.image, self._area = stamp, float(contact.area)
         if self._goal is not None:
             self._feed_back()
