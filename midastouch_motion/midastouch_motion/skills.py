@@ -123,12 +123,18 @@ class Lift(_Moving):
 
 
 class BackOff(_Moving):
-    """Straight back until the depth is half of what is allowed, or as far as a gel is thick."""
+    """Straight back until the depth is half of what is allowed, or if it is to be `clear` until nothing touches; at
+    most as far as a gel is thick."""
 
     _MOST = 5e-3  # m
 
+    def __init__(self, clear: bool = False):
+        super().__init__()
+        self._clear = clear
+
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
-        if servo.depth < 0.5 * servo.limits.depth or self._gone(pose) > self._MOST:
+        off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
+        if off or self._gone(pose) > self._MOST:
             return Ended(True, "backed off")
         return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
 
@@ -148,7 +154,7 @@ class Approach(_Moving):
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
         if self._back is None and servo.touching:
-            self._back = BackOff()
+            self._back = BackOff(clear=True)
             self._touched = Ended(False, f"touched on the way after {1e3 * gone:.0f} mm")
         if self._back is not None:
             answer = self._back.step(servo, now, pose)

@@ -104,7 +104,8 @@ def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
     run = there.run(start, [Approach(through)])
     assert not run.ended[0].success
     assert "touched on the way after" in run.ended[0].message
-    assert there.depth(run.pose) < 3e-3
+    assert there.depth(run.pose) == 0
+    assert there.run(run.pose, [Approach(start)]).ended[0].success, "the way back is free"
 
 
 def test_the_guard_ends_an_approach_too(world):

@@ -17,9 +17,10 @@ def add_parser(subparsers) -> None:
         run,
         "measure how far a finger slides until the filter has converged, where it is told to and at random",
         "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --json out/exploration.json",
-        "A simulated finger begins anywhere on the object, and nothing is known. It slides where suggest_motion says,\n"
-        "the same with lifts allowed, or on geodesics in random directions, until the filter is converged, it is said\n"
-        "that nothing tells the remaining places apart, or the way is too long. Policies begin at the same places.\n"
+        "A simulated finger begins anywhere on the object, and nothing is known. It decides as the node explorer\n"
+        "does: by what suggest_motion says, asked for slides or for lifts, too, or at random, until the filter is\n"
+        "converged, it is said that nothing tells the remaining places apart, or the way is too long. Policies begin\n"
+        "at the same places.\n"
         "Codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
     )
     parser.add_argument("--trials", type=arguments.positive_int, default=10, help="per object and policy (default 10)")

@@ -1,11 +1,15 @@
 import numpy as np
 import pytest
 from explorer_rig import TOOL, TOUCHING, Rig
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_bringup.bags.messages import TRUTH_FRAME
+from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common.ros import qos
-from midastouch_msgs.msg import FilterStatus, Suggestion
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
@@ -214,3 +218,20 @@ class TestAnotherObject:
         assert not response.success
         assert "/nowhere/cup.ply" in response.message
         assert rig.statuses[-1].state == "exploring"
+
+
+def test_without_an_arm_it_ends_and_says_what_is_missing(graph):
+    """There are images and a filter, but nobody who moves the gel."""
+    graph.add(Explorer, {"patience": 1.0})
+    statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
+    tf = graph.publisher(TFMessage, "/tf", qos.TF)
+    answers = graph.publisher(FilterStatus, "filter_status", latched=True)
+
+    def goes_on():
+        header = Header(stamp=graph.companion.get_clock().now().to_msg(), frame_id=BASE_FRAME)
+        tf.publish(TFMessage(transforms=[TransformStamped(header=header, child_frame_id=GEL_FRAME)]))
+        answers.publish(FilterStatus(header=header, state=FilterStatus.STATE_NO_CONTACT))
+        return statuses and statuses[-1].state == ExplorerStatus.STATE_GAVE_UP
+
+    graph.spin_until(goes_on, "an end")
+    assert "nobody offers the actions touch, slide, lift and approach" in statuses[-1].reason

@@ -43,6 +43,8 @@ def test_an_approach_that_touches_ends(graph):
     asked = rig.ask(Approach, pose=posed(x=0.05))
     asked.moves()
     rig.depth = 2e-4
+    rig.until(lambda: rig.twists[-1].twist.linear.z > 2e-3, "the gel to be pulled back")
+    rig.depth = 0.0
     assert "touched on the way" in asked.ended().message
 
 
