@@ -14,6 +14,7 @@ from midastouch_common import se3
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
+_OFF_CENTRE = 5e-4  # m: a contact is in view
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 _THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
@@ -68,7 +69,7 @@ class Touch(_Moving):
             if gone > self._distance:
                 return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
-        if abs(servo.depth - self._depth) > _SETTLED:
+        if abs(servo.depth - self._depth) > _SETTLED or np.linalg.norm(servo.off_centre) > _OFF_CENTRE:
             self._settled = None
         elif self._settled is None:
             self._settled = now
