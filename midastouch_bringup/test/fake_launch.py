@@ -14,7 +14,10 @@ PACKAGE = Path(__file__).parents[1]
 ROOT = PACKAGE.parent
 FACTS = yaml.safe_load((ROOT / "tests" / "facts" / "launch.yaml").read_text())
 FILES = sorted(path.name.removesuffix(".launch.py") for path in (PACKAGE / "launch").glob("*.launch.py"))
-OURS = ("midastouch_common", "digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+OURS = (
+    *("midastouch_common", "digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_motion"),
+    "midastouch_bringup",
+)
 # holds, once imported, what was imported on top of the stand-ins
 DEPENDENT = "midastouch_bringup.ros.launch_parts"
 # what the launch files start beside our nodes

@@ -26,10 +26,14 @@ def test_live_starts_the_chain_and_no_arm_unless_asked():
     assert arguments["launch_rviz"] == "false"
 
 
+ARMS = {"live_ur": ["running", "rtde"], "explore": ["finger", "mujoco"]}
+
+
 @pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize("composed", ["true", "false"])
-@pytest.mark.parametrize("arm", ["running", "rtde"])
-@pytest.mark.parametrize("name", [name for name in FILES if name != "rviz"])
+@pytest.mark.parametrize(
+    ("name", "arm"), [(name, arm) for name in FILES if name != "rviz" for arm in ARMS.get(name, ["running"])]
+)
 def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, monkeypatch):
     """The same processes, and each of their nodes with the same parameters."""
     from midastouch_bringup.ros.launch_parameters import explored

@@ -138,10 +138,6 @@ class ContactServo:
         centre = self._measured.centre
         return centre * max(1.0 - _CENTRAL / max(float(np.linalg.norm(centre)), 1e-12), 0.0)
 
-    def towards_centre(self, depth: float) -> np.ndarray:
-        """m/s (2,) along the surface that bring a contact at the gel's border into view."""
-        return _within(self.gain * self.off_centre, self.slide_speed(depth))
-
     def approach_speed(self, depth: float) -> float:
         """m/s at which the gel gets half as deep as `depth` [m] before the arm has answered to the first contact."""
         return min(self.limits.air_speed, 0.5 * depth / self.delay)

@@ -8,6 +8,8 @@ from .contact_servo import ContactServo
 from .guard import Guard, Seen
 from .skills import BackOff, Ended, Skill
 
+_COMES_WITHIN = 1.0  # s: the first image, an `enable`
+
 
 class Controller:
     """Args: servo; guard.
@@ -19,6 +21,8 @@ class Controller:
         self.servo, self.guard = servo, guard
         self.skill: Skill | None = None
         self._reason: Ended | None = None  # of a motion that is over, while the gel backs off
+        self._since: float | None = None  # s, when the present motion was first asked for a twist
+        self._moving = False
 
     @property
     def path(self) -> float:
@@ -28,20 +32,26 @@ class Controller:
     def begin(self, skill: Skill) -> None:
         """Carry out a skill from now on."""
         self.skill, self._reason = skill, None
+        self._since, self._moving = None, False
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, Ended | None]:
         """The twist (6,) at `now` [s], and how the motion has ended if it has: then the twist is zero.
 
-        seen: but for its depth, which is the servo's. What is too deep is pulled back before the motion ends.
+        seen: but for its depth, which is the servo's. What is too deep is pulled back before the motion ends. One that
+        has not begun yet waits a little for what it needs.
         """
         seen.depth = self.servo.depth
+        self._since = now if self._since is None else self._since
         if problem := self.guard.stop(now, seen):
+            if not self._moving and now - self._since < _COMES_WITHIN:
+                return self.servo.stop(now), None
             return self._end(now, self._reason or Ended(False, problem))
         if self._reason is None and (problem := self.guard.too_deep(seen)):
             self._reason, self.skill = Ended(False, problem), BackOff()
         answer = self.skill.step(self.servo, now, seen.gel)
         if isinstance(answer, Ended):
             return self._end(now, self._reason or answer)
+        self._moving = True
         return self.servo.command(now, answer), None
 
     def cancel(self, now: float) -> np.ndarray:

@@ -14,7 +14,6 @@ from midastouch_common import se3
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
-_OFF_CENTRE = 5e-4  # m: a contact is in view
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 _THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
@@ -69,13 +68,13 @@ class Touch(_Moving):
             if gone > self._distance:
                 return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
-        if abs(servo.depth - self._depth) > _SETTLED or np.linalg.norm(servo.off_centre) > _OFF_CENTRE:
+        if abs(servo.depth - self._depth) > _SETTLED:
             self._settled = None
         elif self._settled is None:
             self._settled = now
         elif now - self._settled > _SETTLED_FOR:
             return Ended(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
-        return servo.pressed(self._depth, servo.towards_centre(self._depth))
+        return servo.pressed(self._depth, np.zeros(2))
 
 
 class Slide(_Moving):
@@ -98,7 +97,7 @@ class Slide(_Moving):
             self._lost = None
             if servo.off_centre @ self._along < 0:
                 return Ended(False, f"the contact leaves the gel after {1e3 * gone:.0f} mm: over an edge")
-            beside = servo.towards_centre(self._depth)
+            beside = servo.gain * servo.off_centre
             beside = beside - (beside @ self._along) * self._along
             return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + beside)
         if self._lost is None:

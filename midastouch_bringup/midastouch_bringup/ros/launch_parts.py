@@ -24,7 +24,7 @@ from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 from ..processes.parameter_files import written
 from ..processes.process import bound_to_us
 from .launch_arguments import ARGUMENTS, SHARE
-from .launch_parameters import FILES, object_to_come, parameters
+from .launch_parameters import FILES, OWN_TIME, object_to_come, parameters
 
 
 def declared(
@@ -47,13 +47,13 @@ class MergedParameters(Substitution):
     """Path of the parameter file of one process, which launch writes to its log folder.
 
     params_file comes first, over it what the launch file changes (setup_file), then params_overlay, and over all of
-    them those of `arguments`, names of launch arguments, that are given, and `arm`; `ARGUMENTS` says what each of them
-    sets. A name that no launch file has declared counts as not given.
+    them those of `arguments`, names of launch arguments, that are given, and a simulated `arm`; `ARGUMENTS` says what
+    each of them sets. A name that no launch file has declared counts as not given.
     """
 
     def __init__(self, process: str, arguments: Sequence[str]):
         super().__init__()
-        self._process, self._names = process, {*FILES, "arm", *arguments}
+        self._process, self._names = process, {*FILES, *arguments}
 
     def describe(self) -> str:
         """For the messages of launch."""
@@ -65,7 +65,8 @@ class MergedParameters(Substitution):
         namespace = given["namespace"]
         name = "_".join([*filter(None, namespace.split("/")), self._process])
         path = Path(launch.logging.launch_config.get_log_file_path(f"{name}.yaml"))
-        path.write_text(written(parameters({key: given[key] for key in self._names if key in given}), namespace))
+        names = self._names | ({"arm"} if given.get("arm") in OWN_TIME else set())
+        path.write_text(written(parameters({key: given[key] for key in names if key in given}), namespace))
         return str(path)
 
 
