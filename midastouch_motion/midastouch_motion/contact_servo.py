@@ -20,7 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
 
+_STEP = 1e-5  # m, over which the gel's slope is taken
 _TELLING = 2e-3  # m: a contact that extends less far tells little of the surface's slope
 _STEEPEST = 0.5  # slope of a surface that is taken for one
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
@@ -64,16 +66,21 @@ def centre_of(points: np.ndarray) -> np.ndarray:
     return points[:, :2].mean(axis=0) if len(points) else np.zeros(2)
 
 
-def slope_of(points: np.ndarray) -> np.ndarray:
+def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
     """Slope (2,) of the plane through contact points (K, 3) m in the gel's frame: dz/dx and dz/dy.
 
-    By least squares, with a prior of none that weighs as much as a contact that extends 2 mm.
+    By least squares, with a prior that weighs as much as a contact that extends 2 mm: the object lies on the gel, and
+    so has the slope of the untouched gel there. By it the gel turns its apex to what is round, whose contact is small.
     """
     if len(points) < 3:
         return np.zeros(2)
-    across = points[:, :2] - points[:, :2].mean(axis=0)
+    centre = centre_of(points)
+    gel = np.array([sensor.sag(*(centre + each)) - sensor.sag(*(centre - each)) for each in _STEP * np.eye(2)])
+    gel /= 2 * _STEP
+    across = points[:, :2] - centre
     normal = across.T @ across + len(points) * _TELLING**2 * np.eye(2)
-    return np.clip(np.linalg.solve(normal, across.T @ points[:, 2]), -_STEEPEST, _STEEPEST)
+    beside = np.linalg.solve(normal, across.T @ (points[:, 2] - across @ gel))
+    return np.clip(gel + beside, -_STEEPEST, _STEEPEST)
 
 
 class ContactServo:

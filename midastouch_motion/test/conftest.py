@@ -53,7 +53,11 @@ class World:
         if contact.area_m2 < _LEAST_AREA:
             return 0.0, np.zeros(2), np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, SENSOR)
-        return max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6), slope_of(points), centre_of(points)
+        return (
+            max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6),
+            slope_of(points, SENSOR),
+            centre_of(points),
+        )
 
     def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
         """Carry out the skills one after the other, from a gel pose (4, 4)."""

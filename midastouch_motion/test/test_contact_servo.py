@@ -3,6 +3,9 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_motion.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_perception.sensor_model import SensorModel
+
+SENSOR = SensorModel.load("digit_tacto").for_maps
 
 
 def plane(slope, size):
@@ -12,9 +15,18 @@ def plane(slope, size):
 
 
 def test_the_slope_is_that_of_the_points_and_less_where_they_are_close():
-    np.testing.assert_allclose(slope_of(plane((0.1, -0.05), 0.04)), [0.1, -0.05], rtol=0.05)
-    assert np.linalg.norm(slope_of(plane((0.1, -0.05), 0.001))) < 0.02
-    assert not slope_of(np.zeros((2, 3))).any()
+    np.testing.assert_allclose(slope_of(plane((0.1, -0.05), 0.04), SENSOR), [0.1, -0.05], rtol=0.05)
+    assert np.linalg.norm(slope_of(plane((0.1, -0.05), 0.001), SENSOR)) < 0.02
+    assert not slope_of(np.zeros((2, 3)), SENSOR).any()
+
+
+def test_a_small_contact_beside_the_apex_lies_on_the_gel_as_it_falls_off_there():
+    beside = plane((0.0, 0.0), 1e-4) + np.array([6e-3, 0.0, 0.0])
+    slope = slope_of(beside, SENSOR)
+    assert slope[0] == pytest.approx(6e-3 / dict(SENSOR.dome)["radius_x"], rel=0.05)
+    assert abs(slope[1]) < 1e-3
+    flat = SensorModel.load("gelsight_mini")
+    assert np.linalg.norm(slope_of(beside, flat)) < 1e-3
 
 
 def test_limits_that_are_none_are_refused():

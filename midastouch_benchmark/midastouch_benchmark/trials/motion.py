@@ -160,7 +160,7 @@ class _Trial:
         if not contact.in_contact:
             return 0.0, np.zeros(2), np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._small)
-        return contact.depth_m, slope_of(points), centre_of(points)
+        return contact.depth_m, slope_of(points, self._small), centre_of(points)
 
     def run(self) -> dict:
         """touch and slide: how each ended, in words; whether it succeeded; deepest_mm; touch: depth_mm in the end;

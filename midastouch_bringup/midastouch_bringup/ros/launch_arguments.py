@@ -66,7 +66,7 @@ ARGUMENTS = {
     "sensor_model": Argument(
         "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; empty: as in the "
         "parameter files",
-        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, *SIMULATED_ARMS)),
+        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, *SIMULATED_ARMS, "slider")),
     ),
     # perception and filter
     "background": Argument(

@@ -21,6 +21,7 @@ from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
 from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import FilterStatus, TactileContact
+from midastouch_perception.sensor_model import SensorModel
 
 from .. import skills
 from ..contact_servo import ContactServo, Limits, Measured, centre_of, slope_of
@@ -64,6 +65,7 @@ class Slider(ManagedNode):
         p = self.parameters
         if p["depth"] >= p["max_depth"]:
             raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
+        self._sensor = SensorModel.load(p["sensor_model"])
         limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
         box = np.array(p["box_low"]), np.array(p["box_high"])
         guard = Guard(*box, p["max_depth"], p["hold"], p["stale_after"], p["max_force"] or math.inf)
@@ -142,7 +144,9 @@ class Slider(ManagedNode):
         if stamp <= self._seen.image:
             return
         depth = contact.depth if contact.in_contact else 0.0
-        self._controller.servo.measure(self._now(), Measured(stamp, depth, slope_of(points), centre_of(points)))
+        self._controller.servo.measure(
+            self._now(), Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points))
+        )
         self._seen.image, self._area = stamp, float(contact.area)
         if self._goal is not None:
             self._feed_back()
