@@ -47,6 +47,27 @@ def test_starts_spread_out_and_on_the_surface(coded_slide, world):
     assert len(np.unique(filter_.poses[:, 0, 3])) > 0.99 * coded_slide.config.max_particles
 
 
+def test_from_nothing_known_the_way_through_the_air_to_the_first_touch_says_nothing(coded_slide, world):
+    """Wherever the sensor was, it touches the surface; from a pose that is known it does not if it goes past it."""
+    down, air = se3.make(np.eye(3), np.array([0.0, 0.0, -5e-3])), Measurement(False, None)
+    for known in (False, True):
+        filter_ = coded_slide.make_filter()
+        if known:
+            filter_.initialise_gaussian(world.poses[0], 1e-3, 0.05)
+        else:
+            filter_.initialise_uniform()
+        for _ in range(6):
+            filter_.step(down, air)
+        distance = world.mesh.closest_points(filter_.poses[:, :3, 3])[1]
+        on_surface = (distance < 2.2e-3).mean()
+        assert on_surface < 0.05 if known else on_surface > 0.9
+    filter_ = coded_slide.make_filter()
+    filter_.initialise_uniform()
+    for _ in range(6):
+        filter_.step(down, air)
+    assert error(play(filter_, coded_slide), coded_slide.poses[-1])[0] < 5e-3
+
+
 def test_a_symmetric_object_keeps_both_answers(world, coded_slide):
     """An ellipsoid, and codes that cannot tell a pose from the one turned by 180 degrees about its z axis."""
     ball = trimesh.creation.icosphere(subdivisions=3)
