@@ -35,7 +35,7 @@ def test_an_own_motion_model_moves_the_particles(world):
 
     quiet = replace(CONFIG, noise_per_metre=0.0, noise_per_radian=0.0)
     filter_ = ParticleFilter(world.mesh, world.codebook, quiet, make_policies=make)
-    filter_.initialise_uniform()
+    filter_.initialise_gaussian(world.poses[0], 0.01, 0.2)
     before = filter_.poses
     filter_.step(STEP, Measurement(False))
     np.testing.assert_allclose(filter_.poses, before @ STEP @ STEP, atol=1e-6)

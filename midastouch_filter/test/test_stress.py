@@ -230,7 +230,7 @@ def test_float32_particles_agree_with_float64_over_a_slide(filter_, world):
         min_particles=200, recovery_fraction=0.0, refinement=False, threads=1,
     )  # fmt: skip
     chain = ParticleFilter(world.mesh, some_book(world, world.mesh), still, 0)
-    chain.initialise_uniform()
+    chain.initialise_gaussian(world.poses[0], 0.01, 0.2)
     expected = chain.poses
     for motion, _ in codes_along(world, 200):
         chain.step(motion, Measurement(False))
