@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
 
+from .arm.rtde import BASE_LINK_FROM_BASE
+
 # Universal Robots, "DH parameters for calculations of kinematics and dynamics": a [m], d [m], alpha [rad], mass [kg]
 _LINKS = (
     (0.0, 0.1625, np.pi / 2, 3.761),
@@ -44,8 +46,7 @@ def ur_model(mount: np.ndarray, base_from_object: np.ndarray, holding: float, pe
     ElementTree.SubElement(world, "geom", name="table", type="plane", size="1 1 0.1")
     _object(world, base_from_object, holding)
     actuators = ElementTree.SubElement(root, "actuator")
-    # every UR counts its joints in a frame that is half a turn from base_link
-    fixed = np.diag([-1.0, -1.0, 1.0, 1.0])
+    fixed = BASE_LINK_FROM_BASE
     body = world
     for number, (a, d, alpha, mass) in enumerate(_LINKS):
         body = _body(body, f"link{number}", fixed, gravcomp="1")
@@ -91,8 +92,8 @@ def _body(parent: ElementTree.Element, name: str, pose: np.ndarray, **attributes
 
 
 def _place(element: ElementTree.Element, pose: np.ndarray) -> None:
-    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
-    element.set("pos", " ".join(f"{each}" for each in pose[:3, 3]))
+    *position, x, y, z, w = se3.to_xyzquat(pose).tolist()
+    element.set("pos", " ".join(map(str, position)))
     element.set("quat", f"{w} {x} {y} {z}")
 
 

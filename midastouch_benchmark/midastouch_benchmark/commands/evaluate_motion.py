@@ -25,8 +25,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--trials", type=arguments.positive_int, default=20, help="on each object (default 20)")
     options.add_sensor_option(parser, options.SIMULATED)
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help="start no trial after this time")
+    options.add_workforce_options(parser, "trial")
     options.add_json_option(parser)
 
 

@@ -128,6 +128,11 @@ seven only validated."""
 def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
     """What every campaign is asked for: as `add_object_options`, workers and time. unit: what one trial is called."""
     add_object_options(parser)
+    add_workforce_options(parser, unit)
+
+
+def add_workforce_options(parser: argparse.ArgumentParser, unit: str) -> None:
+    """Workers and time, as `campaign` takes them. unit: what one trial is called."""
     arguments.add_cluster_options(parser)
     parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
 

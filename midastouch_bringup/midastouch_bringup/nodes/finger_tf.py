@@ -6,14 +6,11 @@ import time
 from collections import deque
 from collections.abc import Mapping
 
-import numpy as np
-from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_filter.transforms import SECOND
 
 from ..bags.messages import TRUTH_GEL_FRAME
@@ -40,12 +37,13 @@ class FingerTf:
         self.moved_at = time.monotonic()
         self.awaited.append(self.stamp)
         world, frames = self._world, self._frames
-        transforms = [
-            self._transform(frames["base"], frames["object"], world.base_from_object),
-            self._transform(frames["base"], frames["sensor"], world.base_from_gel),
-            self._transform(frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
-        ]
-        self._publisher.publish(TFMessage(transforms=transforms))
+        poses = (
+            (frames["base"], frames["object"], world.base_from_object),
+            (frames["base"], frames["sensor"], world.base_from_gel),
+            (frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
+        )
+        stamp = stamp_from_ns(self.stamp)
+        self._publisher.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
 
     def answered(self, stamp: int) -> bool:
         """Whether the image of a stamp [ns] was awaited; no longer, nor are those before it, which are lost."""
@@ -54,7 +52,3 @@ class FingerTf:
         while self.awaited and self.awaited[0] <= stamp:
             self.awaited.popleft()
         return True
-
-    def _transform(self, parent: str, child: str, pose: np.ndarray) -> TransformStamped:
-        header = Header(stamp=stamp_from_ns(self.stamp), frame_id=parent)
-        return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(pose))

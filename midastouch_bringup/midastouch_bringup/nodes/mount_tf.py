@@ -6,12 +6,10 @@ import sys
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from geometry_msgs.msg import TransformStamped
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import transform_to_msg
+from midastouch_common.ros.conversions import stamped_transform
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run
@@ -41,16 +39,7 @@ class MountTf(PipelineNode):
         )
         now = self.get_clock().now().to_msg()
         self.create_publisher(TFMessage, "/tf_static", qos.latched()).publish(
-            TFMessage(
-                transforms=[
-                    TransformStamped(
-                        header=Header(stamp=now, frame_id=parent),
-                        child_frame_id=child,
-                        transform=transform_to_msg(transform),
-                    )
-                    for parent, child, transform in mount
-                ]
-            )
+            TFMessage(transforms=[stamped_transform(now, *each) for each in mount])
         )
         self.get_logger().info(", ".join(f"{parent} -> {child}" for parent, child, _ in mount))
 

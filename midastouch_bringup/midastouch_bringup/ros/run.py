@@ -28,10 +28,6 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     Raises InputError for arguments that mean nothing and for nodes that are not installed.
     """
     given = values(name, words)
-    if given.get("arm") == "mujoco":
-        from midastouch_motion.mujoco_arm import require_mujoco
-
-        require_mujoco()
     environment = dict(os.environ)
     _programs(name, given, Path())  # what is not installed is named before the work of minutes
     prepare(name, given)
@@ -70,6 +66,10 @@ def prepare(name: str, given: Mapping[str, str]) -> None:
     named and not there.
     """
     parameters(given)
+    if given.get("arm") == "mujoco":
+        from midastouch_motion.mujoco_arm import require_mujoco
+
+        require_mujoco()
     # here: `--show-args`, and set-ups without files, do without the libraries behind it
     if named := named_files(given):
         from ..demo.preparation import require_there

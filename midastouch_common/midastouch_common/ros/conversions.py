@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Quaternion, Transform, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -79,6 +79,12 @@ def transform_to_msg(transform: np.ndarray) -> Transform:
     """Transform message of a transform (4, 4)."""
     x, y, z, qx, qy, qz, qw = se3.to_xyzquat(transform).tolist()
     return Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+
+
+def stamped_transform(stamp: Time, parent: str, child: str, transform: np.ndarray) -> TransformStamped:
+    """Where a frame `child` is in another one, for TF: T_parent_child (4, 4)."""
+    header = Header(stamp=stamp, frame_id=parent)
+    return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(transform))
 
 
 def float32_to_msg(values: np.ndarray) -> array.array:

@@ -6,7 +6,7 @@ import math
 import time
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
+from geometry_msgs.msg import TwistStamped, Wrench, WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -17,7 +17,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos, spin
-from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_filter.nodes.object_source import resolve
@@ -29,7 +29,7 @@ from ..arm.rtde import JOINT_NAMES
 from ..arm.twists import TwistLimits
 from ..gel_layer import Gel
 from ..mujoco_arm import MujocoArm, Setting
-from .twist_topic import twist_of
+from .twist_topic import twist_of, vectors
 
 PARAMETERS = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
@@ -121,22 +121,11 @@ class MujocoArmNode(PipelineNode):
             (p["base_frame_id"], p["object_frame_id"], thing),
             (p["object_frame_id"], p["true_sensor_frame_id"], arm.gel_on_object),
         )
-        self._tf.publish(
-            TFMessage(
-                transforms=[
-                    TransformStamped(
-                        header=Header(stamp=stamp, frame_id=parent),
-                        child_frame_id=child,
-                        transform=transform_to_msg(pose),
-                    )
-                    for parent, child, pose in poses
-                ]
-            )
-        )
+        self._tf.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
         positions, velocities = (each.tolist() for each in arm.joints)
         header = Header(stamp=stamp)
         self._joints.publish(JointState(header=header, name=JOINT_NAMES, position=positions, velocity=velocities))
-        force, torque = (Vector3(**dict(zip("xyz", part, strict=True))) for part in arm.wrench.reshape(2, 3).tolist())
+        force, torque = vectors(arm.wrench)
         header = Header(stamp=stamp, frame_id=p["sensor_frame_id"])
         self._wrench.publish(WrenchStamped(header=header, wrench=Wrench(force=force, torque=torque)))
 

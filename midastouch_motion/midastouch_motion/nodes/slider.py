@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped, Vector3, WrenchStamped
+from geometry_msgs.msg import TwistStamped, WrenchStamped
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from std_msgs.msg import Bool, Header
@@ -30,6 +30,7 @@ from ..guard import Guard, Seen
 from .requests import SKILL_OF
 from .slider_parameters import PARAMETERS
 from .touch_images import TouchImages
+from .twist_topic import vectors
 
 
 class Slider(ManagedNode):
@@ -215,9 +216,8 @@ class Slider(ManagedNode):
             self._end(ended, path)
 
     def _publish(self, twist: np.ndarray) -> None:
-        linear, angular = (Vector3(**dict(zip("xyz", each, strict=True))) for each in twist.reshape(2, 3).tolist())
         message = TwistStamped(header=Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frames[1]))
-        message.twist.linear, message.twist.angular = linear, angular
+        message.twist.linear, message.twist.angular = vectors(twist)
         self._twists.publish(message)
 
     def _feed_back(self) -> None:

@@ -41,6 +41,9 @@ def program(text: str) -> list[str]:
     return [sys.executable, "-c", f"import os, sys, time\n{text}"]
 
 
+SILENT = program("print('ready', flush=True); time.sleep(600)")
+
+
 def real(timeout: float = 10.0) -> list[str]:
     return ur_follower.command(ADDRESS, Stopping(0.5, 5.0, timeout))
 
@@ -59,13 +62,13 @@ def test_the_reason_of_a_program_is_said(followed):
 
 def test_a_program_that_hangs_is_ended(followed, monkeypatch):
     monkeypatch.setattr(follower_process, "SILENT_S", 0.2)
-    process = followed(program("print('ready', flush=True); time.sleep(600)"))
+    process = followed(SILENT)
     until(lambda: process.connections >= 2)
     assert process.said[1] == "ur-rtde does not answer any more"
 
 
 def test_a_full_pipe_blocks_nobody(followed):
-    process = followed(program("print('ready', flush=True); time.sleep(600)"))
+    process = followed(SILENT)
     until(lambda: not process.trouble)
     for _ in range(2000):
         process.send(TWIST)
