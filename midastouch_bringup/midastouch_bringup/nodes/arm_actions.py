@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header
 
-from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import pose_from_msg
 from midastouch_common.ros.conversions import pose_to_msg
+from midastouch_common.ros.goals import direction_in, heading_in, length_in, pose_in
 from midastouch_msgs import action
 
 from ..explore.acts import Act, Approach, Lift, Slide, Touch
@@ -20,11 +17,6 @@ KINDS = {Touch: action.Touch, Slide: action.Slide, Lift: action.Lift, Approach: 
 """The type of the action for each kind of act."""
 
 _FARTHEST = 2.0  # m
-
-
-def name_of(kind: type) -> str:
-    """The name of an action of this type."""
-    return kind.__name__.lower()
 
 
 def goal_of(act: Act, base: str) -> Any:
@@ -44,24 +36,11 @@ def act_of(goal: Any, base: str) -> Act:
     """The act that a goal asks for; InputError for what makes no sense."""
     match goal:
         case action.Touch.Goal():
-            direction = np.array([goal.direction.x, goal.direction.y, goal.direction.z])
-            if not np.isfinite(direction).all():
-                raise InputError("direction: not finite")
-            distance = _checked("distance", goal.distance)
-            return Touch(distance, tuple(direction)) if direction.any() else Touch(distance)
+            distance, direction = length_in("distance", goal.distance, _FARTHEST), direction_in(goal.direction)
+            return Touch(distance) if direction is None else Touch(distance, tuple(direction))
         case action.Slide.Goal():
-            if not math.isfinite(goal.heading):
-                raise InputError("heading: not finite")
-            return Slide(goal.heading, _checked("length", goal.length))
+            return Slide(heading_in(goal.heading), length_in("length", goal.length, _FARTHEST))
         case action.Lift.Goal():
-            return Lift(_checked("height", goal.height))
+            return Lift(length_in("height", goal.height, _FARTHEST))
         case _:
-            if goal.pose.header.frame_id != base:
-                raise InputError(f"pose: it is in '{goal.pose.header.frame_id}'; give it in '{base}'")
-            return Approach(pose_from_msg(goal.pose.pose))
-
-
-def _checked(name: str, value: float) -> float:
-    if not 0 < value <= _FARTHEST:
-        raise InputError(f"{name} {value:g} is not between 0 and {_FARTHEST:g} m")
-    return value
+            return Approach(pose_in(goal.pose, base))

@@ -11,8 +11,10 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
+from midastouch_common.ros.goals import name_of
+
 from ..explore.acts import Act
-from .arm_actions import KINDS, goal_of, name_of
+from .arm_actions import KINDS, goal_of
 
 
 class ArmClient:

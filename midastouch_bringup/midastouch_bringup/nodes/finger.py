@@ -7,10 +7,10 @@ import time
 from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Header
@@ -21,7 +21,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_common.ros.goals import end_goal
+from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
 from midastouch_filter.nodes.object_source import resolve
@@ -31,7 +31,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..explore.acts import Done
 from ..explore.world import World
-from .arm_actions import KINDS, act_of, name_of
+from .arm_actions import KINDS, act_of
 from .finger_parameters import PARAMETERS
 from .finger_tf import FingerTf
 
@@ -59,7 +59,7 @@ class Finger(PipelineNode):
     another one there.
     """
 
-    _servers: Sequence[ActionServer] = ()
+    _servers: Sequence[GoalServer] = ()
 
     def __init__(self, **node_options):
         super().__init__("finger", **node_options)
@@ -75,14 +75,7 @@ class Finger(PipelineNode):
         self.create_service(Trigger, "~/push", self._on_push)
         self.create_service(SetObject, "~/set_object", self._on_set_object)
         self._servers = [
-            ActionServer(
-                self,
-                kind,
-                name_of(kind),
-                execute_callback=lambda goal: None,  # `_end` names another one
-                handle_accepted_callback=lambda goal, kind=kind: self._on_goal(goal, kind),
-                cancel_callback=self._on_cancel,
-            )
+            GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
             for kind in KINDS.values()
         ]
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -90,7 +83,7 @@ class Finger(PipelineNode):
     def destroy_node(self) -> None:
         """As of every node; goals cannot be ended any more."""
         for server in self._servers:
-            server.destroy()
+            server.close()
         super().destroy_node()
 
     @property
@@ -156,12 +149,7 @@ class Finger(PipelineNode):
         self._motions.append(_Motion(self._world.carry_out(act), goal, kind))
         self._go_on()
 
-    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        # it is being cancelled only once this has returned
-        self.executor.create_task(lambda: self._cancel(goal))
-        return CancelResponse.ACCEPT
-
-    def _cancel(self, goal: ServerGoalHandle) -> None:
+    def _on_cancel(self, goal: ServerGoalHandle) -> None:
         for motion in [one for one in self._motions if one.goal is goal]:
             self._motions.remove(motion)
             self._end(goal, motion.kind, self._refusal("cancelled", motion.path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from std_msgs.msg import Header
@@ -14,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import poses_to_msgs, stamp_from_ns
-from midastouch_common.ros.goals import end_goal
+from midastouch_common.ros.goals import GoalServer, end_goal
 from midastouch_common.ros.managed_node import INACTIVE
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs import action
@@ -45,25 +44,18 @@ class MotionAdvice:
         clock: Callable[[], float],
         stamp: Callable[[], int],
     ):
-        self._node, self._localiser, self._parameters = node, localiser, parameters
+        self._localiser, self._parameters = localiser, parameters
         self._clock, self._stamp = clock, stamp
         self._goals: list[ServerGoalHandle] = []
         self._last = -math.inf
         self._shown = node.create_publisher(MarkerArray, "suggestions", qos.stream_publisher(parameters["queue_depth"]))
         node.create_service(SuggestMotion, "suggest_motion", self._on_service)
-        self._server = ActionServer(
-            node,
-            action.SuggestMotion,
-            "suggest_motion",
-            execute_callback=lambda goal: None,  # `_end` names another one
-            handle_accepted_callback=self._on_goal,
-            cancel_callback=self._on_cancel,
-        )
+        self._server = GoalServer(node, action.SuggestMotion, "suggest_motion", self._on_goal, self._on_cancel)
 
     def close(self) -> None:
         """Destroy the action server, before the node is destroyed: a goal could not be ended any more."""
         self._goals = []
-        self._server.destroy()
+        self._server.close()
 
     def stop(self, reason: str) -> None:
         """End all goals: the node stops being active."""
@@ -108,10 +100,8 @@ class MotionAdvice:
             return
         self._answer(goal, self._stamp())
 
-    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        # it is being cancelled only once this has returned
-        self._node.executor.create_task(lambda: self._end(goal, False, "cancelled"))
-        return CancelResponse.ACCEPT
+    def _on_cancel(self, goal: ServerGoalHandle) -> None:
+        self._end(goal, False, "cancelled")
 
     def _answer(self, goal: ServerGoalHandle, stamp: int) -> None:
         try:

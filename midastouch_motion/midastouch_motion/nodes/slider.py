@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped, WrenchStamped
-from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from std_msgs.msg import Bool, Header
 
@@ -15,7 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_common.ros.goals import end_goal
+from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
@@ -41,20 +41,13 @@ class Slider(ManagedNode):
     """
 
     _goal: tuple[ServerGoalHandle, type] | None = None
-    _servers: Sequence[ActionServer] = ()
+    _servers: Sequence[GoalServer] = ()
 
     def __init__(self, **node_options):
         super().__init__("slider", PARAMETERS, **node_options)
         self._twists = self.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._servers = [
-            ActionServer(
-                self,
-                kind,
-                kind.__name__.lower(),
-                execute_callback=lambda goal: None,  # `_end` names another one
-                handle_accepted_callback=lambda goal, kind=kind: self._on_goal(goal, kind),
-                cancel_callback=self._on_cancel,
-            )
+            GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
             for kind in SKILL_OF
         ]
         self._ended, self._more_zeros = "", 0
@@ -107,7 +100,7 @@ class Slider(ManagedNode):
             self._publish(self._controller.cancel(self._now()))
             self._goal = None
         for server in self._servers:
-            server.destroy()
+            server.close()
         super().destroy_node()
 
     def describe(self) -> tuple[bytes, str, dict]:
@@ -118,7 +111,7 @@ class Slider(ManagedNode):
             "in_the_way": self._controller.guard.problem(self._now(), self._seen) or "nothing",
             "delay_ms": f"{1e3 * servo.delay:.0f}",
             "depth_mm": f"{1e3 * servo.depth:.2f}",
-            "motion": "none" if self._goal is None else self._goal[1].__name__.lower(),
+            "motion": "none" if self._goal is None else name_of(self._goal[1]),
             "last_motion": self._ended,
         }
         return diagnostics.OK, "", values
@@ -172,7 +165,7 @@ class Slider(ManagedNode):
             if not self.active:
                 raise InputError(INACTIVE)
             if self._goal is not None:
-                raise InputError(f"the arm is carrying out a {self._goal[1].__name__.lower()}; cancel it first")
+                raise InputError(f"the arm is carrying out a {name_of(self._goal[1])}; cancel it first")
             skill = SKILL_OF[kind](goal.request, self.parameters)
         except InputError as error:
             self._finish(goal, kind, skills.Ended(False, str(error)), 0.0)
@@ -180,12 +173,7 @@ class Slider(ManagedNode):
         self._goal = goal, kind
         self._controller.begin(skill)
 
-    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        # it is being cancelled only once this has returned
-        self.executor.create_task(lambda: self._cancel(goal))
-        return CancelResponse.ACCEPT
-
-    def _cancel(self, goal: ServerGoalHandle) -> None:
+    def _on_cancel(self, goal: ServerGoalHandle) -> None:
         if self._goal is not None and self._goal[0] is goal:
             self._stop("cancelled")
 
@@ -231,7 +219,7 @@ class Slider(ManagedNode):
     def _end(self, how: skills.Ended, path: float) -> None:
         (goal, kind), self._goal = self._goal, None
         self._ended, self._more_zeros = how.message, 1
-        self.get_logger().info(f"{kind.__name__.lower()}: {how.message}")
+        self.get_logger().info(f"{name_of(kind)}: {how.message}")
         self._finish(goal, kind, how, path)
 
     def _finish(self, goal: ServerGoalHandle, kind: type, how: skills.Ended, path: float) -> None:
