@@ -82,7 +82,9 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         ),
         _simulated_arm("midastouch_bringup", "finger", "finger"),
         _simulated_arm("midastouch_motion", "mujoco_arm", "mujoco"),
-        lifecycle_node("midastouch_motion", "slider", ["tf_prefix", "sensor_prefix"], condition=_arm_is("mujoco")),
+        lifecycle_node(
+            "midastouch_motion", "slider", ["autostart", "tf_prefix", "sensor_prefix"], condition=_arm_is("mujoco")
+        ),
         # ends by itself; the others stay, to be looked at
         Node(
             package="midastouch_bringup",

@@ -6,6 +6,12 @@ import yaml
 from fake_launch import OURS, Launched
 
 AN_ARM = {"arm": "rtde", "robot_ip": "the.arm"}
+BOX = {"params_overlay": str(Path(__file__).with_name("box.yaml"))}
+
+
+def given_to(name):
+    """What a launch file cannot do without, or does more with."""
+    return {"live_ur": AN_ARM, "explore_ur": {**AN_ARM, **BOX}}.get(name, {})
 
 
 def carry_out(name, **given):

@@ -16,13 +16,17 @@ def declared(node):
     return {one.name: one.default for one in TABLES[node]}
 
 
-@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
+@pytest.mark.parametrize(
+    "name", ["midastouch.yaml", "replay.yaml", "explore.yaml", "explore_ur.yaml", "arm_mujoco.yaml"]
+)
 def test_keys_are_nodes_and_parameters_that_exist(name):
     for node, values in read_parameters(CONFIG / name).items():
         assert set(values) <= set(declared(node)), node
 
 
-@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
+@pytest.mark.parametrize(
+    "name", ["midastouch.yaml", "replay.yaml", "explore.yaml", "explore_ur.yaml", "arm_mujoco.yaml"]
+)
 def test_types_are_those_declared(name):
     """rclpy refuses 1 where it declared 1.0."""
     for node, values in read_parameters(CONFIG / name).items():

@@ -10,7 +10,7 @@ from fake_launch import (
     Launched,
     executables_of_setup_py,
 )
-from launch_rig import AN_ARM, carry_out, names, own_parameters, parameters
+from launch_rig import AN_ARM, BOX, carry_out, given_to, names, own_parameters, parameters
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -26,7 +26,7 @@ def test_live_starts_the_chain_and_no_arm_unless_asked():
     assert arguments["launch_rviz"] == "false"
 
 
-ARMS = {"live_ur": ["running", "rtde"], "explore": ["finger", "mujoco"]}
+ARMS = {"live_ur": ["running", "rtde"], "explore_ur": ["running", "rtde"], "explore": ["finger", "mujoco"]}
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -61,7 +61,7 @@ def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, m
         "use_respawn": "true",
         "log_level": "warn",
     }
-    given = setup.values() | {"composed": composed, "arm": arm} | some
+    given = setup.values() | some | given_to(name) | {"composed": composed, "arm": arm}
     given = {key: value for key, value in given.items() if key in setup.arguments}
     started = carry_out(name, **given)
     # PyPI has neither: a node of ours has the same TF, and midastouch view shows the same
@@ -217,6 +217,28 @@ def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
     assert meshes == {Path(mesh).name}
     assert own["particle_filter"]["codebook"] == str(Path(codebook).resolve())
     assert own["tdn"]["reliable"]
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_an_arm_that_explores_keeps_to_its_box_and_waits_to_be_let_go(tmp_path):
+    assert "ur_speed" not in names(carry_out("explore_ur", **BOX))
+    started = carry_out("explore_ur", mesh="a.ply", tf_prefix="a_", sensor_prefix="b_", **AN_ARM, **BOX)
+    assert {"ur_tf", "ur_speed", "slider", "recorder", "explorer"} < names(started)
+    own = own_parameters(started)
+    assert own["explorer"]["start_paused"] is True
+    assert own["explorer"]["reach_low"] == own["slider"]["box_low"] == [0.2, -0.3, 0.0]
+    assert own["explorer"]["reach_high"] == own["slider"]["box_high"]
+    assert own["slider"]["sensor_model"] == own["tdn"]["sensor_model"]
+    assert own["ur_speed"]["robot_ip"] == own["ur_tf"]["robot_ip"] == "the.arm"
+    assert own["ur_speed"]["tool_frame_id"] == "a_tool0"
+    for node in ("ur_speed", "slider", "explorer"):
+        assert own[node]["sensor_frame_id"] == "b_digit_gel_frame"
+    nearer = tmp_path / "mine.yaml"
+    nearer.write_text(
+        Path(BOX["params_overlay"]).read_text() + "explorer: {ros__parameters: {reach_low: [0.3, -0.1, 0.1]}}"
+    )
+    own = own_parameters(carry_out("explore_ur", params_overlay=str(nearer)))
+    assert own["explorer"]["reach_low"] == [0.3, -0.1, 0.1]
 
 
 @pytest.mark.usefixtures("stand_ins")

@@ -20,7 +20,7 @@ from fake_launch import (
     load,
     perform,
 )
-from launch_rig import AN_ARM, carry_out
+from launch_rig import AN_ARM, BOX, carry_out, given_to
 
 from midastouch_common.errors import InputError
 
@@ -96,6 +96,8 @@ WRONG = [
     ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
     ("live_ur", {"arm": "rtde", "use_mock_hardware": "true"}, "arm:=rtde: at which address"),
     ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
+    ("explore_ur", {**BOX, "arm": "rtde"}, "arm:=rtde: at which address"),
+    ("explore_ur", AN_ARM, "where may the arm move[?] Give box_low and box_high of slider"),
     ("replay", {"rate": "fast"}, "rate:=fast: must be a number"),
     ("demo", {"object": "sofa"}, "sofa: not bundled"),
     *((name, {"params_overlay": "/nowhere.yaml"}, "/nowhere.yaml") for name in ("driver", "filter", "localization")),
@@ -146,7 +148,7 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
     assert behaviour["on_exit returns Shutdown while launch is shutting down"]["exit"] == 1
     # as in the group of another launch file, whose end takes the arguments with it
     running, ending = (types.SimpleNamespace(launch_configurations={}, is_shutdown=end) for end in (False, True))
-    for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
+    for (_, executable), kwargs in carry_out(name, **given_to(name)).items():
         on_exit = kwargs["on_exit"]
         assert on_exit(ended(-2), ending) is None
         if executable == "rviz2":
@@ -155,7 +157,7 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
             with pytest.raises(RuntimeError, match="node-1 died with exit code 2: ending all"):
                 on_exit(ended(2), running)
     if name not in ("rviz", "demo"):
-        for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
+        for (_, executable), kwargs in carry_out(name, **{**given_to(name), "use_respawn": "true"}).items():
             # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
             assert kwargs["respawn"] == (executable not in ("replay", "explorer", "rviz2"))
             if kwargs["respawn"]:
@@ -167,7 +169,7 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
 @pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize("name", FILES)
 def test_every_process_has_the_name_of_its_executable(name):
-    for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
+    for (_, executable), kwargs in carry_out(name, **given_to(name)).items():
         assert kwargs["exec_name"] == executable
 
 

@@ -18,7 +18,7 @@ from fake_launch import (
     installation,
     load,
 )
-from launch_rig import AN_ARM, carry_out, parameters
+from launch_rig import carry_out, given_to, parameters
 
 REAL_LAUNCH = importlib.util.find_spec("launch") is not None and importlib.util.find_spec("launch_ros") is not None
 
@@ -54,7 +54,7 @@ def test_a_launch_file_declares_whatever_its_includes_need(name):
 @pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize("name", FILES)
 def test_our_nodes_have_entry_points_and_parameters_of_existing_nodes(name):
-    started = carry_out(name, **(AN_ARM if name == "live_ur" else {}))
+    started = carry_out(name, **given_to(name))
     ours = {key: kwargs for key, kwargs in started.items() if key[0] in OURS}
     assert set(ours) <= executables_of_setup_py()
     nodes = {f"/{executable}" for _, executable in executables_of_setup_py()}
@@ -115,7 +115,7 @@ def test_launch_files_need_nothing_but_launch_and_the_standard_library(name, tmp
     """Carried out in a Python that has launch, what launch needs, and our packages."""
     from midastouch_bringup.ros.setups import SETUPS
 
-    wanted = {"object": "handle_tool", "bag": str(tmp_path), "rate": "0", **(AN_ARM if name == "live_ur" else {})}
+    wanted = {"object": "handle_tool", "bag": str(tmp_path), "rate": "0", **given_to(name)}
     code = _ELSEWHERE.format(
         path=[str(Path(__file__).parent), *(str(ROOT / package) for package in OURS)],
         allowed={*OURS, "launch", "launch_ros", "ament_index_python", "yaml", "fake_launch"},

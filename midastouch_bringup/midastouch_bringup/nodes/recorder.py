@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import shutil
 import sys
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -33,12 +34,20 @@ TOPICS = (
     Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", latched=True),
     Topic("/pose_modes", "midastouch_msgs/msg/PoseModes"),
     Topic("/particles", "geometry_msgs/msg/PoseArray"),
+    Topic("/delta_twist_cmds", "geometry_msgs/msg/TwistStamped"),
+    Topic("/wrench", "geometry_msgs/msg/WrenchStamped"),
+    Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
 )
-"""Inputs and results of the pipeline, and the health of its nodes."""
+"""Inputs and results of the pipeline, what an arm is told, and the health of the nodes."""
 
 PARAMETERS = (
-    Parameter("path", "", "Bag to write: an .mcap file, or a folder for any other name"),
+    Parameter(
+        "path",
+        "",
+        "Bag to write: an .mcap file, or a folder for any other name; in its last part %Y, %m, %d, %H, %M and %S stand "
+        "for the date and time of the start",
+    ),
     Parameter(
         "min_free",
         200.0,
@@ -68,9 +77,7 @@ class Recorder(PipelineNode):
     def __init__(self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs) -> None:
         super().__init__("recorder", **kwargs)
         parameters = Parameters(self, PARAMETERS)
-        self._path, self._min_free = parameters["path"], parameters["min_free"] * _MIB
-        if not self._path:
-            raise InputError("recorder: parameter 'path' is empty; name the bag to write")
+        self._path, self._min_free = _dated(parameters["path"]), parameters["min_free"] * _MIB
         self.failure = ""
         kinds = [message_class(topic.type_name) for topic in topics]
         topics = [dataclasses.replace(t, name=self.resolve_topic_name(live_name(t.name))) for t in topics]
@@ -155,6 +162,13 @@ class Recorder(PipelineNode):
         except OSError as error:
             self._open.__exit__(type(error), error, error.__traceback__)
             self._give_up(f"{error.filename or self._path}: {error.strerror or error}; the recording is lost")
+
+
+def _dated(path: str) -> str:
+    """The path with date and time for what stands for them in its last part. InputError if it is empty."""
+    if not path:
+        raise InputError("recorder: parameter 'path' is empty; name the bag to write")
+    return str(Path(path).with_name(time.strftime(Path(path).name)))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -129,9 +129,6 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
         *TOPICS,
         Topic(PENETRATION, IMAGE_TYPE),
         Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True),
-        Topic("/delta_twist_cmds", "geometry_msgs/msg/TwistStamped"),
-        Topic("/wrench", "geometry_msgs/msg/WrenchStamped"),
-        Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
     )
     overrides = [Parameter("path", value=str(bag))]
     return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)

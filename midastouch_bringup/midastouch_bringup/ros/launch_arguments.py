@@ -26,6 +26,7 @@ _UR_TYPES = (
 )
 SIMULATED_ARMS = ("finger", "mujoco_arm")
 STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
+_LIFECYCLE_NODES = ("digit_driver", *STREAM_NODES, "slider")
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ ARGUMENTS = {
     "autostart": Argument(
         "Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
         choices=("", "true", "false"),
-        sets=tuple((node, "autostart") for node in ("digit_driver", "digit_sim", "tdn", "tcn", "particle_filter")),
+        sets=tuple((node, "autostart") for node in (*_LIFECYCLE_NODES, "ur_speed")),
         kind=bool,
     ),
     # sensor
@@ -115,7 +116,8 @@ ARGUMENTS = {
         ("running", "ur_driver", "rtde", "finger", "mujoco"),
     ),
     "robot_ip": Argument(
-        "Address of the arm; must be given with arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)
+        "Address of the arm; must be given with arm:=ur_driver and arm:=rtde",
+        sets=(("ur_tf", "robot_ip"), ("ur_speed", "robot_ip")),
     ),
     "ur_type": Argument(
         "Model of the arm, for arm:=ur_driver",
@@ -151,6 +153,11 @@ ARGUMENTS = {
         "Recorded seconds per second; 0: as fast as the filter follows",
         sets=(("replay", "rate"),),
         kind=float,
+    ),
+    "record": Argument(
+        "Bag that the run is recorded into, with date and time by %Y, %m, %d, %H, %M and %S",
+        "out/explore_ur/%Y-%m-%d_%H-%M-%S.mcap",
+        sets=(("recorder", "path"),),
     ),
     "loop": Argument("Play again and again", "false", _YES_NO, (("replay", "loop"),), bool),
     # view

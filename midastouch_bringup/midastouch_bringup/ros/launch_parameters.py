@@ -59,15 +59,17 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("tf_prefix"):
         for node in ("particle_filter", *SIMULATED_ARMS, "slider", "explorer"):
             overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
+        overrides.setdefault("ur_speed", {})["tool_frame_id"] = f"{given['tf_prefix']}tool0"
     if prefix := given.get("sensor_prefix"):
         for node in ("digit_driver", "digit_sim"):
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
         # the gel of an arm with mechanics is where its mount has it
         sees = () if given.get("arm") in OWN_TIME else ("digit_sim",)
-        for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "slider", "explorer"):
+        for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "ur_speed", "slider", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))
+    _keep_to_box(nodes)
     return nodes
 
 
@@ -140,6 +142,20 @@ def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
     mock = given.get("use_mock_hardware") == "true"
     if (arm == "rtde" and not of_ur_tf) or (arm == "ur_driver" and not given["robot_ip"] and not mock):
         raise InputError(f"arm:={arm}: at which address? Give that of the arm's controller, robot_ip:=ADDRESS")
+
+
+def _keep_to_box(nodes: dict[str, dict]) -> None:
+    """Have an explorer that is given no reach of its own keep to the arm's box; InputError for a box of nothing."""
+    corners = [nodes.get("slider", {}).get(f"box_{corner}") for corner in ("low", "high")]
+    if None in corners:
+        return
+    if not all(low < high for low, high in zip(*corners, strict=True)):
+        raise InputError(
+            "where may the arm move? Give box_low and box_high of slider, opposite corners of a box in the base "
+            "frame [m], in a parameter file: params_overlay:=FILE"
+        )
+    for name, corner in zip(("reach_low", "reach_high"), corners, strict=True):
+        nodes.setdefault("explorer", {}).setdefault(name, corner)
 
 
 def _read(path: str) -> dict[str, dict]:

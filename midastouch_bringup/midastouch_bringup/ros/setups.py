@@ -51,6 +51,12 @@ class Setup:
 
 _PERCEPTION = ("serial", "background", "sensor_model")
 _RVIZ = ("use_rviz", "rviz_config")
+_LIVE = (
+    *(*OF_NODES, "composed", *_PERCEPTION, *OF_OBJECT),
+    *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
+    *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
+)
+_REAL_ARMS = {"arm": ("running", "ur_driver", "rtde")}
 _RECORDING = (
     *("bag", "rate", "loop", *OF_NODES, "setup_file", "composed", *_PERCEPTION, *OF_OBJECT),
     *("tf_prefix", "sensor_prefix", *_RVIZ),
@@ -97,14 +103,23 @@ SETUPS = {
     ),
     "live_ur": Setup(
         "a DIGIT on a UR arm: driver, mount, localisation",
-        (
-            *(*OF_NODES, "composed", *_PERCEPTION, *OF_OBJECT),
-            *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
-            *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
-        ),
+        _LIVE,
         (Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")), "mount", "driver", "localization"),
         {"sensor_model": "digit_real"},
-        {"arm": ("running", "ur_driver", "rtde")},
+        _REAL_ARMS,
+    ),
+    "explore_ur": Setup(
+        "a DIGIT on a UR arm that touches an object by itself until the filter knows where it is",
+        (*_LIVE, "setup_file", "record"),
+        (
+            "live_ur",
+            Executable("midastouch_motion", "ur_speed", when=("arm", "rtde")),
+            Executable("midastouch_motion", "slider"),
+            Executable("midastouch_bringup", "recorder"),
+            Executable("midastouch_bringup", "explorer", ends=True),
+        ),
+        {"sensor_model": "digit_real", "setup_file": str(SHARE / "config" / "explore_ur.yaml")},
+        _REAL_ARMS,
     ),
     "replay": Setup(
         "a recording through perception and filter, in its own time, without losing a frame",

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import types
 
 import numpy as np
@@ -51,6 +52,15 @@ def test_a_replayed_sequence_is_recorded_frame_by_frame(graph, tmp_path, simulat
         np.testing.assert_allclose(frame.object_from_gel_true, sequence.poses_true[i], atol=1e-9)
     assert bag_metadata(path) == {"object": "test_object"}
     assert {t.name: t.latched for t in bag_topics(path)}["/tf_static"]
+
+
+def test_a_bag_is_named_after_the_time(graph, tmp_path):
+    graph.add(Recorder, {"path": str(tmp_path / "100%d" / "run_%Y.mcap")})
+    years = {time.strftime("%Y")}
+    graph.remove_all()
+    years.add(time.strftime("%Y"))
+    (bag,) = (tmp_path / "100%d").iterdir()
+    assert bag.name in {f"run_{year}.mcap" for year in years}
 
 
 def test_custom_messages_and_a_latched_one_sent_before(graph, tmp_path):

@@ -1,0 +1,73 @@
+"""A DIGIT on a UR arm that touches an object by itself, until the filter knows its pose.
+
+It moves only while `slider/enable` is repeated, and explores once `explorer/resume` is called. Each run is recorded.
+"""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration
+from launch_ros.actions import Node
+
+from midastouch_bringup.ros.launch_parts import (
+    MergedParameters,
+    UseRespawn,
+    bound_to_launch,
+    check_arguments,
+    declared,
+    end_launch_if_failed,
+    lifecycle_node,
+)
+from midastouch_bringup.ros.setups import SETUPS
+
+SHARE = Path(get_package_share_directory("midastouch_bringup"))
+ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `live_ur` starts, `slider`, with arm:=rtde `ur_speed`, `recorder` and `explorer`.
+
+    Launch files that are included get these arguments by their names.
+    """
+    use_respawn = UseRespawn()
+    return LaunchDescription(
+        [
+            *ARGUMENTS,
+            OpaqueFunction(function=check_arguments),
+            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "live_ur.launch.py"))),
+            lifecycle_node(
+                "midastouch_motion",
+                "ur_speed",
+                ["autostart", "robot_ip", "tf_prefix", "sensor_prefix"],
+                condition=IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde")),
+            ),
+            lifecycle_node("midastouch_motion", "slider", ["autostart", "sensor_model", "tf_prefix", "sensor_prefix"]),
+            Node(
+                package="midastouch_bringup",
+                executable="recorder",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[MergedParameters("recorder", ["record"])],
+                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+                **bound_to_launch("recorder"),
+                output="screen",
+                respawn=use_respawn,
+                respawn_delay=2.0,
+                on_exit=use_respawn.or_end_launch,
+            ),
+            # ends by itself; the others stay, to be looked at
+            Node(
+                package="midastouch_bringup",
+                executable="explorer",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[MergedParameters("explorer", ["object", "mesh", "seed", "tf_prefix", "sensor_prefix"])],
+                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+                **bound_to_launch("explorer"),
+                output="screen",
+                on_exit=end_launch_if_failed,
+            ),
+        ]
+    )
