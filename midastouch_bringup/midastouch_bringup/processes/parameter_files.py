@@ -45,7 +45,14 @@ def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes all text: of what PyYAML leaves plain, rcl takes some for a number (20123E45) or a boolean (y)."""
+    """Quotes all text: of what PyYAML leaves plain, rcl takes some for a number (20123E45) or a boolean (y).
+
+    Writes a list that several nodes have as often as they have it: rcl reads no aliases.
+    """
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Always."""
+        return True
 
 
 _Dumper.add_representer(str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'"))

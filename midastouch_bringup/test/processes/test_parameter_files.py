@@ -1,4 +1,5 @@
 import pytest
+import rclpy
 import yaml
 
 from midastouch_bringup.processes.parameter_files import merged, read_parameters, written
@@ -62,3 +63,19 @@ def test_a_missing_file_is_named(tmp_path):
 def test_text_that_looks_like_something_else_stays_text(serial):
     line = next(line for line in written({"tdn": {"serial": serial}}, "").splitlines() if "serial" in line)
     assert line.strip() == f"'serial': '{serial}'"
+
+
+def test_a_list_of_two_nodes_is_written_twice(tmp_path):
+    """As rcl reads it, which knows no aliases."""
+    corner = [0.2, -0.3, 0.0]
+    path = tmp_path / "parameters.yaml"
+    path.write_text(written({"slider": {"box_low": corner}, "explorer": {"reach_low": corner}}, ""))
+    context = rclpy.Context()
+    context.init(args=["--ros-args", "--params-file", str(path)])
+    try:
+        for node, name in (("slider", "box_low"), ("explorer", "reach_low")):
+            found = rclpy.create_node(node, context=context, automatically_declare_parameters_from_overrides=True)
+            assert list(found.get_parameter(name).value) == corner
+            found.destroy_node()
+    finally:
+        context.shutdown()
