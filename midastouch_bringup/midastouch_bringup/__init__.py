@@ -1,1 +1,1 @@
-"""Launch, configuration, datasets, evaluation and the midastouch command."""
+"""Launch, configuration, recordings, exploration and the midastouch command."""

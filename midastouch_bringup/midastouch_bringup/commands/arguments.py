@@ -34,7 +34,7 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add --image-topic, --base-frame and --gel-frame: what `gel_stream` takes."""
     for option, default, metavar, what in (
         ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
-        ("--base-frame", "base_link", "FRAME", "what the sensor's poses in the bag are told in"),
+        ("--base-frame", "base_link", "FRAME", "frame of the sensor's poses in the bag"),
         ("--gel-frame", "digit_gel_frame", "FRAME", "the sensor's, in the bag"),
     ):
         parser.add_argument(option, default=default, metavar=metavar, help=f"{what} (default {default})")

@@ -21,7 +21,7 @@ def add_parser(subparsers) -> None:
         subparsers,
         "calibrate",
         run,
-        "learn how deep a DIGIT's colours are from presses of a ball",
+        "calibrate a sensor: learn from presses of a ball what its colours say of slopes",
         "midastouch calibrate live --ball-diameter 0.006 --serial D20123",
         "Press one ball straight onto the gel, in ten places spread over it, and save an image of each. Nothing\n"
         "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. The\n"

@@ -23,7 +23,9 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("setup", metavar="SETUP", help="what to start")
     parser.add_argument("arguments", nargs="*", metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
-    parser.add_argument("--prepare", action="store_true", help="make what SETUP (demo) lacks in this folder, and end")
+    parser.add_argument(
+        "--prepare", action="store_true", help="make what SETUP (demo, explore) lacks in this folder, and end"
+    )
     parser.add_argument("-s", "--show-args", action="store_true", help="list the arguments of SETUP and end")
 
 

@@ -28,7 +28,12 @@ PARAMETERS = (
         minimum=5e-3,
         maximum=2.0,
     ),
-    Parameter("reach_low", [-10.0, -10.0, -10.0], "Corner of the box in the base frame that the arm reaches", "m"),
+    Parameter(
+        "reach_low",
+        [-10.0, -10.0, -10.0],
+        "Corner of the box in the base frame that the arm reaches; launch files take slider's box where no file has it",
+        "m",
+    ),
     Parameter("reach_high", [10.0, 10.0, 10.0], "Its opposite corner", "m"),
     Parameter(
         "reach_cone",

@@ -104,14 +104,14 @@ ARGUMENTS = {
         sets=(("particle_filter", "fingers"),),
     ),
     "seed": Argument(
-        "Seed of the filter; in an exploration also of sensor and finger",
+        "Seed of the filter; in an exploration also of its motions at random, and of a simulated sensor and finger",
         sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("finger", "seed"), ("explorer", "seed")),
         kind=int,
     ),
     # arm
     "arm": Argument(
-        "Where TF of the arm comes from: already running, the UR ROS driver started here, or ur_tf over RTDE; in an "
-        "exploration: a finger without mechanics, or a UR in MuJoCo",
+        "Where TF of the arm comes from: an arm that runs already, the UR ROS driver started here, or ur_tf over RTDE, "
+        "in explore_ur with ur_speed; in explore: a finger without mechanics, or a UR in MuJoCo",
         "running",
         ("running", "ur_driver", "rtde", "finger", "mujoco"),
     ),

@@ -25,7 +25,9 @@ PARAMETERS = (
         minimum=0.0,
         maximum=1e3,
     ),
-    Parameter("stop_if_lost", True, "The arm stops while the filter is `lost`; an exploration touches on"),
+    Parameter(
+        "stop_if_lost", True, "The arm stops while the filter is `lost`; explorations set it to false, to touch on"
+    ),
     Parameter("box_low", [-1.0, -1.0, -1.0], "Corner of the box in the base frame that the gel keeps to", unit="m"),
     Parameter("box_high", [1.0, 1.0, 1.5], "Its opposite corner", unit="m"),
     Parameter("rate", 100.0, "Twists per second", unit="Hz", minimum=20.0, maximum=1000.0, at_start=True),
