@@ -64,6 +64,7 @@ class MujocoArm:
         self._arm = [self._model.joint(f"joint{number}").id for number in range(6)]
         self._places = self._model.jnt_qposadr[self._arm]
         self._speeds = self._model.jnt_dofadr[self._arm]
+        self._sites = {name: self._data.site(name) for name in ("drawn_gel", "gel", "object")}
         self._layer = GelLayer(mesh, sensor, setting.gel)
         self._latency, self._timeout = setting.latency, setting.timeout
         self._coming: deque[tuple[float, np.ndarray]] = deque()
@@ -144,11 +145,11 @@ class MujocoArm:
     def _velocity(self, site: str, at: np.ndarray) -> np.ndarray:
         """m/s (3,) of a point (3,) m that moves with the body of a site; base frame."""
         linear, angular = (part @ self._data.qvel for part in self._jacobian(site))
-        return linear + np.cross(angular, at - self._data.site(site).xpos)
+        return linear + np.cross(angular, at - self._sites[site].xpos)
 
     def _jacobian(self, site: str) -> tuple[np.ndarray, np.ndarray]:
         linear, angular = np.zeros((2, 3, self._model.nv))
-        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._model.site(site).id)
+        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[site].id)
         return linear, angular
 
     def _joint_speeds(self, twist: np.ndarray) -> np.ndarray:
@@ -175,5 +176,5 @@ class MujocoArm:
         raise InputError(f"the arm does not reach ({where}) mm with the gel turned as wanted")
 
     def _site(self, name: str) -> np.ndarray:
-        site = self._data.site(name)
+        site = self._sites[name]
         return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
