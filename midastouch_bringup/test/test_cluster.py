@@ -72,3 +72,23 @@ def test_an_address_where_nobody_answers_is_said(monkeypatch):
         open_cluster(1, "tcp://127.0.0.1:9"),
     ):
         pass
+
+
+def test_workers_keep_memory_that_they_will_need_again():
+    def pages_taken() -> int:
+        import resource
+
+        import numpy as np
+
+        def taken() -> int:
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+            for _ in range(200):
+                np.ones((320, 240, 3), np.float32)
+            return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+        taken()
+        return taken()
+
+    of_one_array = 320 * 240 * 3 * 4 // 4096
+    with open_cluster(jobs=2) as cluster:
+        assert all(taken < 20 * of_one_array for taken in cluster.map(pages_taken, [(), ()]))
