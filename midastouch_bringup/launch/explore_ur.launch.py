@@ -25,6 +25,7 @@ from midastouch_bringup.ros.launch_parts import (
 from midastouch_bringup.ros.setups import SETUPS
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
+OF_EXPLORER = ["use_sim_time", "object", "mesh", "seed", "tf_prefix", "sensor_prefix"]
 ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices)
 
 
@@ -42,10 +43,14 @@ def generate_launch_description() -> LaunchDescription:
             lifecycle_node(
                 "midastouch_motion",
                 "ur_speed",
-                ["autostart", "robot_ip", "tf_prefix", "sensor_prefix"],
+                ["autostart", "arm", "robot_ip", "tf_prefix", "sensor_prefix"],
                 condition=IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde")),
             ),
-            lifecycle_node("midastouch_motion", "slider", ["autostart", "sensor_model", "tf_prefix", "sensor_prefix"]),
+            lifecycle_node(
+                "midastouch_motion",
+                "slider",
+                ["autostart", "use_sim_time", "sensor_model", "tf_prefix", "sensor_prefix"],
+            ),
             Node(
                 package="midastouch_bringup",
                 executable="recorder",
@@ -63,7 +68,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="midastouch_bringup",
                 executable="explorer",
                 namespace=LaunchConfiguration("namespace"),
-                parameters=[MergedParameters("explorer", ["object", "mesh", "seed", "tf_prefix", "sensor_prefix"])],
+                parameters=[MergedParameters("explorer", OF_EXPLORER)],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 **bound_to_launch("explorer"),
                 output="screen",

@@ -231,6 +231,7 @@ def test_an_arm_that_explores_keeps_to_its_box_and_waits_to_be_let_go(tmp_path):
     assert own["slider"]["sensor_model"] == own["tdn"]["sensor_model"]
     assert own["ur_speed"]["robot_ip"] == own["ur_tf"]["robot_ip"] == "the.arm"
     assert own["ur_speed"]["tool_frame_id"] == "a_tool0"
+    assert own["ur_speed"]["tcp_offset"] == own["ur_tf"]["tcp_offset"]
     for node in ("ur_speed", "slider", "explorer"):
         assert own[node]["sensor_frame_id"] == "b_digit_gel_frame"
     nearer = tmp_path / "mine.yaml"

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_common import se3
+
 from .contact_servo import ContactServo
 from .guard import Guard, Seen
 from .skills import BackOff, Ended, Skill
 
 _COMES_WITHIN = 1.0  # s: the first image, an `enable`
+_STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that goes no farther stays where it is
+_FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and gel that gives way, cost less
 
 
 class Controller:
@@ -23,6 +27,7 @@ class Controller:
         self._reason: Ended | None = None  # of a motion that is over, while the gel backs off
         self._since: float | None = None  # s, when the present motion was first asked for a twist
         self._moving = False
+        self._following = _Following()
 
     @property
     def path(self) -> float:
@@ -33,6 +38,7 @@ class Controller:
         """Carry out a skill from now on."""
         self.skill, self._reason = skill, None
         self._since, self._moving = None, False
+        self._following = _Following()
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, Ended | None]:
         """The twist (6,) at `now` [s], and how the motion has ended if it has: then the twist is zero.
@@ -52,7 +58,10 @@ class Controller:
         if isinstance(answer, Ended):
             return self._end(now, self._reason or answer)
         self._moving = True
-        return self.servo.command(now, answer), None
+        twist = self.servo.command(now, answer)
+        if problem := self._following.problem(now, twist, seen):
+            return self._end(now, self._reason or Ended(False, problem))
+        return twist, None
 
     def cancel(self, now: float) -> np.ndarray:
         """Stop at once; the twist of that, zero."""
@@ -61,3 +70,28 @@ class Controller:
     def _end(self, now: float, how: Ended) -> tuple[np.ndarray, Ended]:
         self.skill, self._reason = None, None
         return self.servo.stop(now), how
+
+
+class _Following:
+    """Whether an arm goes where the twists would have it go: one that is held up must not be pushed on for ever."""
+
+    def __init__(self) -> None:
+        self._from: np.ndarray | None = None
+        self._asked, self._then, self._newest = np.zeros(2), 0.0, -np.inf
+
+    def problem(self, now: float, twist: np.ndarray, seen: Seen) -> str:
+        """Why not, in words; empty as long as it does. twist (6,) from `now` [s] on; seen: where the gel is."""
+        if self._from is None or (_lengths(se3.log(se3.inverse(self._from) @ seen.gel)) > _STILL).any():
+            self._from, self._asked = seen.gel.copy(), np.zeros(2)
+        else:
+            self._asked += (now - self._then) * _lengths(twist)
+        news, self._then, self._newest = seen.pose > self._newest, now, seen.pose
+        if not news or (self._asked < _FOLLOWS_WITHIN).all():
+            return ""
+        way, angle = 1e3 * self._asked[0], np.degrees(self._asked[1])
+        return f"the arm does not follow: it stays where it is over {way:.0f} mm and {angle:.0f} deg of twists"
+
+
+def _lengths(twist: np.ndarray) -> np.ndarray:
+    """Of the linear and the angular part of a twist (6,)."""
+    return np.linalg.norm(twist.reshape(2, 3), axis=1)

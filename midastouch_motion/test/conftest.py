@@ -30,11 +30,13 @@ _LEAST_AREA = 1.5e-6  # m^2
 
 @dataclass
 class World:
-    """An object, and the delays [s] of images and arm; noise of the depth [m]."""
+    """An object, and the delays [s] of images and arm, which moves for arm_timeout after a twist; noise of the depth
+    [m]."""
 
     mesh: ObjectMesh
     image_delay: float = 0.05
     arm_latency: float = 0.05
+    arm_timeout: float = 0.1
     fps: float = 30.0
     noise: float = 3e-5
     limits: Limits = field(default_factory=Limits)
@@ -61,7 +63,7 @@ class World:
 
     def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
         """Carry out the skills one after the other, from a gel pose (4, 4)."""
-        arm, servo = SimulatedArm(pose, self.arm_latency), ContactServo(self.limits, self.arm_latency)
+        arm, servo = SimulatedArm(pose, self.arm_latency, self.arm_timeout), ContactServo(self.limits, self.arm_latency)
         controller = Controller(servo, Guard(np.full(3, -1.0), np.full(3, 1.0), self.limits.depth, stale=0.2))
         rehearsal = Rehearsal(arm, lambda: arm.pose, self.look, controller, self.fps, lambda: self.image_delay)
         out = Run(servo=servo)

@@ -113,3 +113,13 @@ def test_the_guard_ends_an_approach_too(world):
     far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.make(np.eye(3), np.array([0, 0, 2.0]))
     run = there.run(far, [Approach(far)])
     assert "outside of the box" in run.ended[0].message
+
+
+def test_an_arm_that_does_not_follow_ends_every_motion(world):
+    there = world("ball", arm_timeout=0.0)
+    pose = above(there.mesh, np.random.default_rng(8), 0.02)
+    elsewhere, turned = se3.make(np.eye(3), np.array([0.02, 0, 0])), se3.exp(np.array([0, 0, 0, 0, 0, 1.0]))
+    for skill in (Touch(DEPTH, 0.1), Lift(0.01), Approach(pose @ elsewhere), Approach(pose @ turned)):
+        run = there.run(pose, [skill])
+        assert run.ended[0] is not None
+        assert "does not follow" in run.ended[0].message

@@ -54,7 +54,7 @@ class Explorer(PipelineNode):
 
         self._on_end, self.gave_up = on_end, False
         self._progressed_at = time.monotonic()
-        self._begun = False
+        self._begun, self._held = False, p["start_paused"]
         self._plan: Plan | None = None
         self._moved_until = 0  # ns: what the filter says of earlier images is not of where the gel is now
         self._orders: deque[Order] = deque()
@@ -108,7 +108,7 @@ class Explorer(PipelineNode):
             return
         if self._report.state == ExplorerStatus.STATE_WAITING and self._arm.ready:
             self._progressed_at = time.monotonic()
-            if self._settings["start_paused"]:
+            if self._held:
                 self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
             else:
                 self._report.say(ExplorerStatus.STATE_EXPLORING, "touching")
@@ -208,6 +208,7 @@ class Explorer(PipelineNode):
         return ""
 
     def _resume(self) -> None:
+        self._held = False  # where it still waits
         if self._report.state == ExplorerStatus.STATE_PAUSED:
             self._report.say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
             self._begin()

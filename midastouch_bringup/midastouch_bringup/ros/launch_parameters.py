@@ -68,7 +68,11 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "ur_speed", "slider", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
-    _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))
+    of_ur_tf = nodes.get("ur_tf", {})
+    _require_address(given, of_ur_tf.get("robot_ip"))
+    # the same arm: what a file says of one of them only
+    for name in of_ur_tf.keys() & {"robot_ip", "tcp_offset"}:
+        nodes.setdefault("ur_speed", {}).setdefault(name, of_ur_tf[name])
     _keep_to_box(nodes)
     return nodes
 

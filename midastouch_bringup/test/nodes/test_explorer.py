@@ -42,6 +42,16 @@ def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
     rig.until("exploring", "somewhere")
 
 
+def test_what_is_resumed_while_it_waits_begins_by_itself(graph):
+    rig = Rig(graph, start_paused=True)
+    rig.silent = True
+    assert rig.call("resume").success
+    assert {status.state for status in rig.statuses} == {"waiting"}
+    rig.silent = False
+    rig.until("exploring", "somewhere")
+    assert "paused" not in {status.state for status in rig.statuses}
+
+
 def test_started_paused_it_touches_before_it_obeys(graph):
     rig = Rig(graph, start_paused=True)
     rig.until("paused", "~/resume")

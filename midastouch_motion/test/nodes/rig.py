@@ -25,8 +25,8 @@ PATIENT = {"hold": 10.0, "stale_after": 10.0}
 
 
 class Rig:
-    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; depth [m]; late [s], of the
-    stamps; bad, what is not finite."""
+    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; follows, whether the arm goes
+    along with the twists; depth [m]; late [s], of the stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
@@ -36,7 +36,7 @@ class Rig:
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
-        self.enabled = self.images = self.poses = True
+        self.enabled = self.images = self.poses = self.follows = True
         self.late, self.bad = 0.0, ""
         self.depth, self.position, self._sent = 0.0, np.zeros(3), 0.0
 
@@ -44,6 +44,9 @@ class Rig:
         """An image, pose and `enable`, as far as they are sent, if the last ones are so old."""
         if time.monotonic() - self._sent < _PERIOD:
             return
+        if self.follows and self._sent and self.twists:
+            linear = self.twists[-1].twist.linear
+            self.position = self.position + (time.monotonic() - self._sent) * np.array([linear.x, linear.y, linear.z])
         self._sent = time.monotonic()
         now = (self.graph.companion.get_clock().now() - Duration(seconds=self.late)).to_msg()
         gel = Header(stamp=now, frame_id="digit_gel_frame")

@@ -31,11 +31,9 @@ def posed(frame="base_link", w=1.0, **position):
 
 def test_an_approach_ends_where_it_was_sent(graph):
     rig = Rig(graph)
-    asked = rig.ask(Approach, pose=posed(x=0.05))
-    asked.moves()
-    assert rig.twists[-1].twist.linear.x > 0
-    rig.position = np.array([0.05, 0, 0])
-    assert asked.ended().message == "there, after 50 mm"
+    asked = rig.ask(Approach, pose=posed(x=0.02))
+    assert asked.ended().message.startswith("there, after")
+    assert rig.position == pytest.approx([0.02, 0, 0], abs=2e-3)
 
 
 def test_an_approach_that_touches_ends(graph):
@@ -99,9 +97,14 @@ def another_commander(rig, graph):
     graph.companion.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
 
 
+def held_up(rig, graph):
+    rig.follows = False
+
+
 @pytest.mark.parametrize(
     ("fault", "reason", "parameters"),
     [
+        (held_up, "the arm does not follow", {}),
         (no_enable, "not enabled", {"hold": 2.0}),
         (no_images, "the newest image is", {"stale_after": 2.0}),
         (no_poses, "the newest transform of the gel is", {"stale_after": 2.0}),
