@@ -20,7 +20,9 @@ _OVERHEAD = 1.6  # of a trial's filter time: errors over all particles, reading,
 _FRAMES_PER_M = 667.0  # of a simulated slide
 _EXPLORED = 0.05  # s of one core a frame that is rendered, perceived and filtered
 _UNKNOWN = 600.0  # s, of what has no trials
-_SHARED_OUT = ("midastouch benchmark", "midastouch identify", "midastouch evaluate-exploration")
+_SHARED_OUT = tuple(
+    f"midastouch {name}" for name in ("benchmark", "identify", "ideal-observer", "evaluate-exploration")
+)
 
 
 @dataclass(frozen=True)

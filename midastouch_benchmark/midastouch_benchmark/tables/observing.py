@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import pandas as pd
 
+from .reports import CONDITIONS, STARTS, frame_of, report
 from .table import Form, Row, fraction, text, tidy, value, written
 
+_UNIFORM = STARTS["accuracy_uniform"]
+_OBSERVED = {
+    "observer_uniform": _UNIFORM,
+    "observer_kidnap": CONDITIONS["kidnap"],
+    "observer_cad": f"{_UNIFORM}; CAD parts",
+}
+"""What is done to the slides, by the name of the report."""
 _COMPARED = {"maps": "penetration maps", "codes": "codes", "both": "maps and codes"}
 
 
@@ -45,3 +53,9 @@ def observing_table(summary: dict[str, dict]) -> pd.DataFrame:
     """By what the observer compares poses with."""
     rows = [{"what": _COMPARED[name], "trials": one["trials"]} | one for name, one in summary.items()]
     return written(tidy(rows), {"compared by": text("what"), "slides": text("trials")}, OBSERVING)
+
+
+def observing() -> pd.DataFrame:
+    """By what is done to the slides; the observer compares penetration maps."""
+    frame = frame_of(_OBSERVED, lambda name: report(name)["ideal_observer"]["maps"])
+    return written(frame, {"conditions": text("what")}, OBSERVING, "report")

@@ -17,6 +17,7 @@ from .table import tidy
 
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
+_OBSERVER = "midastouch ideal-observer --evidence maps --meshes ../shared/meshes/ycb"
 _REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
@@ -53,6 +54,9 @@ COMMANDS = {
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
     "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
+    "observer_uniform": f"{_OBSERVER} --slides 10",
+    "observer_kidnap": f"{_OBSERVER} --protocol kidnap --slides 10",
+    "observer_cad": "midastouch ideal-observer --evidence maps --objects cad --slides 4",
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
     "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 4 --seeds 1 "
     "--codebook-size 10000",
