@@ -18,7 +18,7 @@ from midastouch_common.errors import InputError
 R = TypeVar("R")
 _AHEAD = 2  # tasks per worker that are handed over before they are needed
 CONNECT_S = 10.0
-_TRIM = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
+_TRIM = "MALLOC_TRIM_THRESHOLD_"
 """Dask has its workers give memory back to the system at each chance: arrays of images then took half of their time."""
 
 
@@ -41,13 +41,13 @@ def open_cluster(jobs: int = 1, address: str | None = None) -> Iterator[Cluster]
         yield _ThisProcess()
         return
     # imported here: it takes a second, and most commands share nothing out
-    import dask
     from distributed import Client, LocalCluster
+    from distributed.config import config
 
     with contextlib.ExitStack() as stack:
         if address is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="midastouch"))
-            stack.enter_context(dask.config.set({_TRIM: None}))
+            config["distributed"]["nanny"]["pre-spawn-environ"].pop(_TRIM, None)
             local = LocalCluster(
                 n_workers=jobs,
                 threads_per_worker=1,

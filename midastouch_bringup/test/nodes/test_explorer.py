@@ -45,6 +45,7 @@ def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
 def test_what_is_resumed_while_it_waits_begins_by_itself(graph):
     rig = Rig(graph, start_paused=True)
     rig.silent = True
+    rig.until("waiting")
     assert rig.call("resume").success
     assert {status.state for status in rig.statuses} == {"waiting"}
     rig.silent = False
