@@ -18,7 +18,8 @@ from .table import tidy
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _OBSERVER = "midastouch ideal-observer --evidence maps --meshes ../shared/meshes/ycb"
-_REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
+_PLAIN = "--init paper --slides 2 --seeds 5 --stride 2 --codebook-size 10000"
+_REAL = f"{_PLAIN} --sensor digit_real"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
@@ -60,7 +61,7 @@ COMMANDS = {
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
     "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 4 --seeds 1 "
     "--codebook-size 10000",
-    "real_plain": f"{_BENCHMARK} {_REAL}",
+    "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
     "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_hindsight no_kld "
@@ -117,7 +118,7 @@ COMMANDS = {
 }
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
 OPTICS = {
-    "real_plain": "TACTO's",
+    "real_plain": "TACTO's, on its own sensor",
     "real_sensor": "of two real sensors, not calibrated",
     "real_sensor_calibrated": "of the same, calibrated with ten presses each",
 }
