@@ -23,13 +23,11 @@ from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_bringup.ros.launch_parameters import explored
 from midastouch_bringup.ros.launch_parts import (
-    MergedParameters,
-    UseRespawn,
-    bound_to_launch,
     check_arguments,
     check_rviz,
     declared,
-    end_launch_if_failed,
+    ending_node,
+    lasting_node,
     lifecycle_node,
     once_done,
 )
@@ -85,17 +83,7 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         lifecycle_node(
             "midastouch_motion", "slider", ["autostart", "tf_prefix", "sensor_prefix"], condition=_arm_is("mujoco")
         ),
-        # ends by itself; the others stay, to be looked at
-        Node(
-            package="midastouch_bringup",
-            executable="explorer",
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[MergedParameters("explorer", ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
-            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-            **bound_to_launch("explorer"),
-            output="screen",
-            on_exit=end_launch_if_failed,
-        ),
+        ending_node("midastouch_bringup", "explorer", ["mesh", "seed", "tf_prefix", "sensor_prefix"]),
     ]
 
 
@@ -105,17 +93,4 @@ def _arm_is(name: str) -> IfCondition:
 
 def _simulated_arm(package: str, executable: str, name: str) -> Node:
     """What moves the gel, started for arm:=`name`."""
-    use_respawn = UseRespawn()
-    return Node(
-        package=package,
-        executable=executable,
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[MergedParameters(executable, ["mesh", "seed", "tf_prefix", "sensor_prefix"])],
-        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-        **bound_to_launch(executable),
-        output="screen",
-        respawn=use_respawn,
-        respawn_delay=2.0,
-        on_exit=use_respawn.or_end_launch,
-        condition=_arm_is(name),
-    )
+    return lasting_node(package, executable, ["mesh", "seed", "tf_prefix", "sensor_prefix"], condition=_arm_is(name))

@@ -11,15 +11,12 @@ from launch.actions import IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration
-from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_parts import (
-    MergedParameters,
-    UseRespawn,
-    bound_to_launch,
     check_arguments,
     declared,
-    end_launch_if_failed,
+    ending_node,
+    lasting_node,
     lifecycle_node,
 )
 from midastouch_bringup.ros.setups import SETUPS
@@ -34,7 +31,6 @@ def generate_launch_description() -> LaunchDescription:
 
     Launch files that are included get these arguments by their names.
     """
-    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -51,28 +47,7 @@ def generate_launch_description() -> LaunchDescription:
                 "slider",
                 ["autostart", "use_sim_time", "sensor_model", "tf_prefix", "sensor_prefix"],
             ),
-            Node(
-                package="midastouch_bringup",
-                executable="recorder",
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[MergedParameters("recorder", ["record"])],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                **bound_to_launch("recorder"),
-                output="screen",
-                respawn=use_respawn,
-                respawn_delay=2.0,
-                on_exit=use_respawn.or_end_launch,
-            ),
-            # ends by itself; the others stay, to be looked at
-            Node(
-                package="midastouch_bringup",
-                executable="explorer",
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[MergedParameters("explorer", OF_EXPLORER)],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                **bound_to_launch("explorer"),
-                output="screen",
-                on_exit=end_launch_if_failed,
-            ),
+            lasting_node("midastouch_bringup", "recorder", ["record"]),
+            ending_node("midastouch_bringup", "explorer", OF_EXPLORER),
         ]
     )

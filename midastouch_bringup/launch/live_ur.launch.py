@@ -8,18 +8,15 @@ from launch.actions import IncludeLaunchDescription, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from midastouch_bringup.ros.launch_parts import (
-    MergedParameters,
-    UseRespawn,
-    bound_to_launch,
     check_arguments,
     check_mount,
     check_package,
     check_rviz,
     declared,
+    lasting_node,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
@@ -34,7 +31,6 @@ def generate_launch_description() -> LaunchDescription:
     """
     arm_by_ur_driver = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver"))
     arm_by_rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
-    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -47,19 +43,7 @@ def generate_launch_description() -> LaunchDescription:
                 condition=arm_by_ur_driver,
             ),
             OpaqueFunction(function=ur_driver, condition=arm_by_ur_driver),
-            Node(
-                package="midastouch_bringup",
-                executable="ur_tf",
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[MergedParameters("ur_tf", ["arm", "robot_ip", "tf_prefix"])],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                **bound_to_launch("ur_tf"),
-                output="screen",
-                respawn=use_respawn,
-                respawn_delay=2.0,
-                on_exit=use_respawn.or_end_launch,
-                condition=arm_by_rtde,
-            ),
+            lasting_node("midastouch_bringup", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_by_rtde),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "mount.launch.py"))),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "driver.launch.py"))),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "localization.launch.py"))),

@@ -8,15 +8,12 @@ from launch.actions import IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition, UnlessCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_arguments import OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
-    MergedParameters,
-    UseRespawn,
-    bound_to_launch,
     check_arguments,
     declared,
+    lasting_node,
     say_if_no_object,
 )
 from midastouch_bringup.ros.setups import SETUPS
@@ -27,7 +24,6 @@ ARGUMENTS = declared(SETUPS["localization"].values())
 
 def generate_launch_description() -> LaunchDescription:
     """Nodes `tdn`, `tcn`, `particle_filter`. Launch files that are included get these arguments by their names."""
-    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -42,33 +38,14 @@ def generate_launch_description() -> LaunchDescription:
             ),
             OpaqueFunction(function=say_if_no_object, condition=IfCondition(LaunchConfiguration("composed"))),
             # a name given to this process would be the name of all three nodes
-            Node(
-                package="midastouch_bringup",
-                executable="all_in_one",
-                namespace=LaunchConfiguration("namespace"),
+            lasting_node(
+                "midastouch_bringup",
+                "all_in_one",
                 # bag: an argument of replay.launch.py, which includes this file; a recording may hold its background
-                parameters=[
-                    MergedParameters(
-                        "all_in_one",
-                        [
-                            "autostart",
-                            "use_sim_time",
-                            "serial",
-                            "background",
-                            "bag",
-                            "sensor_model",
-                            *OF_OBJECT,
-                            "tf_prefix",
-                            "sensor_prefix",
-                        ],
-                    )
+                [
+                    *("autostart", "use_sim_time", "serial", "background", "bag", "sensor_model"),
+                    *(*OF_OBJECT, "tf_prefix", "sensor_prefix"),
                 ],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                **bound_to_launch("all_in_one"),
-                output="screen",
-                respawn=use_respawn,
-                respawn_delay=2.0,
-                on_exit=use_respawn.or_end_launch,
                 condition=IfCondition(LaunchConfiguration("composed")),
             ),
         ]

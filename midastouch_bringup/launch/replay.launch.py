@@ -8,15 +8,12 @@ from launch.actions import IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_parts import (
-    MergedParameters,
-    bound_to_launch,
     check_arguments,
     check_rviz,
     declared,
-    end_launch_if_failed,
+    ending_node,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
@@ -36,16 +33,6 @@ def generate_launch_description() -> LaunchDescription:
                 PythonLaunchDescriptionSource(str(SHARE / "launch" / "rviz.launch.py")),
                 condition=IfCondition(LaunchConfiguration("use_rviz")),
             ),
-            # ends by itself; the others stay, to be looked at
-            Node(
-                package="midastouch_bringup",
-                executable="replay",
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[MergedParameters("replay", ["bag", "rate", "loop"])],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                **bound_to_launch("replay"),
-                output="screen",
-                on_exit=end_launch_if_failed,
-            ),
+            ending_node("midastouch_bringup", "replay", ["bag", "rate", "loop"]),
         ]
     )

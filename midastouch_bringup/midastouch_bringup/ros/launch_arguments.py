@@ -26,7 +26,6 @@ _UR_TYPES = (
 )
 SIMULATED_ARMS = ("finger", "mujoco_arm")
 STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
-_LIFECYCLE_NODES = ("digit_driver", *STREAM_NODES, "slider")
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ ARGUMENTS = {
     "autostart": Argument(
         "Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
         choices=("", "true", "false"),
-        sets=tuple((node, "autostart") for node in (*_LIFECYCLE_NODES, "ur_speed")),
+        sets=tuple((node, "autostart") for node in ("digit_driver", *STREAM_NODES, "slider", "ur_speed")),
         kind=bool,
     ),
     # sensor

@@ -17,7 +17,7 @@ from launch import LaunchContext, LaunchDescriptionEntity, Substitution
 from launch.actions import DeclareLaunchArgument, LogInfo
 from launch.events.process import ProcessExited
 from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import LifecycleNode
+from launch_ros.actions import LifecycleNode, Node
 
 from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 
@@ -95,23 +95,37 @@ class UseRespawn(LaunchConfiguration):
 
 
 def lifecycle_node(package: str, executable: str, takes: Sequence[str], **options) -> LifecycleNode:
-    """One of our nodes, named as its executable; takes, names of the launch arguments that set its parameters; options,
-    of the action, such as a condition."""
+    """One of our lifecycle nodes, named as its executable; as `lasting_node`."""
+    return LifecycleNode(name=executable, **_of_lasting(package, executable, takes), **options)
+
+
+def lasting_node(package: str, executable: str, takes: Sequence[str], **options) -> Node:
+    """One of our processes, without which the others are of no use; takes, names of the launch arguments that set its
+    parameters; options, of the action, such as a condition."""
+    return Node(**_of_lasting(package, executable, takes), **options)
+
+
+def ending_node(package: str, executable: str, takes: Sequence[str]) -> Node:
+    """One that ends by itself, once it has done its work; the others stay, to be looked at."""
+    return Node(**_of_node(package, executable, takes), on_exit=end_launch_if_failed)
+
+
+def _of_lasting(package: str, executable: str, takes: Sequence[str]) -> dict:
     use_respawn = UseRespawn()
-    return LifecycleNode(
-        package=package,
-        executable=executable,
-        name=executable,
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[MergedParameters(executable, takes)],
-        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+    respawn = {"respawn": use_respawn, "respawn_delay": 2.0, "on_exit": use_respawn.or_end_launch}
+    return _of_node(package, executable, takes) | respawn
+
+
+def _of_node(package: str, executable: str, takes: Sequence[str]) -> dict:
+    return {
+        "package": package,
+        "executable": executable,
+        "namespace": LaunchConfiguration("namespace"),
+        "parameters": [MergedParameters(executable, takes)],
+        "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        "output": "screen",
         **bound_to_launch(executable),
-        output="screen",
-        respawn=use_respawn,
-        respawn_delay=2.0,
-        on_exit=use_respawn.or_end_launch,
-        **options,
-    )
+    }
 
 
 def check_arguments(context: LaunchContext) -> None:

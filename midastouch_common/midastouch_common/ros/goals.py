@@ -13,7 +13,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
 from ..errors import InputError
-from ..message_arrays import pose_from_msg
+from ..message_arrays import point_from_msg, pose_from_msg
 
 
 class GoalServer:
@@ -87,7 +87,7 @@ def heading_in(value: float) -> float:
 
 def direction_in(message: Vector3) -> np.ndarray | None:
     """A direction (3,) of a goal, None if none is given; InputError unless it is finite."""
-    direction = np.array([message.x, message.y, message.z])
+    direction = point_from_msg(message)
     if not np.isfinite(direction).all():
         raise InputError("direction: not finite")
     return direction if direction.any() else None
