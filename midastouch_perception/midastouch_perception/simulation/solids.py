@@ -64,6 +64,8 @@ def _triangulated(outlines: list[Outline]) -> tuple[np.ndarray, np.ndarray]:
         triangles = Delaunay(np.concatenate([points, corners])).simplices
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         missing = ~np.isin(edges @ [len(points) + 4, 1], np.unique(sides @ [len(points) + 4, 1]))
+        # two that cross by less than what is one corner never are sides
+        missing &= np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > _SAME
         if not missing.any():
             triangles = triangles[(triangles < len(points)).all(axis=1)]
             turned = _doubled_area(points[triangles]) < 0

@@ -42,6 +42,15 @@ def test_walls_may_cross_at_any_angle(tilt):
     solid(stacked([Layer(0.01, (rectangle(0.06, 0.04), tilted))], "tilted"))
 
 
+@pytest.mark.parametrize("beyond", [0.6e-8, 0.9e-8, 1.5e-8])
+@pytest.mark.parametrize("tilt", [0.1, 0.6])
+def test_a_wall_may_almost_meet_a_corner(beyond, tilt):
+    roof = np.array([[-0.01, 0.0], [0.01, 0.0], [0.0, 0.02]])
+    turn = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
+    wall = np.array([[-0.03, 0.0], [0.03, 0.0], [0.0, -0.03]]) @ turn + [0.01 - beyond, 0.0]
+    solid(stacked([Layer(0.01, (roof, wall))], "almost"))
+
+
 def test_rings_are_joined_and_closed():
     rings = [np.column_stack([circle(radius, sides=64), np.full(64, z)]) for radius, z in ((0.02, 0.0), (0.01, 0.03))]
     cone = solid(lofted(rings, "cone"))
