@@ -1,17 +1,20 @@
-"""Acts as the actions `touch`, `slide`, `lift` and `approach`: the goal of an act, and the act of a goal."""
+"""Acts as the actions `touch`, `slide`, `lift` and `approach`: the goal of an act, the act of a goal, how one ended."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import pose_from_msg
 from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_common.ros.goals import direction_in, heading_in, length_in, pose_in
 from midastouch_msgs import action
 
-from ..explore.acts import Act, Approach, Lift, Slide, Touch
+from ..explore.acts import Act, Approach, Done, Lift, Slide, Touch
 
 KINDS = {Touch: action.Touch, Slide: action.Slide, Lift: action.Lift, Approach: action.Approach}
 """The type of the action for each kind of act."""
@@ -44,3 +47,18 @@ def act_of(goal: Any, base: str) -> Act:
             return Lift(length_in("height", goal.height, _FARTHEST))
         case _:
             return Approach(pose_in(goal.pose, base))
+
+
+def done_of(result: Any | None, touching: bool, seen: np.ndarray) -> Done:
+    """How an act ended, by the action's result, None if the goal was not accepted.
+
+    touching, whether the gel did before; seen, its newest pose T_base_gel (4, 4) on TF, which may come later than the
+    result, and counts where that has none.
+    """
+    if result is None:
+        return Done(False, "the arm refuses its goal", 0.0, touching, seen)
+    try:
+        pose = pose_from_msg(result.pose.pose) if result.pose.header.frame_id else seen
+    except InputError:
+        pose = seen
+    return Done(result.success, result.message, result.path, result.depth > 0, pose)

@@ -12,6 +12,7 @@ import numpy as np
 from rclpy.clock import Clock, ClockType
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import spin
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
@@ -21,6 +22,7 @@ from midastouch_msgs.srv import SuggestMotion
 from ..explore.acts import Done, Plan
 from ..explore.exploration import Exploration
 from ..explore.reach import Reach
+from .arm_actions import done_of
 from .arm_client import ArmClient
 from .explorer_control import ExplorerControl, FingerGoals, Order
 from .explorer_filter import FilterAnswers
@@ -137,7 +139,7 @@ class Explorer(PipelineNode):
         try:
             act = self._plan.send(done)
         except StopIteration:
-            self._plan, self._moved_until = None, self._sight.stamp
+            self._plan, self._moved_until = None, max(self._moved_until, self._sight.stamp)
             self._progressed_at = time.monotonic()
             self._report.tell()
             self._go_on()
@@ -147,10 +149,9 @@ class Explorer(PipelineNode):
     def _on_done(self, result: Any | None) -> None:
         if self._plan is None or self._report.over:
             return
-        if result is None:
-            self._advance(Done(False, "the arm refuses its goal", 0.0, self._exploration.touching, self._sight.gel))
-            return
-        done = Done(result.success, result.message, result.path, result.depth > 0, self._sight.gel)
+        done = done_of(result, self._exploration.touching, self._sight.gel)
+        if result is not None:
+            self._moved_until = stamp_ns(result.pose.header.stamp)
         if not done.success:
             self._report.problem("unfinished_motions", done.message)
         self._advance(done)
@@ -173,9 +174,7 @@ class Explorer(PipelineNode):
                 self._decide(None)
 
     def _on_suggestions(self, response: SuggestMotion.Response) -> None:
-        if self._report.over:
-            return
-        if self._report.state != ExplorerStatus.STATE_EXPLORING:  # a person has the finger by now
+        if self._report.state != ExplorerStatus.STATE_EXPLORING:  # it is over, or a person has the finger by now
             self._go_on()
         elif not response.success:
             self._refused(response.message)

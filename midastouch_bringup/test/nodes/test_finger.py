@@ -13,7 +13,7 @@ from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.finger import Finger
 from midastouch_bringup.nodes.finger_parameters import PARAMETERS
 from midastouch_common import se3
-from midastouch_common.message_arrays import stamp_ns, transform_from_msg
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
@@ -98,6 +98,8 @@ def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
     approach = rig.do(Approach, pose=posed(goal))
     assert approach.success
     np.testing.assert_allclose(rig.gels[-1], goal, atol=1e-6)
+    np.testing.assert_allclose(pose_from_msg(approach.pose.pose), goal, atol=1e-6)
+    assert (stamp_ns(approach.pose.header.stamp), approach.pose.header.frame_id) == (rig.stamps[-1], BASE_FRAME)
 
 
 def test_it_moves_only_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):

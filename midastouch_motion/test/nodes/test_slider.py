@@ -32,8 +32,11 @@ def posed(frame="base_link", w=1.0, **position):
 def test_an_approach_ends_where_it_was_sent(graph):
     rig = Rig(graph)
     asked = rig.ask(Approach, pose=posed(x=0.02))
-    assert asked.ended().message.startswith("there, after")
+    result = asked.ended()
+    assert result.message.startswith("there, after")
     assert rig.position == pytest.approx([0.02, 0, 0], abs=2e-3)
+    assert result.pose.header.frame_id == "base_link"
+    assert result.pose.pose.position.x == pytest.approx(0.02, abs=2e-3)
 
 
 def test_an_approach_that_touches_ends(graph):

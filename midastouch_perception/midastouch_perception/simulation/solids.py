@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import Delaunay
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, cKDTree
 
 from midastouch_common.mesh import ObjectMesh
 
@@ -64,8 +66,6 @@ def _triangulated(outlines: list[Outline]) -> tuple[np.ndarray, np.ndarray]:
         triangles = Delaunay(np.concatenate([points, corners])).simplices
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         missing = ~np.isin(edges @ [len(points) + 4, 1], np.unique(sides @ [len(points) + 4, 1]))
-        # two that cross by less than what is one corner never are sides
-        missing &= np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > _SAME
         if not missing.any():
             triangles = triangles[(triangles < len(points)).all(axis=1)]
             turned = _doubled_area(points[triangles]) < 0
@@ -100,8 +100,12 @@ def _crossed(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
         corners = starts[k] + cuts[:, None] * along[k]
         pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
     corners = np.concatenate(pieces).reshape(-1, 2)
-    _, first, index = np.unique((corners / _SAME).round(), axis=0, return_index=True, return_inverse=True)
-    edges = np.unique(np.sort(index.reshape(-1, 2), axis=1), axis=0)
+    # a wall that passes a corner crosses both walls that meet there, each up to that far from it
+    near = cKDTree(corners).query_pairs(2 * _SAME, output_type="ndarray")
+    links = coo_array((np.ones(len(near)), near.T), shape=(len(corners), len(corners)))
+    _, group = connected_components(links, directed=False)
+    _, first = np.unique(group, return_index=True)
+    edges = np.unique(np.sort(group.reshape(-1, 2), axis=1), axis=0)
     return corners[first], edges[edges[:, 0] != edges[:, 1]]
 
 
