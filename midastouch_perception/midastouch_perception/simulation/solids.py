@@ -105,8 +105,9 @@ def _crossed(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
     links = coo_array((np.ones(len(near)), near.T), shape=(len(corners), len(corners)))
     _, group = connected_components(links, directed=False)
     _, first = np.unique(group, return_index=True)
-    edges = np.unique(np.sort(group.reshape(-1, 2), axis=1), axis=0)
-    return corners[first], edges[edges[:, 0] != edges[:, 1]]
+    order = np.lexsort((corners[first] / _SAME).round().T[::-1])
+    edges = np.unique(np.sort(np.argsort(order)[group].reshape(-1, 2), axis=1), axis=0)
+    return corners[first[order]], edges[edges[:, 0] != edges[:, 1]]
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
