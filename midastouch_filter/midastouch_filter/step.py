@@ -64,8 +64,7 @@ class Step:
         policies.refine.moved(motion, policies.fingers.path, in_contact)
         touching = [finger for finger in measured if finger.touch.in_contact]
         tempering = self._update(belief, measured, touching[0]) if touching else 0.0
-        with self._watch.stage("modes"):
-            belief.cluster()
+        self._cluster(belief, changed=bool(touching) or motion is not None)
         if policies.refine(belief, measured, tempering):
             policies.reweigh.trend.explained()
         return Outcome(measured, in_contact, self._restarted)
@@ -98,9 +97,9 @@ class Step:
         """Equation 2 and resampling; the largest tempering exponent of the fingers that touch, `touching` the first."""
         policies = self._policies
         with self._watch.stage("lookup"):
-            belief.look_up()
+            codebook_distance = belief.look_up()
         with self._watch.stage("weights"):
-            alive = policies.reweigh(belief, measured)
+            alive = policies.reweigh(belief, measured, codebook_distance)
             tempering = count(measured)
             policies.propagate.explore(belief.dominant_mass, tempering)
         with self._watch.stage("resampling"):
@@ -120,6 +119,12 @@ class Step:
         self._gates.refuse(kind, reason)
         belief.restart(particles)
         self._policies.restart()
+
+    def _cluster(self, belief: Belief, changed: bool) -> None:
+        """Find the modes, unless the particles are those of the last step."""
+        with self._watch.stage("modes"):
+            if not (belief.modes and self._gates.skips("unmoved_modes", not changed)):
+                belief.cluster()
 
 
 class Reporter:

@@ -82,7 +82,7 @@ def test_any_weights_end_in_a_defined_state(filter_, world, most, some, count):
     filter_.initialise_uniform()
     filter_.step(motion, Measurement(True, code))
 
-    def log_weight(_, particles):
+    def log_weight(_, particles, codebook_distance):
         out = np.full(len(particles), most)
         out[:count] = some
         return out

@@ -146,6 +146,20 @@ VARIANTS = {
         {"refinement": False, "recovery_fraction": 0.0},
     ),
     "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
+    "no_surface": Variant(
+        "no surface constraint (only far particles are dropped)",
+        MECHANISM,
+        {
+            "max_penetration": 0.02,
+            "max_hover": 0.02,
+            "surface_sigma": 0.02,
+            "dead_distance": 0.02,
+            "book_constraint": False,
+        },
+    ),
+    "no_book_constraint": Variant(
+        "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
+    ),
     "no_tempering": Variant(
         "weights count every touch in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
@@ -155,6 +169,7 @@ VARIANTS = {
     "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
+    "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
     "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
         "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}

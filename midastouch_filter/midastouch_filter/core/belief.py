@@ -58,12 +58,12 @@ class Belief:
         """The particles moved by `path` [m], turns included."""
         self._path += path
 
-    def look_up(self) -> None:
-        """Set each particle's codebook entry."""
+    def look_up(self) -> np.ndarray:
+        """Set each particle's codebook entry; returns the pose distances (N,) [m] to it."""
         if self._path > self._lookup.reach:
             self._lookup.relocate(self.particles)
         self._path, self._members = 0.0, None
-        self._lookup.follow(self.particles)
+        return self._lookup.follow(self.particles)
 
     def reweigh(self, log_ratio: np.ndarray, tempered: np.ndarray) -> tuple[float, bool]:
         """Multiply the weights by the tempered likelihood ratios (N,) and normalise.

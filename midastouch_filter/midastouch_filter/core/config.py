@@ -60,10 +60,11 @@ class FilterConfig:
     )
 
     # --- surface constraint (paper appendix C, pruning)
-    dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
-    max_penetration: float = _number(2e-3, 0.0, 0.02, "m", "a further finger's gel may lie this deep in the object")
+    max_penetration: float = _number(2e-3, 0.0, 0.02, "m", "the gel's apex may lie this deep in the object for free")
     max_hover: float = _number(1e-3, 0.0, 0.02, "m", "... and this far above its surface")
     surface_sigma: float = _number(1e-3, 1e-5, 0.02, "m", "softness of both limits")
+    dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
+    book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
 
     # --- coarse to fine: alignment of narrow modes to the measured map; jitter as of the paper's tracker (section 5)
     refinement: bool = _switch(True, "align narrow modes to the measured penetration map")
@@ -207,7 +208,6 @@ GONE = {
     "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
     "recovery_alpha_slow": "the long average of the likelihood has one rate",
     "recovery_alpha_fast": "the last touch is the short average of the likelihood",
-    "book_constraint": "further fingers keep to the codebook's poses, particles to the surface",
 }
 """Fields that there were, and what is in their place."""
 

@@ -1,9 +1,9 @@
 """Fingers on one object: the likelihoods of all that touch it multiply.
 
 The state is the pose of the first finger's gel. A particle and the transform between the gels give the pose of every
-other finger, the identity that of the first. Each is looked up, scored (equation 2) and kept at the surface; a finger
-away from the first is so more softly: what a particle's rotation lacks, moves a gel that is a hand's width away by
-millimetres.
+other finger, the identity that of the first. Each is looked up, scored (equation 2) and kept at the surface. Only the
+surface constraint is softer for a finger away from the first: what a particle's rotation lacks, moves a gel that is a
+hand's width away by millimetres.
 
 A finger that does not touch still tells something: it is not inside the object.
 """
@@ -111,10 +111,15 @@ class Finger:
 
     # ------------------------------------------------------------------ likelihood
 
-    def log_ratio(self, particles: Particles) -> np.ndarray:
-        """(N,) float64: log-likelihood ratio of the code and the surface constraint, of each particle."""
+    def log_ratio(self, particles: Particles, codebook_distance: np.ndarray) -> np.ndarray:
+        """(N,) float64: log-likelihood ratio of the code and the surface constraint, of each particle.
+
+        codebook_distance (N,) [m]: of each particle to its codebook entry.
+        """
         if self.touch.T_gel_finger is None and self.touch.in_contact:
-            return self._surface.log_weight(particles) + self._log_likelihood(particles)
+            log_ratio = self._surface.log_weight(particles, codebook_distance)
+            log_ratio += self._log_likelihood(particles)
+            return log_ratio
         return self._log_ratio_there(particles, self.touch.T_gel_finger)
 
     def _log_ratio_there(self, particles: Particles, T_gel_finger: np.ndarray | None) -> np.ndarray:

@@ -65,14 +65,14 @@ class Reweighting:
         """The particles were drawn anew."""
         self.trend = LikelihoodTrend(self._outlier)
 
-    def __call__(self, belief: Belief, measured: list[Finger]) -> bool:
+    def __call__(self, belief: Belief, measured: list[Finger], codebook_distance: np.ndarray) -> bool:
         """Multiply the weights by every finger's tempered likelihood ratio; False, with nothing done, if none survives.
 
-        measured: one or more fingers, of which one touches.
+        measured: one or more fingers, of which one touches; codebook_distance (N,) [m], as from `Belief.look_up`.
         """
         evidence = tempered = None
         for finger in measured:
-            log_ratio = finger.log_ratio(belief.particles)
+            log_ratio = finger.log_ratio(belief.particles, codebook_distance)
             if finger.touch.in_contact:
                 self._pool(belief, finger.name, log_ratio)
             power = finger.tempering * log_ratio

@@ -102,7 +102,7 @@ def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
 
 
 class SurfaceConstraint:
-    """Log-weight of being where a touch can be: near the surface; for a further finger, near some codebook pose too.
+    """Log-weight of being where a touch can be: near the surface, and near some pose of the codebook.
 
     The gel poses of a contact lie up to 2 mm inside the surface, because pressing moves the gel frame in.
     """
@@ -111,9 +111,24 @@ class SurfaceConstraint:
         """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
         self._grid, self._codebook_reach, self._config, self._workers = grid, codebook_reach, config, workers
 
-    def log_weight(self, particles: Particles) -> np.ndarray:
-        """(N,) float64: -inf farther from the surface than `dead_distance`, else 0."""
-        return np.where(np.abs(self.distance(particles)) < self._config.dead_distance, 0.0, -np.inf)
+    def log_weight(self, particles: Particles, codebook_distance: np.ndarray) -> np.ndarray:
+        """(N,) float64 <= 0: 0 between both limits, quadratic beyond, -inf farther than `dead_distance`.
+
+        `codebook_distance` (N,) [m] is each particle's pose distance to its codebook entry.
+        """
+        c, n = self._config, len(particles)
+        reach = self._codebook_reach if c.book_constraint else np.inf
+        distance, out = np.empty(n, np.float32), np.empty(n)
+
+        def weigh(low: int, high: int, _: int) -> None:
+            self._grid.interpolate(low, high, particles.positions, distance)
+            kernels.surface_log_weight(
+                low, high, distance, codebook_distance, c.max_penetration, c.max_hover, reach, 1 / c.surface_sigma,
+                c.dead_distance, out,
+            )  # fmt: skip
+
+        self._workers.run(n, weigh)
+        return out
 
     def distance(self, particles: Particles) -> np.ndarray:
         """Signed distances (N,) float32 [m] of the gel's apex, negative inside; saturated beyond `dead_distance`."""
@@ -136,7 +151,7 @@ class SurfaceConstraint:
         if in_contact:
             excess = np.maximum(excess, distance - c.max_hover)
         out = np.square(np.maximum(excess, 0.0), dtype=float)
-        if in_contact:
+        if in_contact and c.book_constraint:
             out += np.square(np.clip(codebook_distance - self._codebook_reach, 0.0, c.dead_distance))
         out *= -0.5 / sigma**2
         return out

@@ -60,11 +60,22 @@ def test_far_away_and_absurd_positions_saturate(ball):
     assert ball[1].limit > 0.006
 
 
-def test_only_what_is_far_from_the_surface_is_ruled_out(ball):
-    constraint = SurfaceConstraint(ball[1], 1.0, FilterConfig(dead_distance=5e-3), WORKERS)
-    heights = np.array([-0.0055, -0.0045, 0.0, 0.0045, 0.0055])
+def test_constraint_is_free_where_touches_lie_and_quadratic_beyond(ball):
+    config = FilterConfig(max_penetration=2e-3, max_hover=1e-3, surface_sigma=1e-3, dead_distance=5e-3)
+    constraint = SurfaceConstraint(ball[1], 1.0, config, WORKERS)
+    heights = np.array([-0.0018, -0.0005, 0.0008, 0.003, -0.004, 0.0055])
     points = np.stack([0.03 + heights, 0 * heights, 0 * heights], axis=1)
-    np.testing.assert_array_equal(constraint.log_weight(particles_at(points)), [-np.inf, 0, 0, 0, -np.inf])
+    got = constraint.log_weight(particles_at(points), np.zeros(6, np.float32))
+    np.testing.assert_allclose(got[:3], 0, atol=0.01)
+    np.testing.assert_allclose(got[3:5], -0.5 * np.array([2.0, 2.0]) ** 2, atol=0.4)
+    assert got[5] == -np.inf
+
+
+def test_poses_far_from_the_book_are_weighed_down(ball):
+    constraint = SurfaceConstraint(ball[1], 3e-3, FilterConfig(surface_sigma=1e-3), WORKERS)
+    at = particles_at([[0.029, 0, 0]] * 3)
+    got = constraint.log_weight(at, np.array([0.002, 0.003, 0.005], np.float32))
+    np.testing.assert_allclose(got, [0, 0, -2], atol=1e-3)
 
 
 def test_gels_known_less_well_are_weighed_softly_and_never_dead(ball):
