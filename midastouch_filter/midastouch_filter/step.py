@@ -64,7 +64,8 @@ class Step:
         policies.refine.moved(motion, policies.fingers.path, in_contact)
         touching = [finger for finger in measured if finger.touch.in_contact]
         tempering = self._update(belief, measured, touching[0]) if touching else 0.0
-        self._cluster(belief, changed=bool(touching) or motion is not None)
+        with self._watch.stage("modes"):
+            belief.cluster()
         if policies.refine(belief, measured, tempering):
             policies.reweigh.trend.explained()
         return Outcome(measured, in_contact, self._restarted)
@@ -120,12 +121,6 @@ class Step:
         belief.restart(particles)
         self._policies.restart()
 
-    def _cluster(self, belief: Belief, changed: bool) -> None:
-        """Find the modes, unless the particles are those of the last step."""
-        with self._watch.stage("modes"):
-            if not (belief.modes and self._gates.skips("unmoved_modes", not changed)):
-                belief.cluster()
-
 
 class Reporter:
     """Turns the belief, and what the policies know besides, into an estimate and its status; symmetry of the object."""
@@ -161,6 +156,7 @@ class Reporter:
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
                 error=first.spread_translation,
+                error_r=first.spread_rotation,
                 alike=self._alike,
             )
         )

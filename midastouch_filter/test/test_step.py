@@ -27,7 +27,6 @@ def test_at_rest_nothing_changes(coded_slide):
     np.testing.assert_array_equal(filter_.poses, before[0])
     np.testing.assert_array_equal(filter_.weights, before[1])
     assert skipped(estimate, "at_rest") == 20
-    assert skipped(estimate, "unmoved_modes") == 20
 
 
 def test_a_forced_update_counts_although_the_arm_rests(coded_slide):

@@ -169,7 +169,6 @@ VARIANTS = {
     "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
-    "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
     "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
         "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}

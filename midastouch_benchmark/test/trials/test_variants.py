@@ -34,7 +34,7 @@ def test_a_variant_says_what_differs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate", "no_modes_gate"])
+@pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate"])
 def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
     def skipped(variant):
         config = FilterConfig(min_particles=10, max_particles=20)

@@ -28,10 +28,10 @@ from ..core.noise_model import NoiseModel
 from ..core.pose_hypothesis import pose_distance
 from ..core.touch import Measurement
 from .arm_errors import ArmErrors, ObjectJump
+from .jump_hypotheses import DECISIVE
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
-_JUMP_NATS = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
-_JUMP_MAPS = 3  # last maps that are asked so
+_JUMP_MAPS = 3  # last maps that must speak for a jump as clearly as the track does
 _UNEXPLAINED_FRAMES = 3  # frames in a row that the track may fail to explain: over a sharp edge
 _LEAST_INFORMATION = LEAST_GAIN / (1.0 - LEAST_GAIN)  # the same gain, as a fraction of the prior's information
 _GOOD_FIT = 0.95  # fit from which the start from the guess is good enough
@@ -110,18 +110,13 @@ class OdometryCorrection(AsMeasured):
         jump = self._errors.jump
         if jump is None or self._track is None:
             return better
-        still, moved = self._evidence(jump.at_rest), self._evidence(jump.pose)
-        if moved - still < _JUMP_NATS:  # over ridges the track may have gone to the next one, which is alike
+        followed = self._mode @ jump.moved
+        if self._evidence(followed) - self._evidence(self._mode) < DECISIVE:
+            # it is the track that went astray, as to the next of some ridges; or the alignments have followed already
             self._lose()
             return better
-        self.jump = jump
-        followed = self._mode @ jump.moved
-        # the alignments of the last frames may have followed already
-        if self._evidence(followed) > self._evidence(self._mode):
-            self._track = followed
-            return jump.moved @ better
-        self._track = self._mode
-        return better
+        self.jump, self._track = jump, followed
+        return jump.moved @ better
 
     def _measured_velocity(self, touch: Measurement) -> np.ndarray | None:
         """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""

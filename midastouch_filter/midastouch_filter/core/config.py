@@ -148,7 +148,7 @@ class FilterConfig:
     )
     converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "converged: its particles spread no wider, RMS")
     converged_rotation: float = _number(
-        math.radians(15.0), 0.01, 3.0, "rad", "converged: its particles turn no wider, RMS"
+        math.radians(15.0), 0.01, 3.0, "rad", "converged: its particles, and the published pose, turn no wider, RMS"
     )
     converged_error: float = _number(
         0.005,

@@ -9,16 +9,14 @@ GATES = (
     "at_rest",
     "no_contact",
     "unchanged_code",
-    "unmoved_modes",
     "wide_modes",
     "unrivalled",
 )
 """Each recognises work that can be skipped:
 
 at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same code again, a repeated
-image and no new touch; unmoved_modes: nothing happened to the particles; wide_modes: no mode is narrow enough for its
-rendered view to tell anything; `unrivalled`: touches still fit what the last re-evaluation said, so that the next can
-wait.
+image and no new touch; wide_modes: no mode is narrow enough for its rendered view to tell anything; `unrivalled`:
+touches still fit what the last re-evaluation said, so that the next can wait.
 """
 
 
