@@ -155,7 +155,7 @@ class Reporter:
                 mode_mass=first.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
-                error=first.spread_translation,
+                error_t=first.spread_translation,
                 error_r=first.spread_rotation,
                 alike=self._alike,
             )

@@ -99,11 +99,6 @@ class ArmErrors:
         return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
 
     @property
-    def suspicion(self) -> float:
-        """Log-odds [nats] of the likeliest jump in the last frames against none."""
-        return float(self._hypotheses.log_odds[1:].max(initial=-np.inf))
-
-    @property
     def applied(self) -> tuple[np.ndarray, float]:
         """Mount (4, 4) and clock [s] as far as they are known to be wrong, axis by axis: a right one is left alone."""
         found = self.calibration

@@ -84,11 +84,6 @@ class OdometryCorrection(AsMeasured):
         self._arm, self._seconds = np.eye(4), 0.0
 
     @property
-    def suspicion(self) -> float:
-        """Log-odds [nats] of the likeliest jump of the object in the last frames against none."""
-        return self._errors.suspicion
-
-    @property
     def calibration(self) -> Calibration | None:
         return self._errors.calibration if self._config.calibration else None
 

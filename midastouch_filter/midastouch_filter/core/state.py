@@ -56,9 +56,9 @@ class StateEvidence:
     """What the state depends on; units as in `Status`.
 
     support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
-    error [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its
-    hypothesis is the right one; listed: probability that the truth is among the published modes; unknown: that another object is touched; alike:
-    how many poses feel the same as each one, in words, empty if none do.
+    error_t [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its
+    hypothesis is the right one; listed: probability that the truth is among the published modes; unknown: that another
+    object is touched; alike: how many poses feel the same as each one, in words, empty if none do.
     """
 
     initialised: bool = False
@@ -70,7 +70,7 @@ class StateEvidence:
     mode_mass: float = 0.0
     spread_t: float = 0.0
     spread_r: float = 0.0
-    error: float = 0.0
+    error_t: float = 0.0
     error_r: float = 0.0
     unknown: float = 0.0
     alike: str = ""
@@ -127,8 +127,8 @@ class StateMachine:
             return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
         if e.spread_r > c.converged_rotation * slack:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
-        if e.error > c.converged_error * slack:
-            return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
+        if e.error_t > c.converged_error * slack:
+            return False, f"the published pose is known to {1000 * e.error_t:.1f} mm only"
         if e.error_r > c.converged_rotation * slack:
             return False, f"the published pose is known to {e.error_r:.2f} rad only"
         if e.unknown > _OWN:

@@ -1,17 +1,22 @@
 """The whole filter on an object that is pushed, and with a sensor that is mounted askew."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_filter.arm_calibration.odometry_correction import ContactOdometry, without_prior
-from midastouch_filter.core.alignment import Aligned
+from midastouch_filter.arm_calibration.odometry_correction import ContactOdometry, OdometryCorrection, without_prior
+from midastouch_filter.core.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.random_parts import random_part
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
 
 def play(world, slide, measured, **settings):
@@ -87,6 +92,24 @@ CONFIG = FilterConfig()
 @pytest.fixture
 def odometry():
     return ContactOdometry(SENSOR, NoiseModel.of(CONFIG), CONFIG.object_jump + 2 * CONFIG.jitter)
+
+
+@pytest.mark.parametrize("seed", [1, 9, 12])
+def test_a_track_that_goes_astray_along_walls_is_no_motion_of_the_object(seed):
+    """Of a sensor that measures too deep, while the belief is right all the time."""
+    rng, noise = np.random.default_rng(seed), NoiseModel.of(CONFIG)
+    mesh = random_part(rng, "part")
+    poses = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.3, rng)
+    arm = measure_poses(poses, rng)
+    correction = OdometryCorrection(PenetrationAlignment(mesh, SENSOR, noise), CONFIG, noise, Stopwatch(lambda: 0.0))
+    jumps = []
+    for k, penetration in enumerate(1.2 * measured(mesh, poses)):
+        touch = Measurement(bool(penetration.any()), penetration=penetration)
+        correction(se3.inverse(arm[k - 1]) @ arm[k] if k else None, touch, 0.05)
+        jumps.append(correction.jump)
+        mode = SimpleNamespace(pose=poses[k])
+        correction.observe(SimpleNamespace(modes=[mode], answers=[mode], aligned=(0,)), touch, trusted=True)
+    assert not any(jumps)
 
 
 def measured(mesh, poses):

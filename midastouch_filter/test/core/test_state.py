@@ -30,7 +30,8 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(spread_t=0.02), state.AMBIGUOUS, "20.0 mm"),
         (narrow(checked=False), state.AMBIGUOUS, "not compared with other hypotheses"),
         (narrow(spread_r=1.0), state.AMBIGUOUS, "1.00 rad"),
-        (narrow(error=0.03), state.AMBIGUOUS, "known to 30.0 mm only"),
+        (narrow(error_t=0.03), state.AMBIGUOUS, "known to 30.0 mm only"),
+        (narrow(error_r=0.4), state.AMBIGUOUS, "known to 0.40 rad only"),
         (narrow(in_contact=False), state.NO_CONTACT, "touches nothing"),
         (narrow(support=0.45), state.AMBIGUOUS, "fit the particles badly"),
         (narrow(support=0.9), state.LOST, "contradict"),
@@ -64,11 +65,11 @@ def test_does_not_flicker_at_the_limit_of_convergence(machine):
 
 
 def test_a_wider_error_is_borne_once_converged(machine):
-    wide = narrow(error=0.006)
+    wide = narrow(error_t=0.006)
     assert machine.update(wide)[0] == state.AMBIGUOUS
-    assert machine.update(narrow(error=0.004))[0] == state.CONVERGED
+    assert machine.update(narrow(error_t=0.004))[0] == state.CONVERGED
     assert machine.update(wide)[0] == state.CONVERGED
-    assert machine.update(narrow(error=0.008))[0] == state.AMBIGUOUS
+    assert machine.update(narrow(error_t=0.008))[0] == state.AMBIGUOUS
 
 
 def test_is_found_again_only_well_below_the_limit_of_being_lost(machine):
