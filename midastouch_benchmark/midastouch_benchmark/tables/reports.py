@@ -71,6 +71,8 @@ COMMANDS = {
         f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_PAIRED} --variant {_EVIDENCE}"
         for name in ("kidnap", "tool_bias", "rest", "slow_camera")
     },
+    "ablation_small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_PAIRED} "
+    "--variant no_surface no_book_constraint",
     "ablation_rest": f"{_BENCHMARK} --protocol rest {_PAIRED} --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_PAIRED} --variant gates",
     "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_PAIRED} --variant no_refinement codes_no_recovery",
