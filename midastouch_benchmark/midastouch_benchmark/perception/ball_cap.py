@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares, minimize
 
 from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_calibration.ball import ball_penetration
 from midastouch_perception.sensor_model import SensorModel
 
 
@@ -24,7 +25,8 @@ class Sphere:
 def fit_sphere(points: np.ndarray, radius: float | None = None) -> Sphere:
     """The sphere nearest to points (N, 3) m, N >= 4, by orthogonal distance; of a given radius if one is given.
 
-    The points are the side of a ball that faces +z (the camera): its centre lies below them.
+    The points are the side of a ball that faces +z (the camera): its centre lies below them. Of an outline, points on
+    the undeformed gel, it is the ball that meets the gel there; one wider than the ball leaves a residual.
     """
     points = np.asarray(points, float)
     middle = points.mean(axis=0)
@@ -58,31 +60,9 @@ def principal_curvatures(points: np.ndarray) -> np.ndarray:
 _STEP = 3e-4  # m: first step of the search for the nearest cap
 
 
-def ball_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Penetration (H, W) float32 m of a rigid ball, centre (3,) m in the gel frame, along the camera axis."""
-    tangent_x, tangent_y = sensor.rays
-    x, y, z = centre
-    # |depth * (tx, ty, -1) + (0, 0, d) - centre| = radius, the nearer of both depths
-    a = tangent_x**2 + tangent_y**2 + 1
-    height = sensor.gel_distance - z
-    b = tangent_x * x + tangent_y * y + height
-    root = b**2 - a * (x**2 + y**2 + height**2 - radius**2)
-    depth = (b - np.sqrt(np.maximum(root, 0))) / a
-    return np.where(root > 0, np.maximum(sensor.gel_depth - depth, 0), 0).astype(np.float32)
-
-
-def centre_under(outline: np.ndarray, radius: float) -> np.ndarray:
-    """Centre (3,) m of the ball that meets the undeformed gel in an outline: points (N, 3) m on the gel, N >= 4.
-
-    The least-squares one of the two below the gel. An outline wider than the ball has none: its points stay apart from
-    the ball (see `outline_residual`).
-    """
-    return fit_sphere(outline, radius).centre
-
-
-def outline_residual(outline: np.ndarray, centre: np.ndarray, radius: float) -> float:
-    """Root mean square distance [m] of an outline (N, 3) m from a ball."""
-    return float(np.sqrt(np.mean((np.linalg.norm(outline - centre, axis=1) - radius) ** 2)))
+def cap_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
+    """Penetration (H, W) float32 m of a rigid ball, centre (3,) m in the gel frame; 0 where it does not reach."""
+    return np.maximum(ball_penetration(centre, radius, sensor), 0)
 
 
 def circle_outline(circle: tuple[float, float, float], scale: float, sensor: SensorModel) -> np.ndarray:
@@ -121,7 +101,7 @@ def nearest_cap(penetration: np.ndarray, contact: np.ndarray, radius: float, sen
     start = fit_sphere(points, radius).centre if len(points) > 3 else points.mean(axis=0) - [0, 0, radius]
 
     def distance(centre: np.ndarray) -> float:
-        return float(((ball_penetration(centre, radius, sensor) - penetration) ** 2).sum()) * 1e6
+        return float(((cap_penetration(centre, radius, sensor) - penetration) ** 2).sum()) * 1e6
 
     simplex = start + np.vstack([np.zeros(3), _STEP * np.eye(3)])
     # the squares bend where pixels enter and leave the cap: no derivatives

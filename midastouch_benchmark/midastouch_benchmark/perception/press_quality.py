@@ -25,16 +25,7 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
-from .ball_cap import (
-    ball_penetration,
-    centre_under,
-    circle_outline,
-    fit_sphere,
-    mask_outline,
-    nearest_cap,
-    outline_residual,
-    principal_curvatures,
-)
+from .ball_cap import cap_penetration, circle_outline, fit_sphere, mask_outline, nearest_cap, principal_curvatures
 
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
 _HALO = 0.5e-3  # m around what is visible
@@ -84,7 +75,7 @@ def as_measured(
             truth = _under_circle(name, circle, measured.shape[1] / image.shape[1], radius, tdn.sensor)
         else:
             truth = None
-        ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
+        ideal = None if truth is None else cap_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(measured, region, radius, tdn.sensor) if region.any() else None
         found = ContactDetector(tdn.sensor).update(measured).in_contact and bool(region.any())
         depth = tdn.depth(difference, measured)
@@ -126,20 +117,19 @@ def _measured_contact(
 
 def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor: SensorModel) -> np.ndarray:
     """The ball's centre (3,) m under a circle labelled in an image with 1 / scale as many pixels a side as the map."""
-    outline = circle_outline(circle, scale, sensor)
-    centre = centre_under(outline, radius)
-    if outline_residual(outline, centre, radius) > _OUTLINE_RESIDUAL:
+    ball = fit_sphere(circle_outline(circle, scale, sensor), radius)
+    if ball.residual > _OUTLINE_RESIDUAL:
         raise InputError(
             f"{name}: a ball of {2e3 * radius:g} mm diameter leaves no contact as wide as its circle, "
             f"{2e3 * circle[2] * scale * sensor.pixel_size:.1f} mm; check --ball-diameter, --px-per-mm and the label"
         )
-    return centre
+    return ball.centre
 
 
 def _under_measured(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
     """The ball's centre (3,) m under the outline that is measured; None if that is too short to tell."""
     outline = mask_outline(region, sensor)
-    return centre_under(outline, radius) if len(outline) >= _FEWEST else None
+    return fit_sphere(outline, radius).centre if len(outline) >= _FEWEST else None
 
 
 def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:
@@ -163,7 +153,7 @@ def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:
         "centre_mm": None,
     }
     if press.nearest is not None:
-        row["iou"] = _iou(press.measured, ball_penetration(press.nearest, radius, sensor))
+        row["iou"] = _iou(press.measured, cap_penetration(press.nearest, radius, sensor))
     if press.ideal is not None:
         row |= _against_ideal(press)
     return row

@@ -5,13 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midastouch_benchmark.perception.ball_cap import (
-    ball_penetration,
-    centre_under,
+    cap_penetration,
     circle_outline,
     fit_sphere,
     mask_outline,
     nearest_cap,
-    outline_residual,
     principal_curvatures,
 )
 from midastouch_common import se3
@@ -35,42 +33,42 @@ def test_a_ball_as_the_renderer_sees_it(sensor):
     mesh = trimesh.creation.icosphere(subdivisions=6, radius=RADIUS)
     renderer = PenetrationRenderer(ObjectMesh.from_arrays(mesh.vertices, mesh.faces, "ball"), sensor)
     rendered = renderer.render(se3.make(np.eye(3), -centre(sensor))[None])[0]
-    np.testing.assert_allclose(ball_penetration(centre(sensor), RADIUS, sensor), rendered, atol=3e-6)
+    np.testing.assert_allclose(cap_penetration(centre(sensor), RADIUS, sensor), rendered, atol=3e-6)
     assert rendered.max() == pytest.approx(1.2e-3, rel=0.02)
 
 
 def test_out_of_reach_nothing_is_touched(sensor):
-    assert not ball_penetration([0, 0, -2 * RADIUS], RADIUS, sensor).any()
-    assert not ball_penetration([0.1, 0, -RADIUS], RADIUS, sensor).any()
+    assert not cap_penetration([0, 0, -2 * RADIUS], RADIUS, sensor).any()
+    assert not cap_penetration([0.1, 0, -RADIUS], RADIUS, sensor).any()
 
 
 @pytest.mark.parametrize(("x", "y", "depth"), [(0, 0, 1e-3), (3e-3, 4e-3, 1.5e-3), (5e-3, -7e-3, 0.5e-3)])
 def test_an_outline_tells_the_ball(sensor, x, y, depth):
     """Also where the image cuts the contact off: its outline is that of the gel, not of the image."""
     truth = centre(sensor, x, y, depth)
-    outline = mask_outline(ball_penetration(truth, RADIUS, sensor) > 0, sensor)
-    found = centre_under(outline, RADIUS)
-    np.testing.assert_allclose(found, truth, atol=6e-5)  # half a pixel
-    assert outline_residual(outline, found, RADIUS) < 6e-5
+    outline = mask_outline(cap_penetration(truth, RADIUS, sensor) > 0, sensor)
+    found = fit_sphere(outline, RADIUS)
+    np.testing.assert_allclose(found.centre, truth, atol=6e-5)  # half a pixel
+    assert found.residual < 6e-5
 
 
 def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
     """A cap at the gel's apex is a circle in the image; a label's pixel is the one that its centre falls into."""
     truth = centre(sensor, 0, 0, 1e-3)
-    contact = ball_penetration(truth, RADIUS, sensor.scaled(2)) > 0
+    contact = cap_penetration(truth, RADIUS, sensor.scaled(2)) > 0
     rows, columns = np.nonzero(contact)
     circle = (columns.mean(), rows.mean(), np.sqrt(contact.sum() / np.pi))
-    np.testing.assert_allclose(centre_under(circle_outline(circle, 0.5, sensor), RADIUS), truth, atol=2e-5)
+    np.testing.assert_allclose(fit_sphere(circle_outline(circle, 0.5, sensor), RADIUS).centre, truth, atol=2e-5)
 
 
 def test_a_circle_wider_than_the_ball_misses_it(sensor):
     wide = circle_outline((120, 160, 100), 0.5, sensor)  # 5.4 mm
-    assert outline_residual(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
+    assert fit_sphere(wide, RADIUS).residual > 3e-4
 
 
 def test_the_nearest_cap_of_a_cap_is_itself(sensor):
     truth = centre(sensor)
-    measured = ball_penetration(truth, RADIUS, sensor)
+    measured = cap_penetration(truth, RADIUS, sensor)
     np.testing.assert_allclose(nearest_cap(measured, measured > 0, RADIUS, sensor), truth, atol=5e-6)
 
 

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_benchmark.perception.ball_cap import ball_penetration
+from midastouch_benchmark.perception.ball_cap import cap_penetration
 from midastouch_benchmark.perception.press_quality import measure_presses, visible_contact
 from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
 from midastouch_common.errors import InputError
@@ -42,7 +42,7 @@ def presses(sensor):
     images = {}
     for i in range(7):
         x, y, depth = 1e-3 * (i - 3), 5e-4 * i, 6e-4 + 1e-4 * i
-        penetration = ball_penetration([x, y, sensor.sag(x, y) + depth - RADIUS], RADIUS, sensor)
+        penetration = cap_penetration([x, y, sensor.sag(x, y) + depth - RADIUS], RADIUS, sensor)
         image = FREE.copy()
         image[..., 0] += np.rint(cv2.resize(penetration, (240, 320), interpolation=cv2.INTER_NEAREST) * 1e5).astype(
             np.uint8
