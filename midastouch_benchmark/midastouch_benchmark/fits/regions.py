@@ -26,7 +26,6 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.alignment import WHITE, WIDTH
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.policies import Policies, default_policies
@@ -37,7 +36,6 @@ CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)
 LEVEL = 0.95  # of the regions
 CONFIG = FilterConfig(threads=1)
-NOISE = NoiseModel.of(CONFIG)
 BIAS, SURE, TRANSLATION, ROTATION = range(4)  # columns of `ScoredScan`
 
 

@@ -10,9 +10,7 @@ from midastouch_filter.core.state import CONVERGED
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
 from .accuracy import final_errors, is_right, wrong_converged
-from .intervals import ENOUGH, LEVEL, bootstrap_interval
-
-_IDENTITY = ("object", "slide", "init", "seed")
+from .intervals import ENOUGH, LEVEL, bootstrap_interval, identity
 
 
 def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
@@ -33,7 +31,7 @@ def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
         group = by_variant.setdefault((trial["init"], trial["variant"]), {})
-        group[tuple(trial[key] for key in _IDENTITY)] = trial
+        group[identity(trial)] = trial
     rows = []
     for init in dict.fromkeys(init for init, _ in by_variant):
         groups = {variant: group for (where, variant), group in by_variant.items() if where == init}

@@ -29,7 +29,7 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
 
 
 def _of_policy(trials: list[dict]) -> dict:
-    figures = Figures([(t["object"], t["seed"]) for t in trials])
+    figures = Figures.by_seed(trials)
     converged = [t["ending"] == "converged" for t in trials]
     right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
     alike = [t["ending"] == "alike" for t in trials]

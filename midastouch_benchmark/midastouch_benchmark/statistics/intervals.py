@@ -6,7 +6,6 @@ between slides gives (design effect, Kish 1965). Means and medians: percentile b
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
@@ -85,7 +84,7 @@ def _numbered(groups: Sequence[Hashable]) -> tuple[np.ndarray, int]:
 
 
 class Figures:
-    """Figures over trials, one number of each; groups (N,): which trials belong together, as of `share_interval`."""
+    """Figures over trials, one number of each; groups (N,): which trials belong together, as of `fraction_interval`."""
 
     def __init__(self, groups: Sequence[Hashable]):
         self._groups = groups
@@ -94,6 +93,11 @@ class Figures:
     def by_slide(cls, trials: Sequence[dict]) -> Figures:
         """Trials on one slide over an object are not independent."""
         return cls([(trial["object"], trial["slide"]) for trial in trials])
+
+    @classmethod
+    def by_seed(cls, trials: Sequence[dict]) -> Figures:
+        """Trials on one object with one seed begin alike: they are not independent."""
+        return cls([(trial["object"], trial["seed"]) for trial in trials])
 
     def fraction(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
         """{"share", "interval"}: what `part` is of `whole`, both summed; of all trials if that is not given."""
@@ -121,23 +125,13 @@ class Figures:
 _DRAWS = 4000
 
 
-@dataclasses.dataclass(frozen=True)
-class Ratio:
-    """value, of mean errors; low and high, ends of its 95 % interval; median, of the pairs' own ratios; pairs."""
-
-    value: float
-    low: float
-    high: float
-    median: float
-    pairs: int
-
-
-def error_ratio(trials: list[dict], base: list[dict]) -> Ratio:
+def error_ratio(trials: list[dict], base: list[dict]) -> dict[str, float]:
     """Final error of the particles in trials over that of others, paired by object, slide, start and seed.
 
-    The interval is a bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
+    value, of mean errors; low and high, ends of its 95 % interval; median, of the pairs' own ratios. The interval is a
+    bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
     """
-    one, other = ({_identity(trial): trial["final"]["e_trans_mm"] for trial in each} for each in (trials, base))
+    one, other = ({identity(trial): trial["final"]["e_trans_mm"] for trial in each} for each in (trials, base))
     common = sorted(one.keys() & other.keys())
     if not common:
         raise InputError("no trial has a partner in the other result; run both over the same slides and seeds")
@@ -148,8 +142,9 @@ def error_ratio(trials: list[dict], base: list[dict]) -> Ratio:
     low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     total = values.sum(axis=0)
     median = float(np.median(values[:, 0] / values[:, 1]))
-    return Ratio(float(total[0] / total[1]), float(low), float(high), median, len(common))
+    return {"value": float(total[0] / total[1]), "low": float(low), "high": float(high), "median": median}
 
 
-def _identity(trial: dict) -> tuple:
+def identity(trial: dict) -> tuple:
+    """What a trial has in common with those that it is compared with."""
     return tuple(trial[key] for key in ("object", "slide", "init", "seed"))

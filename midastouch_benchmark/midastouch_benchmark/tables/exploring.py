@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pandas as pd
 
 from ..statistics.exploring import summarise_exploration
@@ -27,22 +25,12 @@ IDENTIFICATION: dict[str, Form] = {
 }
 
 
-def _path(row: Row) -> str:
-    """In mm; a path that is infinite, or missing in a file, never ends."""
-    low, high = row["path_m.interval"] if row["path_m.interval"] else (None, None)
-
-    def millimetres(path: float | None) -> str:
-        return "never" if is_missing(path) or math.isinf(path) else f"{1e3 * path:.0f}"
-
-    between = f"{millimetres(low)}...{millimetres(high)}" if row["path_m.interval"] else "-"
-    return f"{millimetres(row['path_m.value'])} mm ({between})"
-
-
+_PATH = value("path_m", "{:.0f}", " mm", never=True, scale=1e3)
 EXPLORATION: dict[str, Form] = {
     "converged right": fraction("right"),
     "converged wrong": fraction("wrong"),
     "said alike": fraction("alike"),
-    "path until right, median": _path,
+    "path until right, median": _PATH,
     "over that of random": text("path_ratio", "{:.2f}"),
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
 }
@@ -51,7 +39,7 @@ _COMPETING: dict[str, Form] = {
     "of these told apart": fraction("told_apart"),
     "of these said alike": fraction("said_alike"),
     "converged wrong": fraction("wrong"),
-    "path until right, median": _path,
+    "path until right, median": _PATH,
 }
 
 

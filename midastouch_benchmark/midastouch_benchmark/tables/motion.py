@@ -35,16 +35,14 @@ def faults() -> pd.DataFrame:
 def motion_table(trials: list[dict], depth_mm: float = 0.5) -> pd.DataFrame:
     """The same of `evaluate-motion`'s trials."""
     slides = [trial for trial in trials if trial["slide"]]
+    touches, slid = [trial["touch"] for trial in trials], [trial["slide"] for trial in slides]
+    of_touches, of_slides = Figures.by_seed(trials), Figures.by_seed(slides)
+    held = of_touches.fraction([abs(each["depth_mm"] - depth_mm) <= _WITHIN for each in touches])
+    held_sliding = of_slides.fraction([each["held"] for each in slid], [each["images"] for each in slid])
+    lost = of_slides.fraction([each["lost"] for each in slid])
     rows = [
-        _row("touch", trials, "touch")
-        | {"held": _figures(trials).fraction([abs(t["touch"]["depth_mm"] - depth_mm) <= _WITHIN for t in trials])},
-        _row("slide", slides, "slide")
-        | {
-            "held": _figures(slides).fraction(
-                [t["slide"]["held"] for t in slides], [t["slide"]["images"] for t in slides]
-            ),
-            "lost": _figures(slides).fraction([t["slide"]["lost"] for t in slides]),
-        },
+        _row("touch", touches, of_touches) | {"held": held},
+        _row("slide", slid, of_slides) | {"held": held_sliding, "lost": lost},
     ]
     return written(tidy(rows), {"motion": text("what"), "trials": text("trials")}, _CLAIMS)
 
@@ -68,16 +66,12 @@ def fault_table(trials: list[dict]) -> pd.DataFrame:
     )
 
 
-def _figures(trials: list[dict]) -> Figures:
-    return Figures([(trial["object"], trial["seed"]) for trial in trials])
-
-
-def _row(what: str, trials: list[dict], kind: str) -> dict:
-    deepest = [trial[kind]["deepest_mm"] for trial in trials]
+def _row(what: str, motions: list[dict], figures: Figures) -> dict:
+    deepest = [each["deepest_mm"] for each in motions]
     return {
         "what": what,
-        "trials": len(trials),
-        "success": _figures(trials).fraction([trial[kind]["success"] for trial in trials]),
+        "trials": len(motions),
+        "success": figures.fraction([each["success"] for each in motions]),
         "too_deep": f"{sum(depth > _DEEPEST for depth in deepest)} of {len(deepest)}",
         "deepest": max(deepest, default=math.nan),
     }

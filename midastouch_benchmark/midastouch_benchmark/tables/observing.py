@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from .reports import CONDITIONS, STARTS, frame_of, report
-from .table import Form, Row, fraction, text, tidy, value, written
+from .table import Form, fraction, is_missing, text, tidy, value, written
 
 _UNIFORM = STARTS["accuracy_uniform"]
 _OBSERVED = {
@@ -19,27 +19,15 @@ _COMPARED = {"maps": "penetration maps", "codes": "codes", "both": "maps and cod
 
 def _of_event(form: Form) -> Form:
     """A dash where nothing happened on the way."""
-    return lambda row: "-" if row.get("soon.share") is None or row["soon.share"] != row["soon.share"] else form(row)
-
-
-def _millimetres(key: str) -> Form:
-    form = value(key, "{:.0f}", " mm", never=True)
-
-    def words(row: Row) -> str:
-        low_high = row.get(f"{key}.interval")
-        scaled = [bound if bound is None else 1e3 * bound for bound in low_high] if low_high else None
-        number = row.get(f"{key}.value")
-        return form({f"{key}.value": number if number is None else 1e3 * number, f"{key}.interval": scaled})
-
-    return words
+    return lambda row: "-" if is_missing(row.get("soon.share")) else form(row)
 
 
 OBSERVING: dict[str, Form] = {
     "observer knows": fraction("known"),
     "filter knows": fraction("filter_known"),
     "only the observer": fraction("only_observer"),
-    "observer's path, median": _millimetres("path_m"),
-    "filter's": _millimetres("filter_path_m"),
+    "observer's path, median": value("path_m", "{:.0f}", " mm", never=True, scale=1e3),
+    "filter's": value("filter_path_m", "{:.0f}", " mm", never=True, scale=1e3),
     "filter's over it, median": value("path_ratio", "{:.2f}", never=True),
     "known again after 20 frames": _of_event(fraction("soon")),
     "by the filter": _of_event(fraction("filter_soon")),

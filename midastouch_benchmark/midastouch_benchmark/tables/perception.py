@@ -79,7 +79,7 @@ def real() -> pd.DataFrame:
 
     def row(name: str) -> dict:
         ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"])
-        return {key: one for key, one in benchmark_summary(name).items() if key != "objects"} | {"ratio": vars(ratio)}
+        return {key: one for key, one in benchmark_summary(name).items() if key != "objects"} | {"ratio": ratio}
 
     claims = {
         "particles, mean": pose("e", "mean"),
@@ -175,7 +175,7 @@ def wanted() -> pd.DataFrame:
             about = f"{row['press']} on elastic gel of {_USUAL_GEL:g} mm, calibrated: error of the depth, mm"
             rows.append((about, row["error"], 2, None, _WANTED_DEPTH[row["press"]]))
     for name, how, most in (("real_sensor", "", 1.2), ("real_sensor_calibrated", " calibrated", 1.05)):
-        ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"]).value
+        ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"])["value"]
         rows.append((f"slides: error through{how} real sensors, over TACTO's", ratio, 2, None, most))
     for name, light, most in (("single_touch", "TACTO's light", 0.30), ("single_touch_random", "random sensors", 0.38)):
         error = report(name)["summary"]["normalised_top25_error"]

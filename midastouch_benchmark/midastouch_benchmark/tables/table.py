@@ -133,23 +133,24 @@ def fraction(key: str, digits: int = 0) -> Form:
     return form
 
 
-def value(key: str, form: str, unit: str = "", never: bool = False) -> Form:
-    """A value with its 95 % interval: `<key>.value` and `<key>.interval`. never: one that is missing is infinite."""
+def value(key: str, form: str, unit: str = "", never: bool = False, scale: float = 1.0) -> Form:
+    """A value with its 95 % interval: `<key>.value` and `<key>.interval`, times `scale`. never: one that is missing is
+    infinite."""
 
     def words(row: Row) -> str:
         number = row.get(f"{key}.value")
         if is_missing(number) and not never:
             return "-"
-        return f"{_or_never(number, form)}{unit} ({between(row.get(f'{key}.interval'), form)})"
+        return f"{_or_never(number, form, scale)}{unit} ({between(row.get(f'{key}.interval'), form, scale)})"
 
     return words
 
 
-def between(interval: list[float] | None, form: str) -> str:
-    """The bounds of an interval."""
-    return "-" if is_missing(interval) else "...".join(_or_never(bound, form) for bound in interval)
+def between(interval: list[float] | None, form: str, scale: float = 1.0) -> str:
+    """The bounds of an interval, times `scale`."""
+    return "-" if is_missing(interval) else "...".join(_or_never(bound, form, scale) for bound in interval)
 
 
-def _or_never(number: float | None, form: str) -> str:
+def _or_never(number: float | None, form: str, scale: float) -> str:
     """A result file has no infinite numbers: it has none in their place."""
-    return "never" if is_missing(number) or math.isinf(number) else form.format(number)
+    return "never" if is_missing(number) or math.isinf(number) else form.format(scale * number)
