@@ -26,8 +26,8 @@ def add_parser(subparsers) -> None:
         "--presses", nargs="+", default=(), metavar="DIR", help="presses of a ball on real DIGITs, as evaluate-presses"
     )
     parser.add_argument("--colour-table", metavar="NPZ", help="Taxim's table, if the network was trained with it")
-    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
-    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    options.add_sensor_option(parser, options.SIMULATED)
+    options.add_tdn_option(parser)
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
     options.add_json_option(parser)
 

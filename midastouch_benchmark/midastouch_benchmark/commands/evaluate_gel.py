@@ -34,11 +34,11 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_bringup.result_file import to_json
 
-    from ..tables.soft_gel import commanded_depth_table, soft_gel_table
+    from ..tables.soft_gel import commanded_depth, soft_gel
     from ..tables.table import terminal
 
     result = to_json(_measured(args))
-    tables = terminal(soft_gel_table(result)), terminal(commanded_depth_table(result))
+    tables = terminal(soft_gel(result)), terminal(commanded_depth(result))
     return options.conclude(args, result, "\n\n".join(tables), parts=("real_gel",))
 
 

@@ -28,11 +28,11 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
     )
-    parser.add_argument("--sensor", default="digit_real", help="sensor model (default digit_real)")
+    options.add_sensor_option(parser, "digit_real")
     parser.add_argument(
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
-    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    options.add_tdn_option(parser)
     calibrated = parser.add_mutually_exclusive_group()
     calibrated.add_argument("--calibration", metavar="FILE", help="the sensor's, by midastouch calibrate")
     calibrated.add_argument(

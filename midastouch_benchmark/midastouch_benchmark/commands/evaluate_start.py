@@ -27,7 +27,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
     from midastouch_filter.loaded_object import SIZE

@@ -30,7 +30,7 @@ def add_parser(subparsers) -> None:
         "Root mean square error over all pixels and over the touched ones, and how well the contact is\noutlined.",
     )
     parser.add_argument("sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders (simulated)")
-    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    options.add_tdn_option(parser)
     options.add_sensor_option(parser, "")
     options.add_sequence_options(parser)
     options.add_json_option(parser)

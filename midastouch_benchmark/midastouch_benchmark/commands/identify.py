@@ -31,7 +31,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-
     from midastouch_bringup.machine import machine_info
 
     from ..statistics.exploring import summarise_identification

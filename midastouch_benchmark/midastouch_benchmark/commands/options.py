@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import math
+import shlex
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands.arguments import load_mesh
+from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import SIMULATED, codebook_path
 from midastouch_common.errors import InputError
 from midastouch_filter.core.presets import PRESETS_IN_WORDS
@@ -16,26 +21,19 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
     from ..trials.setup import Networks
-import math
-import shlex
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
-
-from midastouch_bringup.commands import arguments
-
-if TYPE_CHECKING:
-    from midastouch_common.mesh import ObjectMesh
-
     from ..trials.trial_log import Workforce
 
 
 def add_network_options(parser: argparse.ArgumentParser, sensor: str = SIMULATED) -> None:
     """Add --tdn, --tcn and --sensor, with which `Networks.load` is called; sensor: the default, "" the sequences'."""
-    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    add_tdn_option(parser)
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
     add_sensor_option(parser, sensor)
+
+
+def add_tdn_option(parser: argparse.ArgumentParser) -> None:
+    """Add --tdn, as `load_tdn` takes it."""
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
 
 
 def add_sensor_option(parser: argparse.ArgumentParser, default: str) -> None:
@@ -89,7 +87,7 @@ def load_object(
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():
             raise InputError(f"{path}: its mesh '{mesh}' is not there any more; give it with --mesh")
-    loaded = load_mesh(mesh)
+    loaded = arguments.load_mesh(mesh)
     book = Codebook.load(path, mesh=loaded, tcn=networks.tcn.network_id)
     if book.meta["sensor_id"] != networks.sensor.content_id:
         raise InputError(

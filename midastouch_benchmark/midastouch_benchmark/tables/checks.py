@@ -1,4 +1,4 @@
-"""Tables of the checks on tactile images: false and missed alarms."""
+"""Tables of the checks on tactile images: false and missed alarms, of an `evaluate-checks` result or the newest one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def checks() -> pd.DataFrame:
     return written(frame, {"what is given": text("what"), "alarms, [checks]": percent("alarms")}, {})
 
 
-def _diameters(content: dict) -> pd.DataFrame:
+def diameters(content: dict | None = None) -> pd.DataFrame:
+    """What becomes of a wrong diameter of the ball."""
+    content = content or report("checks")
     about = {
         "diameter given, over the true one": text("factor", "{:.2g}"),
         "refused unless said to be right": percent("doubted"),
@@ -32,7 +34,9 @@ def _diameters(content: dict) -> pd.DataFrame:
     return written(tidy(content["ball_diameter"]["given"]), about, {})
 
 
-def _contacts(content: dict) -> pd.DataFrame:
+def contacts(content: dict | None = None) -> pd.DataFrame:
+    """Presses that the contact decision misses."""
+    content = content or report("checks")
     missed = content["contact"]["missed"]
     rows = [{"what": what} | one for what, bins in missed.items() for one in bins if one["touches"]]
 
@@ -43,7 +47,10 @@ def _contacts(content: dict) -> pd.DataFrame:
     return written(tidy(rows), about, {})
 
 
-def _brightness(content: dict) -> pd.DataFrame:
+def brightness(content: dict | None = None) -> pd.DataFrame:
+    """How often the contact decision errs after a change of light."""
+    content = content or report("checks")
+
     def light(row: Row) -> str:
         return f"{100 * row['brighter']:.0f} % brighter"
 
@@ -51,42 +58,22 @@ def _brightness(content: dict) -> pd.DataFrame:
     return written(tidy(content["contact"]["false"]), about, {})
 
 
-def _gels(content: dict) -> pd.DataFrame:
+def gels(content: dict | None = None) -> pd.DataFrame:
+    """How reliably a gel is known by its texture."""
+    content = content or report("checks")
     about = {"texture of real gels": text("what"), "trials": text("trials"), "said": percent("said")}
     return written(tidy({"what": what} | one for what, one in content["gels"].items()), about, {})
 
 
-def _slow_light(content: dict) -> pd.DataFrame:
+def slow_light(content: dict | None = None) -> pd.DataFrame:
+    """How often a slow change of the light is taken for a contact."""
+    content = content or report("checks")
+
     def light(row: Row) -> str:
         return f"up to {100 * row['change']:.0f} %"
 
     about = {"light that changes slowly, unevenly": light, "frames": text("frames")}
     return written(tidy(content["slow_light"]), about | {"taken for contact": percent("false_contacts")}, {})
-
-
-def gels() -> pd.DataFrame:
-    """How reliably a gel is known by its texture."""
-    return _gels(report("checks"))
-
-
-def slow_light() -> pd.DataFrame:
-    """How often a slow change of the light is taken for a contact."""
-    return _slow_light(report("checks"))
-
-
-def diameters() -> pd.DataFrame:
-    """What becomes of a wrong diameter of the ball."""
-    return _diameters(report("checks"))
-
-
-def contacts() -> pd.DataFrame:
-    """Presses that the contact decision misses."""
-    return _contacts(report("checks"))
-
-
-def brightness() -> pd.DataFrame:
-    """How often the contact decision errs after a change of light."""
-    return _brightness(report("checks"))
 
 
 def check_tables(content: dict) -> list[pd.DataFrame]:
@@ -112,16 +99,16 @@ def check_tables(content: dict) -> list[pd.DataFrame]:
         for what, one in content["no_contact_image"].items()
     ]
     slowly = content["contact"]["false_while_warming"]
-    light = _brightness(content)
+    light = brightness(content)
     light.loc[len(light)] = ["getting 10 % brighter, slowly", f"{100 * slowly:.0f} %"]
     return [
         written(tidy({"what": what} | one for what, one in content["fit_check"].items()), fit, {}),
         written(tidy({"what": what} | one for what, one in content["real_sensors"].items()), real_sensors, {}),
-        _diameters(content),
+        diameters(content),
         written(tidy(causes), refused | {"cause named": percent("named")}, {}),
         listed(("capture of a background", "cases"), ((k, f"{100 * v:.0f} %") for k, v in content["capture"].items())),
-        _contacts(content),
+        contacts(content),
         light,
-        _slow_light(content),
-        _gels(content),
+        slow_light(content),
+        gels(content),
     ]

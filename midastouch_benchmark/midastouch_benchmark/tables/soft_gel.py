@@ -1,4 +1,4 @@
-"""Tables of what soft gel does to maps, depth, poses and codes."""
+"""Tables of what soft gel does to maps, depth, poses and codes; of an `evaluate-gel` result, or the newest report."""
 
 from __future__ import annotations
 
@@ -17,18 +17,9 @@ _GEL: dict[str, Form] = {
 }
 
 
-def soft_gel() -> pd.DataFrame:
-    """What soft gel does to maps, poses and codes."""
-    return soft_gel_table(report("soft_gel"))
-
-
-def commanded_depth() -> pd.DataFrame:
-    """How deep presses of a known depth are read on soft gel."""
-    return commanded_depth_table(report("soft_gel"))
-
-
-def soft_gel_table(content: dict) -> pd.DataFrame:
-    """The same of an `evaluate-gel` result: medians, with 90 % of the touches for the error along the normal."""
+def soft_gel(content: dict | None = None) -> pd.DataFrame:
+    """What soft gel does to maps, poses and codes: medians, with 90 % of the touches for the error along the normal."""
+    content = content or report("soft_gel")
     rows = []
     for kind, group in _of_gels(content["touches"]):
         normal = bootstrap_interval(group["normal_mm"], group["object"].tolist(), np.median)
@@ -52,14 +43,14 @@ def soft_gel_table(content: dict) -> pd.DataFrame:
     return written(tidy(rows), _GEL | {"touches": text("trials")}, claims)
 
 
-def commanded_depth_table(content: dict) -> pd.DataFrame:
-    """The same of an `evaluate-gel` result."""
+def commanded_depth(content: dict | None = None) -> pd.DataFrame:
+    """How deep presses of a known depth are read on soft gel."""
     claims = {
         "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
         "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
     }
     about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
-    return written(tidy(commanded_depths(content)), about, claims)
+    return written(tidy(commanded_depths(content or report("soft_gel"))), about, claims)
 
 
 def commanded_depths(content: dict) -> Iterator[dict]:

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from midastouch_benchmark.tables.soft_gel import commanded_depth_table, soft_gel_table
+from midastouch_benchmark.tables.soft_gel import commanded_depth, soft_gel
 from midastouch_bringup import cli
 
 
@@ -41,5 +41,5 @@ def test_thicker_gel_gives_way_further_beside_a_touch(result):
 @pytest.mark.slow
 def test_its_tables_show_what_was_measured(result):
     gels = ["as fitted", "elastic, 1.5 mm", "elastic, 3 mm", "elastic, 6 mm"]
-    assert soft_gel_table(result)["gel"].tolist() == 2 * gels
-    assert commanded_depth_table(result)["presses"].tolist() == 16 * ["6"]
+    assert soft_gel(result)["gel"].tolist() == 2 * gels
+    assert commanded_depth(result)["presses"].tolist() == 16 * ["6"]
