@@ -80,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.results import of_start, of_variants, shown
     from ..trials.likelihood import likelihood_levels
     from ..trials.looks import run_in_looks
+    from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
     from ..trials.trial_log import TrialLog
     from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
-    meshes = options.chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
     log = TrialLog(plan.cache.folder / "trials.jsonl")
     machine = machine_info()
     with options.campaign(args, "trial") as workforce:

@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.table import terminal
     from ..trials.cache import Cache
     from ..trials.exploration import ExplorationPlan, chosen_policies, run_exploration
+    from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
 
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
     plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)
-    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
     summary = summarise_exploration(trials)

@@ -52,8 +52,9 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_perception.tcn import load_tcn
 
     from ..perception.soft_gel import THICKNESSES, CommandedPresses, SoftGelTouches, SoftSensor
+    from ..trials.object_sets import chosen_meshes
 
-    meshes = options.chosen_meshes(args.meshes, args.objects, "out/benchmark")
+    meshes = chosen_meshes(args.meshes, args.objects, "out/benchmark")
     sensor = SensorModel.load("digit_real")
     tcn, sensors = load_tcn("fast", sensor), []
     for number, name in enumerate(measured_sensors()):

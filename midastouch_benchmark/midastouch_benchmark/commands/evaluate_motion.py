@@ -39,11 +39,12 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.motion import fault_table, motion_table
     from ..tables.table import terminal
     from ..trials.motion import MotionPlan, run_motion
+    from ..trials.object_sets import chosen_meshes
     from ..trials.trial_log import TrialLog
 
     require_mujoco()
     plan = MotionPlan(args.trials, args.sensor)
-    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_motion(plan, meshes, TrialLog(Path(args.out) / "motion.jsonl"), workforce)
     result = {"config": plan.describe(), "machine": machine_info(), "missing_trials": missing, "trials": trials}

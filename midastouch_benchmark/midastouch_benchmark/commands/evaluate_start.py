@@ -33,11 +33,12 @@ def run(args: argparse.Namespace) -> int:
 
     from ..speed.start import first_poses, summarise_first_poses
     from ..trials.cache import Cache, SlideKind
+    from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
 
     cache = Cache(options.campaign_folder(args), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
     config = load_filter_config(args.config, args.preset)
-    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
         trials += first_poses(mesh, cache, range(args.slides), config)

@@ -44,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.table import terminal
     from ..trials.cache import Cache
     from ..trials.ideal_observer import EVIDENCE
+    from ..trials.object_sets import chosen_meshes
     from ..trials.observed_slides import ObservedPlan, chosen_observed, run_observed
     from ..trials.protocols import PROTOCOLS
     from ..trials.setup import load_filter_config
@@ -56,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
     evidence = tuple(dict.fromkeys(args.evidence or EVIDENCE))
     plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
-    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "slide") as workforce:
         trials, missing = run_observed(plan, meshes, TrialLog(folder / "observed.jsonl"), workforce)
     summary = summarise_observing(trials, evidence, config.smoothing_spacing)

@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.results import of_identification, shown
     from ..trials.cache import Cache, SlideKind
     from ..trials.identification import IdentityPlan, run_identification
+    from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
 
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
     machine = machine_info()
     plan = IdentityPlan(cache, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
-    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "slide") as workforce:
         trials, missing = run_identification(plan, meshes, TrialLog(cache.folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None

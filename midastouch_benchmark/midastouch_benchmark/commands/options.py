@@ -1,4 +1,4 @@
-"""What the commands that measure share: their options, objects, workers and deadline, and how they end."""
+"""What the commands that measure share: options, an object and its codebook, workers and deadline, and how they end."""
 
 from __future__ import annotations
 
@@ -118,11 +118,6 @@ def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequenc
     return 0
 
 
-HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
-"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
-seven only validated."""
-
-
 def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
     """What every campaign is asked for: as `add_object_options`, workers and time. unit: what one trial is called."""
     add_object_options(parser)
@@ -155,47 +150,6 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
     add_filter_options(parser)
     add_network_options(parser)
     add_json_option(parser)
-
-
-def meshes_to_fit_on(folder: Path) -> list[Path]:
-    """Mesh files of a folder that judge nothing: neither the paper's ten objects nor the ten held out."""
-    from midastouch_perception.training.setting import TEST_OBJECTS
-
-    return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
-
-
-def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> list[ObjectMesh]:
-    """The meshes asked for, by name; those of a set made by code are written under `out`. InputError for a name that
-    fits none or several."""
-    from midastouch_common.mesh import ObjectMesh
-    from midastouch_perception.objects import bundled_objects
-    from midastouch_perception.training.setting import TEST_OBJECTS
-
-    from ..trials.object_sets import MADE
-
-    names = list(names or ())
-    if len(names) == 1 and names[0] in MADE:
-        return MADE[names[0]](Path(out).resolve() / "meshes")  # workers may run elsewhere
-    if folder is None:
-        available = bundled_objects()
-        names = names or sorted(available)
-    else:
-        if not Path(folder).is_dir():
-            raise InputError(f"{folder}: no such folder; give one with mesh files")
-        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
-        available = {path.stem: path for path in files}
-        if names == ["all"]:
-            return [ObjectMesh.load(path) for path in sorted(files)]
-        names = list(HELD_OUT) if names == ["held_out"] else names or list(TEST_OBJECTS)
-    return [ObjectMesh.load(_one(name, available, folder or "bundled objects")) for name in names]
-
-
-def _one(name: str, available: dict[str, Path], where: str) -> Path:
-    fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
-    if len(fitting) != 1:
-        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
-        raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
-    return available[fitting[0]]
 
 
 def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:

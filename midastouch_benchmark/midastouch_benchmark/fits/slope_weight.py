@@ -24,7 +24,7 @@ from midastouch_perception.simulation.measured_optics import MeasuredOptics, Mea
 from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tdn.inference import TactileDepthNet, load_tdn
 
-from ..commands.options import meshes_to_fit_on
+from ..trials.object_sets import meshes_to_fit_on
 from ..trials.real_sensor import calibrate_measured
 
 _LENGTH, _STEP = 0.12, 6e-3  # m of a slide, and between its touches

@@ -12,7 +12,7 @@ from pathlib import Path
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_common.mesh import ObjectMesh
 
-from ..commands.options import meshes_to_fit_on
+from ..trials.object_sets import meshes_to_fit_on
 
 LENGTH = 0.3  # m of a slide
 

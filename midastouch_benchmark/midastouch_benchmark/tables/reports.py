@@ -12,10 +12,10 @@ from pathlib import Path
 import pandas as pd
 
 from ..evidence import fingerprint
-from ..evidence.fingerprint import ROOT
 from ..trials.protocols import PROTOCOLS
 from .table import tidy
 
+ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _OBSERVER = "midastouch ideal-observer --evidence maps --meshes ../shared/meshes/ycb"
 _PLAIN = "--init paper --slides 2 --seeds 5 --stride 2 --codebook-size 10000"

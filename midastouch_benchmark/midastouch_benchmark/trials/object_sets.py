@@ -1,21 +1,60 @@
-"""Sets of objects made by code, by the name by which `--objects` asks for them."""
+"""Which objects are measured: by name or by set; those made by code; those that a fit may see."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.training.setting import TEST_OBJECTS
 
 from .cad_parts import CAD_PARTS
 from .known_parts import write_parts
 from .small_cad_parts import SMALL_CAD_PARTS
 from .small_parts import small_parts
 
-MADE: dict[str, Callable[[Path], list[ObjectMesh]]] = {
+_MADE: dict[str, Callable[[Path], list[ObjectMesh]]] = {
     "cad": partial(write_parts, CAD_PARTS),
     "small_parts": small_parts,
     "small_cad": partial(write_parts, SMALL_CAD_PARTS),
 }
-"""Each writes its meshes into a folder and returns them."""
+"""By the name by which `--objects` asks for them. Each writes its meshes into a folder and returns them."""
+_HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
+"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
+seven only validated."""
+
+
+def meshes_to_fit_on(folder: Path) -> list[Path]:
+    """Mesh files of a folder that judge nothing: neither the paper's ten objects nor the ten held out."""
+    return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *_HELD_OUT))]
+
+
+def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> list[ObjectMesh]:
+    """The meshes asked for, by name; those of a set made by code are written under `out`. InputError for a name that
+    fits none or several."""
+    names = list(names or ())
+    if len(names) == 1 and names[0] in _MADE:
+        return _MADE[names[0]](Path(out).resolve() / "meshes")  # workers may run elsewhere
+    if folder is None:
+        available = bundled_objects()
+        names = names or sorted(available)
+    else:
+        if not Path(folder).is_dir():
+            raise InputError(f"{folder}: no such folder; give one with mesh files")
+        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
+        available = {path.stem: path for path in files}
+        if names == ["all"]:
+            return [ObjectMesh.load(path) for path in sorted(files)]
+        names = list(_HELD_OUT) if names == ["held_out"] else names or list(TEST_OBJECTS)
+    return [ObjectMesh.load(_one(name, available, folder or "bundled objects")) for name in names]
+
+
+def _one(name: str, available: dict[str, Path], where: str) -> Path:
+    fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
+    if len(fitting) != 1:
+        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
+        raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
+    return available[fitting[0]]

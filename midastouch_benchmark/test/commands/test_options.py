@@ -126,17 +126,3 @@ def test_it_is_said_how_it_goes_on():
     assert options.left(0, "trial") == []
     (line,) = options.left(3, "slide")
     assert line.startswith("3 slides")
-
-
-def test_objects_are_named_by_how_they_begin():
-    assert [mesh.name for mesh in options.chosen_meshes(None, ["eye", "ball"], "out")] == ["eyebolt", "ball"]
-    with pytest.raises(InputError, match=r"'cup': .*ball.*--objects"):
-        options.chosen_meshes(None, ["cup"], "out")
-    with pytest.raises(InputError, match="nowhere: "):
-        options.chosen_meshes("nowhere", None, "out")
-
-
-def test_a_set_made_by_code_is_written_where_results_go(tmp_path):
-    meshes = options.chosen_meshes("nowhere", ["small_cad"], str(tmp_path))
-    assert [mesh.path for mesh in meshes] == [tmp_path / "meshes" / f"{mesh.name}.ply" for mesh in meshes]
-    assert "gear_16_keyed" in {mesh.name for mesh in meshes}
