@@ -121,12 +121,9 @@ def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -
         way: single_touch_errors(codebook.poses[chosen], poses, best_matches(codes, queries[way]), rng)
         for way, codes in book.items()
     }
-    values = {way: one.summary()["normalised_top25_error"] for way, one in errors.items()}
-    return {"book_size": size, "queries": len(poses), **values, "details": {w: _detail(e) for w, e in errors.items()}}
-
-
-def _detail(errors: SingleTouchErrors) -> dict:
-    return errors.summary() | {"errors": _quantiles(errors)}
+    details = {way: one.summary() | {"errors": _quantiles(one)} for way, one in errors.items()}
+    values = {way: one["normalised_top25_error"] for way, one in details.items()}
+    return {"book_size": size, "queries": len(poses), **values, "details": details}
 
 
 def _quantiles(errors: SingleTouchErrors) -> np.ndarray:

@@ -23,7 +23,7 @@ _TOLERANCE = 1.01
 
 @dataclasses.dataclass(frozen=True)
 class LookupSpeed:
-    """times of one look-up; exact_share, of the particles whose entry is as near, within 1 %, as the nearest one."""
+    """times of one look-up; exact_fraction, of the particles whose entry is as near, within 1 %, as the nearest one."""
 
     times: CallTimer
     exact_fraction: float

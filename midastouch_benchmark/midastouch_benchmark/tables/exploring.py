@@ -13,7 +13,6 @@ def _slides(row: Row) -> str:
     return "-" if is_missing(row.get("known")) else f"{row['known']:.0f} with, {row['unknown']:.0f} without"
 
 
-_SLIDES: dict[str, Form] = {"slides": _slides}
 IDENTIFICATION: dict[str, Form] = {
     "right at the end": fraction("right"),
     "pose right, too": fraction("pose_right"),
@@ -45,7 +44,7 @@ _COMPETING: dict[str, Form] = {
 
 def identification_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
     """Which object of a catalogue it is: a frame of summaries, `what` the catalogue is."""
-    return written(frame, {"catalogue": text("what")} | _SLIDES, IDENTIFICATION, sources)
+    return written(frame, {"catalogue": text("what"), "slides": _slides}, IDENTIFICATION, sources)
 
 
 def identification_row(what: str, summary: dict) -> dict:

@@ -26,10 +26,11 @@ def of_start(content: dict, init: str) -> list[Titled]:
     beside = {"object": "the paper's ten"} | accuracy.PAPER if init == "paper" else None
     trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
     frame = tidy([{"what": init} | accuracy.summary_row(summary, trials)])
-    out = [(f"start: {init}", accuracy.objects(summary, symmetries, beside))]
+    objects = accuracy.objects(summary, symmetries, beside)
     if not summary["trust"]["enough"]:
-        return [(f"start: {init}; too few trials ({summary['trials']}) to claim anything", out[0][1])]
-    out += [
+        return [(f"start: {init}; too few trials ({summary['trials']}) to claim anything", objects)]
+    out = [
+        (f"start: {init}", objects),
         ("with 95 % intervals", written(frame, {"start": text("what")}, accuracy.LOCALISATION)),
         ("what `converged` promises", trust.converged_table(frame)),
         ("does the covariance hold the truth?", trust.regions_table(frame)),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import socket
+from functools import cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+import midastouch_filter
+import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -21,7 +24,7 @@ from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
-from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open, source_digest
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 from .variants import VARIANTS, AnyConfig, ShortCodes
 from .yardstick import Yardstick
 
@@ -94,7 +97,7 @@ def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce:
     touched = product(sorted(objects | {mesh.path for mesh in foreign if mesh}), plan.slides)
     for _ in workforce.cluster.map(_make_touches, [(plan.cache, *one) for one in touched], workforce.deadline):
         pass
-    units, code = [], filter_code()
+    units, code = [], _filter_code()
     digests = {(mesh.path, size): plan.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
     for seed, (mesh, other), variant in product(plan.seeds, list(zip(meshes, foreign, strict=True)), plan.variants):
         digest, trials = digests[mesh.path, VARIANTS[variant].codebook_size], {}
@@ -127,7 +130,7 @@ def _run_unit(
 
     InputError if this worker's code is not the campaign's.
     """
-    if filter_code() != code:
+    if _filter_code() != code:
         raise InputError(f"worker {socket.gethostname()}: has another version of the filter; install the same there")
     mesh = ObjectMesh.load(path)
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
@@ -156,9 +159,11 @@ def _run_unit(
     return out
 
 
-def filter_code() -> str:
-    """Digest of the code of the filter and of the other methods: workers must have the same, to the letter."""
-    return filter_digest(*_METHODS)
+@cache
+def _filter_code() -> str:
+    """Digest of the code of the filter, its kernels and the other methods: workers must have the same."""
+    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
+    return source_digest(*packages, *_METHODS)
 
 
 def _unlike_defaults(config: AnyConfig) -> dict:

@@ -74,22 +74,13 @@ def run_sequence(
     untouched = untouched or untouched_of(sequence)
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
     yardstick = Yardstick.of(mesh, symmetry_of(mesh, codebook).exact)
-
-    def trial(seed: int, observe) -> dict:
+    trials = []
+    for seed in range(plan.seeds):
         particle_filter.reset(seed)
         start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
         frames = perceived(sequence, indices, images, untouched.image, networks)
-        return run_trial(frames, particle_filter, observe, yardstick)
-
-    trials = []
-    for seed in range(plan.seeds):
-        labels = {
-            "sequence": sequence.name,
-            "object": sequence.object_name,
-            "seed": seed,
-            "init": plan.init,
-        }
-        trials.append(labels | trial(seed, lambda *_: progress(1)))
+        labels = {"sequence": sequence.name, "object": sequence.object_name, "seed": seed, "init": plan.init}
+        trials.append(labels | run_trial(frames, particle_filter, lambda *_: progress(1), yardstick))
     description = {
         "sequence": sequence.name,
         "object": sequence.object_name,

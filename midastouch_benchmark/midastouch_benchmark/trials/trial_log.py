@@ -7,14 +7,11 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_bringup.cluster import Cluster
 from midastouch_bringup.result_file import to_json
 from midastouch_common.mesh import ObjectMesh
@@ -71,18 +68,6 @@ def source_digest(*places: Path) -> str:
     return digest.hexdigest()[:12]
 
 
-@cache
-def filter_digest(*more: Path) -> str:
-    """`source_digest` of the filter, its kernels and further files."""
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, *more)
-
-
-def unwatched(total: int) -> Callable[[int], object]:
-    """Progress that nobody watches, as `Workforce` takes it."""
-    return lambda done: None
-
-
 @dataclass(frozen=True)
 class Workforce:
     """Who runs trials, and until when.
@@ -93,7 +78,7 @@ class Workforce:
 
     cluster: Cluster
     deadline: float = np.inf
-    start_progress: Callable[[int], Callable[[int], object]] = unwatched
+    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None
 
 
 def make_books(cache: Cache, meshes: Iterable[Path], cluster: Cluster, sizes: tuple[int | None, ...] = (None,)) -> None:
