@@ -99,9 +99,7 @@ def run(args: argparse.Namespace) -> int:
     require_same_gel(networks.tdn, untouched)
     doubts = [each.doubt for each in untouched]
     work = []
-    for sequence, free in zip(sequences, untouched, strict=True):
-        if args.objects:
-            break
+    for sequence, free in () if args.objects else zip(sequences, untouched, strict=True):
         mesh, codebook = options.load_object(sequence.object_name, args.mesh, args.codebook, networks)
         doubts.append(mesh_doubt(sequence, plan.frame_indices(sequence), mesh))
         work.append((sequence, mesh, codebook, free))

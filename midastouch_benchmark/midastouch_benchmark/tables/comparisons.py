@@ -88,17 +88,6 @@ def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
 
 def codebooks() -> pd.DataFrame:
     """What fewer poses cost, on the same slides."""
-    names = {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}
-
-    def rows() -> list[dict]:
-        content = report("codebooks")
-        compared = {one["variant"]: one for one in content["comparison"]}
-        out = []
-        for variant, poses in names.items():
-            (summary,) = content["summary"][variant].values()
-            out.append({"what": poses, "report": "codebooks"} | {"summary": summary} | compared[variant])
-        return out
-
     claims = {
         "right at the end": lambda row: f"{row['summary.right']:.0f} of {row['summary.trials']:.0f}",
         "paired difference": lambda row: _difference(row, "right_difference", "{:+.0%}"),
@@ -107,8 +96,15 @@ def codebooks() -> pd.DataFrame:
         "closest mode, median": pose("summary.closest_mode", "median"),
         "CPU a frame": text("cpu_ms_filter", "{:.1f} ms"),
     }
-    frame = tidy(rows()) if "codebooks" in reported() else frame_of({"codebooks": "-"}, report)
-    return written(frame, {"poses": text("what")}, claims, "report")
+    if "codebooks" not in reported():
+        return written(frame_of({"codebooks": "-"}, report), {"poses": text("what")}, claims, "report")
+    content = report("codebooks")
+    compared = {one["variant"]: one for one in content["comparison"]}
+    rows = []
+    for variant, poses in {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}.items():
+        (summary,) = content["summary"][variant].values()
+        rows.append({"what": poses, "report": "codebooks", "summary": summary} | compared[variant])
+    return written(tidy(rows), {"poses": text("what")}, claims, "report")
 
 
 def baselines() -> pd.DataFrame:

@@ -104,9 +104,9 @@ def percent(key: str, digits: int = 0) -> Form:
     return lambda row: "-" if is_missing(row.get(key)) else f"{100 * row[key]:.{digits}f} %"
 
 
-def part(key: str, whole: str = "trials") -> Form:
-    """So many of so many."""
-    return lambda row: f"{row[key]:.0f} of {row[whole]:.0f}"
+def part(key: str) -> Form:
+    """So many of so many trials."""
+    return lambda row: f"{row[key]:.0f} of {row['trials']:.0f}"
 
 
 def pose(prefix: str, statistic: str, interval: str | None = None) -> Form:
