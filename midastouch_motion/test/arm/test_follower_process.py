@@ -125,7 +125,8 @@ def test_a_controller_that_is_switched_off_and_on(ur_controller, followed):
     until(lambda: not process.trouble)
     first.end()
     until(lambda: f"no RTDE at {ADDRESS}" in process.trouble)
-    assert "connection lost" in process.said[1]
+    # on a busy machine its silence is noticed before it says so
+    assert any(words in process.said[1] for words in ("connection lost", "does not answer any more"))
     second = ur_controller()
     until(lambda: not process.trouble)
     process.send(TWIST)
