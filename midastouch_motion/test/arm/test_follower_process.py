@@ -119,14 +119,14 @@ def test_the_watchdog_stops_an_arm_whose_program_is_killed(ur_controller, follow
     assert controller.said("stopped") == ["watchdog"]
 
 
-def test_a_controller_that_is_switched_off_and_on(ur_controller, followed):
+def test_a_controller_that_is_switched_off_and_on(ur_controller, followed, monkeypatch):
+    monkeypatch.setattr(follower_process, "SILENT_S", 60.0)  # for which no machine stands still
     first = ur_controller()
     process = followed(real())
     until(lambda: not process.trouble)
     first.end()
     until(lambda: f"no RTDE at {ADDRESS}" in process.trouble)
-    # on a busy machine its silence is noticed before it says so
-    assert any(words in process.said[1] for words in ("connection lost", "does not answer any more"))
+    assert "connection lost" in process.said[1]
     second = ur_controller()
     until(lambda: not process.trouble)
     process.send(TWIST)
