@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg
-from midastouch_common.ros.conversions import pose_to_msg
+from midastouch_common.ros.conversions import stamped_pose
 from midastouch_common.ros.goals import direction_in, heading_in, length_in, pose_in
 from midastouch_msgs import action
 
@@ -32,7 +30,7 @@ def goal_of(act: Act, base: str) -> Any:
         case Lift(height):
             return action.Lift.Goal(height=height)
         case Approach(pose):
-            return action.Approach.Goal(pose=PoseStamped(header=Header(frame_id=base), pose=pose_to_msg(pose)))
+            return action.Approach.Goal(pose=stamped_pose(base, pose))
 
 
 def act_of(goal: Any, base: str) -> Act:

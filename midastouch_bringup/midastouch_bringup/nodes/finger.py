@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Header
@@ -21,7 +20,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
-from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
@@ -164,8 +163,7 @@ class Finger(PipelineNode):
         end_goal(goal, done.success, self._result(kind, done))
 
     def _result(self, kind: type, done: Done) -> Any:
-        header = Header(stamp=stamp_from_ns(self._tf.stamp), frame_id=self._frames["base"])
-        pose = PoseStamped(header=header, pose=pose_to_msg(done.pose))
+        pose = stamped_pose(self._frames["base"], done.pose, stamp_from_ns(self._tf.stamp))
         depth = self._world.finger.depth
         return kind.Result(success=done.success, message=done.message, path=done.path, depth=depth, pose=pose)
 

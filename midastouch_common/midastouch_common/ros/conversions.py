@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -73,6 +73,11 @@ def poses_to_msgs(transforms: np.ndarray) -> list[Pose]:
 def pose_to_msg(transform: np.ndarray) -> Pose:
     """Pose message of a transform (4, 4)."""
     return poses_to_msgs(transform[None])[0]
+
+
+def stamped_pose(frame: str, transform: np.ndarray, stamp: Time | None = None) -> PoseStamped:
+    """A transform (4, 4) as a pose in a frame."""
+    return PoseStamped(header=Header(stamp=stamp or Time(), frame_id=frame), pose=pose_to_msg(transform))
 
 
 def transform_to_msg(transform: np.ndarray) -> Transform:

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import TwistStamped, WrenchStamped
 from rclpy.action.server import ServerGoalHandle
 from std_msgs.msg import Bool, Header
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
-from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
 from midastouch_filter.nodes.transform_source import TransformSource
@@ -226,8 +226,8 @@ class Slider(ManagedNode):
         depth = self._controller.servo.depth if self.active else 0.0
         result = kind.Result(success=how.success, message=how.message, path=path, depth=depth)
         if math.isfinite(self._seen.pose):
-            header = Header(stamp=stamp_from_ns(round(self._seen.pose * SECOND)), frame_id=self._frames[0])
-            result.pose = PoseStamped(header=header, pose=pose_to_msg(self._seen.gel))
+            stamp = stamp_from_ns(round(self._seen.pose * SECOND))
+            result.pose = stamped_pose(self._frames[0], self._seen.gel, stamp)
         end_goal(goal, how.success, result)
 
 
