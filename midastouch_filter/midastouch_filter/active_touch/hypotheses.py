@@ -13,7 +13,7 @@ from ..core.belief import Belief
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
 from ..core.object_model import ObjectModel
-from ..core.pose_hypothesis import ANOTHER
+from ..core.pose_hypothesis import another
 from ..refinement.refinement import is_narrow
 
 MOST = 8
@@ -75,10 +75,11 @@ def _as_image(hypothesis: Hypothesis, leading: np.ndarray) -> Hypothesis:
     known makes them differ everywhere, and only the surface where they really do is to be gone to."""
     symmetry = hypothesis.model.symmetry
     images = symmetry.look_alikes @ leading
-    distance = symmetry.exact.distance(images, hypothesis.pose)
-    if not len(images) or distance.min() > ANOTHER:
+    if not len(images):
         return hypothesis
-    image = images[[distance.argmin()]]
+    image = images[[symmetry.exact.distance(images, hypothesis.pose).argmin()]]
+    if another(symmetry.exact)(image, hypothesis.pose)[0]:
+        return hypothesis
     return replace(hypothesis, pose=symmetry.exact.nearest(image, hypothesis.pose)[0])
 
 

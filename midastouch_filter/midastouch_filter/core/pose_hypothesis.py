@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +13,16 @@ from midastouch_perception.symmetry.group import Symmetry
 
 from .alignment import transform_covariance
 
-ANOTHER = 0.01
-"""m: a hypothesis farther than this from the truth is a wrong answer, so it is another hypothesis; 1 rad counts as 10
-mm."""
+ANOTHER, ANOTHER_TURN = 0.01, np.radians(20.0)
+"""m, where 1 rad counts as 10 mm, and rad: a hypothesis farther than this from the truth, or turned by more, is a wrong
+answer, so it is another hypothesis."""
 
 APART = 0.015
 """m: hypotheses on an object of a catalogue that are nearer to each other than this count as one; never less than
 `ANOTHER`."""
+
+
+NO_SYMMETRY = Symmetry()
 
 
 @dataclass(frozen=True)
@@ -59,20 +62,39 @@ def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
 
 
-def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float, symmetry: Symmetry) -> np.ndarray:
-    """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`, modulo a symmetry."""
+Differ = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Which (N,) of poses (N, 4, 4) differ from a pose (4, 4)."""
+
+
+def another(symmetry: Symmetry = NO_SYMMETRY) -> Differ:
+    """What makes a pose another hypothesis, modulo a symmetry."""
+
+    def differ(poses: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        nearest = symmetry.nearest(poses, pose)
+        chord = 0.5 * np.square(nearest[:, :3, :3] - pose[:3, :3]).sum(axis=(1, 2))  # (2 sin(angle / 2))^2
+        return (pose_distance(nearest, pose) > ANOTHER) | (chord > (2.0 * np.sin(0.5 * ANOTHER_TURN)) ** 2)
+
+    return differ
+
+
+def farther(apart: float, symmetry: Symmetry) -> Differ:
+    """What lies farther from each other than `apart` [m], modulo a symmetry."""
+    return lambda poses, pose: symmetry.distance(poses, pose) > apart
+
+
+def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, differ: Differ) -> np.ndarray:
+    """(N,) which of the poses (N, 4, 4) differ from all `taken`."""
     far = np.ones(len(poses), bool)
     for each in taken:
-        far &= symmetry.distance(poses, each) > apart
+        far &= differ(poses, each)
     return far
 
 
-def distinct(poses: np.ndarray, order: Iterable[int], apart: float, symmetry: Symmetry) -> list[int]:
-    """Those of `order`, among poses (N, 4, 4), that are farther than `apart` [m] from all that were chosen before,
-    modulo a symmetry."""
+def distinct(poses: np.ndarray, order: Iterable[int], differ: Differ) -> list[int]:
+    """Those of `order`, among poses (N, 4, 4), that differ from all that were chosen before."""
     free, chosen = np.ones(len(poses), bool), []
     for i in order:
         if free[i]:
             chosen.append(int(i))
-            free &= symmetry.distance(poses, poses[i]) > apart
+            free &= differ(poses, poses[i])
     return chosen

@@ -21,7 +21,7 @@ from ..core.keyframes import Keyframe, KeyframeWindow, WeighedWindow
 from ..core.measurement_model import CodeScores
 from ..core.motion_model import Odometry, RestGate
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
+from ..core.pose_hypothesis import APART, PoseHypothesis, distinct, farther
 from ..core.touch import Measurement, require_network
 from ..core.workers import Workers
 from ..smoothing.competitor_search import CompetitorSearch
@@ -189,7 +189,7 @@ class Identification:
             followed = sorted(likelihood.followed, key=lambda one: -self._support(window, one))
             onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
-            for i in distinct(poses, range(len(poses)), APART, self._catalogue.entries[k].symmetry):
+            for i in distinct(poses, range(len(poses)), farther(APART, self._catalogue.entries[k].symmetry)):
                 owner.append(k)
                 kept.append(followed[i])
                 covariance = transform_covariance(followed[i].covariance, onward[i])

@@ -13,7 +13,7 @@ from midastouch_perception.symmetry.group import Symmetry
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.lookup import NearestEntry, PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import distinct, far_from
+from ..core.pose_hypothesis import distinct, far_from, farther
 from ..core.touch import Measurement
 from .pace import Pace
 
@@ -170,8 +170,9 @@ class CompetitorSearch:
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Competitors:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        competitors = (lasting | recently) & far_from(taken, candidates, _BASIN, self._symmetry)
-        chosen = distinct(candidates, np.flatnonzero(competitors), _BASIN, self._symmetry)
+        elsewhere = farther(_BASIN, self._symmetry)
+        competitors = (lasting | recently) & far_from(taken, candidates, elsewhere)
+        chosen = distinct(candidates, np.flatnonzero(competitors), elsewhere)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
         return Competitors(list(candidates[chosen]), scores.tolist(), until, candidates, score)

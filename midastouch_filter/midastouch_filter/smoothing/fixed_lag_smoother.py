@@ -17,7 +17,7 @@ from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.particles import Particles
-from ..core.pose_hypothesis import ANOTHER, Prior, pose_distance
+from ..core.pose_hypothesis import Prior, another
 from ..core.resampling import Resampler
 from ..core.touch import Measurement
 from ..refinement.fine_stage import FineStage, Published, impose_fractions, mapped_of
@@ -130,7 +130,7 @@ class FixedLagSmoother(FineStage):
         belief.hold(particles)
         self._resample(belief)
         belief.cluster()
-        if pose_distance(before, belief.modes[0].pose) > ANOTHER:
+        if another()(before[None], belief.modes[0].pose)[0]:
             self.region.restart()  # what maps corrected there says nothing of how they will fit here
 
     def _born(self, comparison: Comparison, hypothesis: int | None, count: int) -> Particles:

@@ -17,7 +17,7 @@ from midastouch_common import se3
 from ..core.belief import Belief, covariance_about
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
-from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, far_from
+from ..core.pose_hypothesis import PoseHypothesis, another, far_from
 from ..refinement.fine_stage import Published
 from ..refinement.refinement import is_narrow
 from .reevaluation import Comparison
@@ -45,7 +45,7 @@ def published_modes(
     ]
     listed = float(weights.sum())
     at = np.stack([mode.pose for mode in belief.modes])
-    apart = far_from([each.pose for each in named], at, ANOTHER, comparison.symmetry)
+    apart = far_from([each.pose for each in named], at, another(comparison.symmetry))
     others = [k for k in np.flatnonzero(apart) if k not in owners]
     taken = sum(belief.modes[k].weight for k in owners if k is not None)
     for k in others:

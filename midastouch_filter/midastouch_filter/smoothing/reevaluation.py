@@ -26,7 +26,7 @@ from ..core.config import FilterConfig
 from ..core.keyframes import KeyframeWindow, WeighedWindow
 from ..core.lookup import PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, distinct, far_from
+from ..core.pose_hypothesis import PoseHypothesis, Prior, another, distinct, far_from
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .contest import Contest
@@ -204,7 +204,7 @@ class Reevaluation:
         compared = self._compared(window, likelihood, competitors, asked)
         back = se3.inverse(self._window.motion) @ newest
         leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
-        if images := self._look_alikes(leading, likelihood):
+        if images := self._look_alikes(leading, likelihood.ended(newest)):
             asked_images = yield from self._follow_some(likelihood, race, images)
             compared = self._compared(window, likelihood, competitors, asked)
             compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
@@ -224,14 +224,15 @@ class Reevaluation:
             yield from likelihood.follow(start)
         return len(starts)
 
-    def _look_alikes(self, poses: Sequence[np.ndarray], likelihood: WindowLikelihood) -> list[np.ndarray]:
-        """Poses (4, 4) that nearly have the same surface as these, at the newest keyframe, and were not followed."""
+    def _look_alikes(self, poses: Sequence[np.ndarray], ended: np.ndarray) -> list[np.ndarray]:
+        """Poses (4, 4) that nearly have the same surface as these, at the newest keyframe, and are none of those
+        (P, 4, 4) where a hypothesis ended."""
         images = [motion @ pose for pose in poses for motion in self._symmetry.look_alikes]
         if not images:
             return []
-        known = [each.poses[-1] for each in likelihood.followed]
-        new = np.stack(images)[far_from(known, np.stack(images), ANOTHER, self._symmetry.exact)]
-        return list(new[distinct(new, range(len(new)), ANOTHER, self._symmetry.exact)])
+        differ = another(self._symmetry.exact)
+        new = np.stack(images)[far_from(ended, np.stack(images), differ)]
+        return list(new[distinct(new, range(len(new)), differ)])
 
     def _compared(
         self, window: WeighedWindow, likelihood: WindowLikelihood, competitors: Competitors, asked: int
@@ -240,10 +241,9 @@ class Reevaluation:
         them."""
         symmetry = self._symmetry.exact
         now, followed, every = self._window.motion, likelihood.followed, likelihood.evidence(self._search.along)
-        onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
-        poses = np.stack([each.pose @ on for each, on in zip(followed, onward, strict=True)])
+        onward, poses = likelihood.onward(now), likelihood.ended(now)
         poses = symmetry.nearest(poses, poses[0])
-        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), ANOTHER, symmetry)
+        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), another(symmetry))
         log_prior = np.full(len(chosen), -np.log(self._count))
         if self._prior is not None:
             starts = poses[chosen] @ se3.inverse(now)

@@ -20,7 +20,7 @@ from midastouch_common import se3
 from ..core.alignment import Aligned, PenetrationAlignment, align_until_settled, transform_covariance, without_jitter
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import ANOTHER, pose_distance
+from ..core.pose_hypothesis import another, pose_distance
 from ..core.touch import Measurement
 from .pace import Pace
 
@@ -65,14 +65,28 @@ class Alignments:
 
     def near(self, keyframe: Keyframe, pose: np.ndarray) -> tuple[float, np.ndarray] | None:
         """Fit and pose (4, 4) of the one that explained this keyframe best among those near `pose` (4, 4), if any."""
-        if id(keyframe) not in self._of:
-            return None
-        _, fits, poses = self._of[id(keyframe)]
-        near = np.flatnonzero(pose_distance(poses, pose) < ANOTHER)
+        fits, poses = self._at(keyframe)
+        near = np.flatnonzero(~another()(poses, pose))
         if not len(near):
             return None
         best = near[fits[near].argmax()]
         return float(fits[best]), poses[best]
+
+    def better(
+        self, keyframe: Keyframe, fit: float, pose: np.ndarray, covariance: np.ndarray, within: float
+    ) -> np.ndarray | None:
+        """Pose (4, 4) of the one that explained this keyframe best, if more than `fit` of it, among those within a
+        squared Mahalanobis distance of N(pose (4, 4), covariance (6, 6), own frame)."""
+        fits, poses = self._at(keyframe)
+        some = np.flatnonzero(fits > fit)
+        offset = se3.log(se3.inverse(pose) @ poses[some])
+        some = some[np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance), offset) < within]
+        return poses[some[fits[some].argmax()]] if len(some) else None
+
+    def _at(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
+        """Fits (N,) and poses (N, 4, 4) at a keyframe."""
+        _, fits, poses = self._of.get(id(keyframe), (keyframe, np.empty(0), np.empty((0, 4, 4))))
+        return fits, poses
 
 
 class Race:
@@ -169,17 +183,30 @@ class WindowLikelihood:
     ) -> tuple[Aligned, int]:
         """The prior's posterior by the maps of a keyframe, and how many descents that took.
 
-        Where a hypothesis was aligned to the keyframe before, that is where the optimum is looked for first.
+        Where a hypothesis was aligned to the keyframe before, that is where the optimum is looked for first. The prior
+        that touches of a plane leave is wide, and a descent from its middle may go astray: so last where one was that
+        the prior does not exclude.
         """
         settle = partial(align_until_settled, self._alignment, pose, covariance, maps, self._noise.finger_error)
-        known = self._known.near(keyframe, pose)
-        if known is None:
-            return settle()
-        warm, descents = settle(known[1])
-        if warm.fit > known[0] - _WORSE:
-            return warm, descents
-        cold, more = settle()
-        return max(warm, cold, key=lambda each: each.fit), descents + more
+        near = self._known.near(keyframe, pose)
+        found = [settle(None if near is None else near[1])]
+        if near is not None and found[0][0].fit < near[0] - _WORSE:
+            found.append(settle())
+        most = max(aligned.fit for aligned, _ in found)
+        better = self._known.better(keyframe, most + _WORSE, pose, covariance, self._noise.elsewhere)
+        if better is not None:
+            found.append(settle(better))
+        best, _ = max(found, key=lambda each: each[0].fit)
+        return best, sum(descents for _, descents in found)
+
+    def onward(self, motion: np.ndarray) -> np.ndarray:
+        """Motions (P, 4, 4) of the gel from where each hypothesis was followed to, to where it had moved by `motion`
+        (4, 4) since the start."""
+        return np.stack([se3.inverse(self._window.keyframes[each.at].motion) @ motion for each in self.followed])
+
+    def ended(self, motion: np.ndarray) -> np.ndarray:
+        """Poses (P, 4, 4) of the hypotheses by all their maps, when the gel had moved by `motion` (4, 4)."""
+        return np.stack([each.pose for each in self.followed]) @ self.onward(motion)
 
     def evidence(self, code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray]) -> np.ndarray:
         """(P, K) nats of each keyframe for each hypothesis that was followed, against one that was not named.

@@ -1,9 +1,23 @@
 import numpy as np
 import pytest
+import trimesh
 
 from midastouch_common import se3
-from midastouch_filter.core.keyframes import Keyframe
-from midastouch_filter.smoothing.window_likelihood import Alignments, Followed, hypothesis_posterior
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.alignment import PenetrationAlignment
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.keyframes import Keyframe, WeighedWindow
+from midastouch_filter.core.noise_model import Effort, NoiseModel
+from midastouch_filter.core.pose_hypothesis import pose_distance
+from midastouch_filter.core.touch import MAP_SCALE, Measurement
+from midastouch_filter.smoothing.window_likelihood import (
+    Alignments,
+    Followed,
+    Race,
+    WindowLikelihood,
+    hypothesis_posterior,
+)
+from midastouch_perception.sensor_model import SensorModel
 
 HYPOTHESES = 1000.0
 
@@ -103,3 +117,39 @@ def test_keyframes_that_a_hypothesis_was_not_followed_to_know_nothing_of_it(keyf
     known = Alignments([followed([0.0, 0.9], [0.0, 0.0], at=1)], keyframes[:2])
     assert known.near(keyframes[0], np.eye(4)) is None
     assert known.near(keyframes[1], np.eye(4)) is not None
+
+
+def test_an_alignment_that_a_wide_prior_does_not_exclude_is_known_too(keyframes):
+    several = [followed([fit], [x]) for fit, x in ((0.5, 0.001), (0.9, 0.03), (0.99, 0.2))]
+    known, narrow, wide = Alignments(several, keyframes[:1]), 1e-4 * np.eye(6), 1e-4 * np.eye(6)
+    wide[0, 0] = 0.02**2
+    np.testing.assert_array_equal(known.better(keyframes[0], 0.6, np.eye(4), wide, within=9.0), beside(0.03))
+    assert known.better(keyframes[0], 0.6, np.eye(4), narrow, within=4.0) is None, "that one is too far off"
+    assert known.better(keyframes[0], 0.95, np.eye(4), wide, within=9.0) is None, "that one explains no more"
+    assert known.better(keyframes[1], 0.0, np.eye(4), wide, within=9.0) is None, "that keyframe is new"
+
+
+def test_touches_of_a_plane_do_not_lose_the_corner_that_is_known(tmp_path):
+    size, pressed = (0.08, 0.05, 0.028), 1e-3  # m
+    trimesh.creation.box(size).export(tmp_path / "box.ply")
+    noise = NoiseModel.of(FilterConfig(threads=1))
+    sensor = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
+    alignment = PenetrationAlignment(ObjectMesh.load(tmp_path / "box.ply"), sensor, noise)
+    # from a corner inwards
+    at = [(0.038 - 0.01 * k, 0.022 - 0.006 * k, 0.3 + 0.1 * k) for k in range(4)]
+    path = np.stack([beside(x) @ se3.exp(np.array([0, y, size[2] / 2 - pressed, 0, 0, turn])) for x, y, turn in at])
+    window = [
+        Keyframe(pose, [Measurement(True, penetration=each)], [], [], 0)
+        for pose, each in zip(path, alignment.render(path), strict=True)
+    ]
+    weighed = WeighedWindow(window, np.ones(len(path)), np.full(len(path), 1e-3))
+
+    def follow(start, known=None):
+        likelihood = WindowLikelihood(weighed, alignment, noise, Effort(), 0.5, Race(weighed), known)
+        list(likelihood.follow(start))
+        return likelihood.followed[0]
+
+    right = follow(path[-1])
+    astray = path[-1] @ se3.exp(np.array([-7e-3, -0.7e-3, 0, 0, 0, np.radians(-12.5)]))
+    assert pose_distance(follow(astray).pose, path[0]) > 0.01, "a start that one descent loses"
+    assert pose_distance(follow(astray, Alignments([right], window)).pose, path[0]) < 0.001
