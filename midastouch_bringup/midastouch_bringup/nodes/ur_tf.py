@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable
 
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -16,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common.clock_offset import ClockOffset
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_common.ros.diagnostics import ERROR, OK, Diagnostics
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
@@ -70,8 +69,9 @@ class UrTf(PipelineNode):
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self._joint_states = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
         static = self.create_publisher(TFMessage, "/tf_static", qos.latched())
-        now = Header(stamp=self.get_clock().now().to_msg(), frame_id=prefix + "base_link")
-        static.publish(TFMessage(transforms=[_stamped(now, self._base, BASE_LINK_FROM_BASE)]))
+        now = self.get_clock().now().to_msg()
+        base = stamped_transform(now, prefix + "base_link", self._base, BASE_LINK_FROM_BASE)
+        static.publish(TFMessage(transforms=[base]))
 
         self._trouble = "not connected yet"
         self._samples, self._connections, self._newest_stamp = 0, 0, 0
@@ -145,11 +145,11 @@ class UrTf(PipelineNode):
         except InputError as error:
             self._diagnostics.problem("bad_samples", str(error))
             return
-        header = Header(stamp=stamp_from_ns(stamp_ns), frame_id=self._base)
-        self._tf.publish(TFMessage(transforms=[_stamped(header, self._tool, tool)]))
+        stamp = stamp_from_ns(stamp_ns)
+        self._tf.publish(TFMessage(transforms=[stamped_transform(stamp, self._base, self._tool, tool)]))
         self._joint_states.publish(
             JointState(
-                header=header,
+                header=Header(stamp=stamp, frame_id=self._base),
                 name=self._joints,
                 position=state.positions.tolist(),
                 velocity=state.velocities.tolist(),
@@ -169,10 +169,6 @@ class UrTf(PipelineNode):
         if not trouble and silent > self._settings["timeout"] + _SILENT_S:  # a call that hangs reports nothing
             trouble = f"no sample for {silent:.0f} s"
         return (ERROR, trouble, values) if trouble else (OK, "connected", values)
-
-
-def _stamped(header: Header, child: str, transform) -> TransformStamped:
-    return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(transform))
 
 
 def main() -> int:

@@ -17,7 +17,6 @@ from geometry_msgs.msg import (
     PoseArray,
     PoseWithCovariance,
     PoseWithCovarianceStamped,
-    TransformStamped,
     Vector3,
 )
 from rclpy.node import Node
@@ -29,7 +28,7 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, stamped_transform, transform_to_msg
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
 from midastouch_perception.symmetry.group import Symmetry
@@ -126,12 +125,8 @@ class EstimatePublisher:
 
     def _broadcast(self, stamp: int, T_base_obj: np.ndarray) -> None:
         ahead = stamp + round(1e9 * self._parameters["transform_tolerance"])
-        header = Header(stamp=stamp_from_ns(ahead), frame_id=self._parameters["base_frame_id"])
-        child = self._parameters["object_frame_id"]
-        transform = transform_to_msg(T_base_obj)
-        self._tf.publish(
-            TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])
-        )
+        base, child = self._parameters["base_frame_id"], self._parameters["object_frame_id"]
+        self._tf.publish(TFMessage(transforms=[stamped_transform(stamp_from_ns(ahead), base, child, T_base_obj)]))
 
     def _view(self, header: Header, estimate: Estimate, running: ParticleFilter) -> None:
         viewed = [p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0]
