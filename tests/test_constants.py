@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from midastouch_benchmark.trials import yardstick
 from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import Effort, NoiseModel
-from midastouch_filter.core.pose_hypothesis import ANOTHER
+from midastouch_filter.core.pose_hypothesis import ANOTHER, ANOTHER_TURN
 from midastouch_perception.codebook import YAWS
 from midastouch_perception.codebook_build import CodebookBuild
 
@@ -62,6 +63,7 @@ def test_derived_values_follow_from_what_they_name():
     assert np.sqrt(noise.between_entries[5, 5]) == pytest.approx(between_turns / 2, rel=0.1)
     config, half_answer = FilterConfig(), ANOTHER / 2
     assert config.region_radius == half_answer
+    assert (yardstick.DISTANCE, yardstick.ANGLE) == (ANOTHER, ANOTHER_TURN)
     assert config.dead_distance == pytest.approx(config.max_penetration + 4 * config.surface_sigma)
     between = np.sqrt(np.diag(noise.between_entries))
     assert (config.refine_translation, config.refine_rotation) == pytest.approx((2 * between[0], 2 * between[5]))
