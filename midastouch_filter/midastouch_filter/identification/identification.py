@@ -186,10 +186,9 @@ class Identification:
         hypotheses: list[PoseHypothesis] = []
         kept: list[Followed] = []
         for k, likelihood in sorted(likelihoods.items()):
-            followed = sorted(likelihood.followed, key=lambda one: -self._support(window, one))
-            onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
-            poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
-            for i in distinct(poses, range(len(poses)), farther(APART, self._catalogue.entries[k].symmetry)):
+            followed, (poses, onward) = likelihood.followed, likelihood.ended(self.window.motion)
+            order = np.argsort([-self._support(window, each) for each in followed], kind="stable")
+            for i in distinct(poses, order, farther(APART, self._catalogue.entries[k].symmetry)):
                 owner.append(k)
                 kept.append(followed[i])
                 covariance = transform_covariance(followed[i].covariance, onward[i])

@@ -204,7 +204,7 @@ class Reevaluation:
         compared = self._compared(window, likelihood, competitors, asked)
         back = se3.inverse(self._window.motion) @ newest
         leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
-        if images := self._look_alikes(leading, likelihood.ended(newest)):
+        if images := self._look_alikes(leading, likelihood, newest):
             asked_images = yield from self._follow_some(likelihood, race, images)
             compared = self._compared(window, likelihood, competitors, asked)
             compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
@@ -224,14 +224,16 @@ class Reevaluation:
             yield from likelihood.follow(start)
         return len(starts)
 
-    def _look_alikes(self, poses: Sequence[np.ndarray], ended: np.ndarray) -> list[np.ndarray]:
-        """Poses (4, 4) that nearly have the same surface as these, at the newest keyframe, and are none of those
-        (P, 4, 4) where a hypothesis ended."""
-        images = [motion @ pose for pose in poses for motion in self._symmetry.look_alikes]
-        if not images:
+    def _look_alikes(
+        self, poses: Sequence[np.ndarray], likelihood: WindowLikelihood, newest: np.ndarray
+    ) -> list[np.ndarray]:
+        """Poses (4, 4) that nearly have the same surface as these, at the newest keyframe, where the gel had moved by
+        `newest` (4, 4), and where no hypothesis ended."""
+        images = np.array([motion @ pose for pose in poses for motion in self._symmetry.look_alikes])
+        if not len(images):
             return []
-        differ = another(self._symmetry.exact)
-        new = np.stack(images)[far_from(ended, np.stack(images), differ)]
+        (ended, _), differ = likelihood.ended(newest), another(self._symmetry.exact)
+        new = images[far_from(ended, images, differ)]
         return list(new[distinct(new, range(len(new)), differ)])
 
     def _compared(
@@ -241,7 +243,7 @@ class Reevaluation:
         them."""
         symmetry = self._symmetry.exact
         now, followed, every = self._window.motion, likelihood.followed, likelihood.evidence(self._search.along)
-        onward, poses = likelihood.onward(now), likelihood.ended(now)
+        poses, onward = likelihood.ended(now)
         poses = symmetry.nearest(poses, poses[0])
         chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), another(symmetry))
         log_prior = np.full(len(chosen), -np.log(self._count))

@@ -79,6 +79,8 @@ class Alignments:
         squared Mahalanobis distance of N(pose (4, 4), covariance (6, 6), own frame)."""
         fits, poses = self._at(keyframe)
         some = np.flatnonzero(fits > fit)
+        if not len(some):
+            return None
         offset = se3.log(se3.inverse(pose) @ poses[some])
         some = some[np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance), offset) < within]
         return poses[some[fits[some].argmax()]] if len(some) else None
@@ -199,14 +201,12 @@ class WindowLikelihood:
         best, _ = max(found, key=lambda each: each[0].fit)
         return best, sum(descents for _, descents in found)
 
-    def onward(self, motion: np.ndarray) -> np.ndarray:
-        """Motions (P, 4, 4) of the gel from where each hypothesis was followed to, to where it had moved by `motion`
-        (4, 4) since the start."""
-        return np.stack([se3.inverse(self._window.keyframes[each.at].motion) @ motion for each in self.followed])
-
-    def ended(self, motion: np.ndarray) -> np.ndarray:
-        """Poses (P, 4, 4) of the hypotheses by all their maps, when the gel had moved by `motion` (4, 4)."""
-        return np.stack([each.pose for each in self.followed]) @ self.onward(motion)
+    def ended(self, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (P, 4, 4) of the hypotheses by all their maps, when the gel had moved by `motion` (4, 4) since the
+        start, and motions (P, 4, 4) to there from where each was followed to."""
+        reached = np.array([self._window.keyframes[each.at].motion for each in self.followed]).reshape(-1, 4, 4)
+        onward = se3.inverse(reached) @ motion
+        return np.array([each.pose for each in self.followed]).reshape(-1, 4, 4) @ onward, onward
 
     def evidence(self, code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray]) -> np.ndarray:
         """(P, K) nats of each keyframe for each hypothesis that was followed, against one that was not named.
