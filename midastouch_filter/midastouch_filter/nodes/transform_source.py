@@ -29,6 +29,7 @@ from ..transforms.wire import WireTransforms, frame_name
 from .topic_reader import TopicReader
 
 _JUMP_NS = round(JUMP_S * SECOND)
+_JUMPED = "time ran back a moment ago"
 
 
 class TransformSource:
@@ -40,7 +41,8 @@ class TransformSource:
     may have clocks of their own.
 
     In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
-    transform that was refused, and `on_update` when what a `lookup` has to wait for has come.
+    transform that was refused, and `on_update` when what a `lookup` has to wait for has come. Nothing after a jump is
+    answered before `on_jump` has been called, as it would be taken for what was known before it.
     """
 
     def __init__(
@@ -81,6 +83,8 @@ class TransformSource:
         Raises PastExtrapolationError when the stamp lies before everything that is known.
         """
         with self._lock:
+            if self._jumps:
+                return Wait(_JUMPED)
             try:
                 return self._buffer.lookup(target, source, stamp)
             except PastExtrapolationError:
@@ -95,6 +99,8 @@ class TransformSource:
         Raises TransformError if nothing links them yet.
         """
         with self._lock:
+            if self._jumps:
+                raise TransformError(_JUMPED)
             return self._buffer.latest_common_stamp(target, source)
 
     def newest(self, target: str, source: str) -> np.ndarray:

@@ -78,6 +78,23 @@ def test_source_reports_a_jump_and_can_be_rewound(listening):
     assert isinstance(listening.lookup(SECOND), Wait)
 
 
+def test_nothing_after_a_jump_is_answered_before_the_jump_is_reported(listening):
+    """Nothing spins between the jump and the question: the node's own thread is in a timer of its."""
+    listening.send(stamped(50 * SECOND, 0.1))
+    listening.tf.publish(TFMessage(transforms=[stamped(1 * SECOND, 0.2)]))
+    deadline = time.monotonic() + 60
+    while not isinstance(listening.lookup(50 * SECOND), Wait):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert listening.jumps == []
+    assert isinstance(listening.lookup(1 * SECOND), Wait)
+    with pytest.raises(TransformError):
+        listening.source.latest_stamp(*FRAMES)
+    listening.graph.spin_until(lambda: listening.jumps, "the jump")
+    assert listening.source.latest_stamp(*FRAMES) == 1 * SECOND
+    np.testing.assert_allclose(listening.lookup(SECOND), translation(0.2))
+
+
 def test_asking_right_after_a_jump_is_never_fatal(listening):
     """Where the real tf2 raises the base of its exceptions."""
     listening.send(stamped(50 * SECOND, 0.1))
