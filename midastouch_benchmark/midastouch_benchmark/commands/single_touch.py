@@ -56,6 +56,14 @@ def add_parser(subparsers) -> None:
         help="poses of the smaller book on which codes, image embedding and MinkLoc3D are compared; 0: do not "
         "(default 5000)",
     )
+    parser.add_argument(
+        "--exhaustive",
+        type=arguments.seed,
+        default=0,
+        metavar="N",
+        help="touches per object that are also compared, map by map, with each pose of a book: what no code can beat; "
+        "some seconds each (default 0)",
+    )
     parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     options.add_network_options(parser)
     options.add_json_option(parser)
@@ -72,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
     from ..single_touch.simulated_touch import Lighting
-    from ..tables.perception import single_touch_notes, single_touch_table
+    from ..tables.perception import single_touch_limits, single_touch_notes, single_touch_table
     from ..tables.table import terminal
     from ..trials.setup import Networks
 
@@ -83,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
     lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
     minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
-    plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d)
+    plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d, args.exhaustive)
     # all of them before the first is measured: what is missing shows at once
     objects = [_load(mesh, codebook, networks) for mesh, codebook in wanted]
     results = []
@@ -101,11 +109,14 @@ def run(args: argparse.Namespace) -> int:
             "lighting": args.lighting,
             "backgrounds": args.backgrounds,
             "baseline_size": args.baseline_size,
+            "exhaustive": args.exhaustive,
             "networks": networks.describe() | {"minkloc3d": minkloc3d and minkloc3d.network_id},
         },
         "machine": machine_info(),
     }
     table, notes = terminal(single_touch_table(content)), single_touch_notes(content)
+    if content["exhaustive"]:
+        notes.append("\n" + terminal(single_touch_limits(content["exhaustive"])))
     return options.conclude(args, content, table, *notes, parts=("perception",))
 
 

@@ -17,13 +17,17 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.tcn import TactileCodeNet
 
+from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
+from .exhaustive import BOOK, exhaustive_matches
 from .matches import SingleTouchErrors, best_matches, mean_summary, single_touch_errors
 from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"
 BASELINES = ("image_embedding", "minkloc3d")
 _SAMPLING = ContactSampling(free_fraction=0.0)
+MAPS = {"measured_maps": "penetration", "true_maps": "truth"}
+"""By the way to compare a touch exhaustively, the map of `Percepts` that it is compared by."""
 BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
 _QUANTILES = 501
@@ -35,13 +39,14 @@ class SingleTouchPlan:
     """What is measured.
 
     Attributes: queries; lighting; baseline_size, poses of the book on which the ways are compared, 0 for none;
-    minkloc3d, that network, if there are weights.
+    minkloc3d, that network, if there are weights; exhaustive, touches that are compared with each pose of a book.
     """
 
     queries: int
     lighting: Lighting
     baseline_size: int = 0
     minkloc3d: TactileCodeNet | None = None
+    exhaustive: int = 0
 
     @property
     def baseline_queries(self) -> int:
@@ -50,7 +55,8 @@ class SingleTouchPlan:
 
     def touches(self, networks: Networks) -> int:
         """How many touches have to be simulated for one object, for a progress bar."""
-        return self.queries + (self.baseline_size if other_encoders(networks, self)[0] else 0)
+        compared = self.baseline_size if other_encoders(networks, self)[0] else 0
+        return self.queries + compared + len(MAPS) * self.exhaustive
 
 
 def measure_object(
@@ -82,6 +88,7 @@ def measure_object(
         "missed": int(plan.queries - in_contact.sum() - in_contact_rest.sum()),
         "summary": errors.summary(),
         "baselines": baselines,
+        "exhaustive": _exhaustive(simulator, codebook, networks, plan, rng, progress),
         "errors": _quantiles(errors),
         "cells": error_by_place(poses, errors.six_vector.normalised),
     }
@@ -126,6 +133,28 @@ def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -
     return {"book_size": size, "queries": len(poses), **values, "details": details}
 
 
+def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | None:
+    """Normalised top-25 errors of our codes and of each of `MAPS`, by touch, on one book; None if not asked for."""
+    if not plan.exhaustive:
+        return None
+    poses = sample_contact_poses(simulator.mesh, plan.exhaustive, rng, networks.sensor, _SAMPLING)
+    percepts = list(simulator.percepts(poses, rng))
+    maps = {way: np.concatenate([getattr(one, name) for one in percepts]) for way, name in MAPS.items()}
+    size = min(BOOK, len(codebook.poses))
+    chosen = np.sort(rng.choice(len(codebook.poses), size, replace=False))
+    book = codebook.poses[chosen]
+    codes = np.concatenate([networks.tcn.encode(one.penetration) for one in percepts])
+    matches = {OURS: best_matches(codebook.codes[chosen], codes)} | {
+        way: exhaustive_matches(simulator.mesh, networks.sensor, book, each, rng, progress)
+        for way, each in maps.items()
+    }
+    seed = int(rng.integers(2**32))  # the same random touches for all
+    errors = {way: single_touch_errors(book, poses, each, np.random.default_rng(seed)) for way, each in matches.items()}
+    nearest = errors[OURS].nearest / errors[OURS].six_vector.random.mean()
+    errors_of = {way: each.six_vector.normalised for way, each in errors.items()}
+    return {"book_size": size, "errors": errors_of | {"nearest_entry": nearest}}
+
+
 def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
     """Quantiles (501,) of the normalised errors, evenly spaced: all that a picture of their distribution needs."""
     return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
@@ -155,9 +184,31 @@ def summarise_objects(objects: list[dict]) -> dict:
         "missed": sum(one["missed"] for one in objects),
         "summary": mean_summary([one["summary"] for one in objects]),
         "baselines": baselines | {"missing": objects[0]["baselines"]["missing"]},
+        "exhaustive": _limits(objects),
         "cell_columns": CELL_COLUMNS,
         "objects": objects,
     }
+
+
+def _limits(objects: list[dict]) -> dict | None:
+    """By way: trials, the touches of all objects; error, the mean of their normalised errors; over_codes, by how much
+    it is larger than that of our codes on the same touches."""
+    known = [one["exhaustive"]["errors"] for one in objects if one["exhaustive"]]
+    if not known:
+        return None
+    errors = {way: np.concatenate([one[way] for one in known]) for way in known[0]}
+    return {
+        way: {
+            "trials": len(each),
+            "error": _with_interval(each),
+            "over_codes": _with_interval(each - errors[OURS]),
+        }
+        for way, each in errors.items()
+    }
+
+
+def _with_interval(values: np.ndarray) -> dict:
+    return {"value": float(values.mean()), "interval": bootstrap_interval(values, range(len(values)))}
 
 
 def _mean(values) -> float | None:

@@ -60,12 +60,14 @@ class Percepts:
     """What the first stage makes of N touches.
 
     Attributes: difference (N, 160, 120, 3) float32 grey levels, image minus background; penetration (N, 160, 120)
-    float32 m, 0 where nothing is touched; in_contact (N,) bool, whether it passes for a contact.
+    float32 m, 0 where nothing is touched; in_contact (N,) bool, whether it passes for a contact; truth (N, 160, 120)
+    float32 m, the penetration that there was.
     """
 
     difference: np.ndarray
     penetration: np.ndarray
     in_contact: np.ndarray
+    truth: np.ndarray
 
 
 Encoder = Callable[[Percepts], np.ndarray]
@@ -92,7 +94,8 @@ class TouchSimulator:
             # each touch is a sensor's first: nothing of an earlier one may help to feel it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
             in_contact = np.array([contact.in_contact for contact in contacts])
-            yield Percepts(difference, np.stack([contact.penetration for contact in contacts]), in_contact)
+            measured = np.stack([contact.penetration for contact in contacts])
+            yield Percepts(difference, measured, in_contact, penetration)
 
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator

@@ -65,7 +65,7 @@ TABLES = {
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
         exploring.identification, exploring.exploration, observing.observing, motion.motion, motion.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
-        soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch,
+        soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch, perception.single_touch_limit,
         checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )

@@ -9,9 +9,9 @@ import pandas as pd
 
 from ..single_touch.matches import TOP
 from ..statistics.intervals import error_ratio
-from .reports import OPTICS, benchmark_summary, frame_of, report
+from .reports import OPTICS, benchmark_summary, frame_of, report, reported
 from .soft_gel import commanded_depths
-from .table import Form, fraction, listed, percent, pose, text, tidy, written
+from .table import Form, fraction, listed, percent, pose, text, tidy, value, written
 
 _WANTED = {
     "with 10 others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
@@ -218,6 +218,34 @@ def single_touch() -> pd.DataFrame:
     table = written(frame, {"light": text("what")} | _TOUCH, {}, "report")
     table.loc[len(table)] = ["*paper; its image embedding*", "0.473; 0.546", "-", "-", "-"]
     return table
+
+
+_COMPARED_BY = {
+    "tcn": "our codes",
+    "measured_maps": "measured map, with each pose",
+    "true_maps": "true map, with each pose",
+    "nearest_entry": "*nearest pose of the codebook*",
+}
+
+
+def single_touch_limit() -> pd.DataFrame:
+    """How far one touch could tell where it is."""
+    name = "single_touch_limit"
+    return single_touch_limits(report(name)["exhaustive"] if name in reported() else {}, "report")
+
+
+def single_touch_limits(ways: dict, sources: str | None = None) -> pd.DataFrame:
+    """The exhaustive comparisons of a `single-touch` result, a row for each way to compare a touch."""
+    rows = [
+        {"what": what, "report": "single_touch_limit", "measured": way in ways} | ways.get(way, {})
+        for way, what in _COMPARED_BY.items()
+    ]
+    claims = {
+        "touches": text("trials"),
+        "mean error": value("error", "{:.2f}"),
+        "more than by our codes": value("over_codes", "{:+.2f}"),
+    }
+    return written(tidy(rows), {"compared by": text("what")}, claims, sources)
 
 
 def single_touch_table(content: dict) -> pd.DataFrame:

@@ -106,6 +106,7 @@ COMMANDS = {
     "single_touch": f"{_SINGLE_TOUCH} --queries 2000",
     "single_touch_random": f"{_SINGLE_TOUCH} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "single_touch_limit": f"{_SINGLE_TOUCH} --queries 100 --baseline-size 0 --exhaustive 15",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",

@@ -148,7 +148,7 @@ def test_evaluate_tdn(run):
 def test_single_touch(run):
     output, result = run(
         "single-touch", "eyebolt", "--codebook", "out/codebooks", "--queries", "25", "--baseline-size", "40",
-        "--json", "touch.json",
+        "--exhaustive", "3", "--json", "touch.json",
     )  # fmt: skip
     assert set(result["summary"]) >= {
         "normalised_top25_error", "median", "random_error", "geodesic_normalised_top25_error",
@@ -158,6 +158,10 @@ def test_single_touch(run):
     assert (result["object"], result["queries"]) == ("eyebolt", 25)
     assert set(result["baselines"]) >= {"image_embedding", "minkloc3d"}
     assert result["objects"][0]["baselines"]["book_size"] == 40
+    limits = {way: each["error"]["value"] for way, each in result["exhaustive"].items()}
+    assert 0 < limits["nearest_entry"] <= min(limits.values())
+    assert set(limits) == {"tcn", "measured_maps", "true_maps", "nearest_entry"}
+    assert "true map, with each pose" in output
     assert "eyebolt" in output
 
 

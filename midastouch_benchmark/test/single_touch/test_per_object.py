@@ -14,7 +14,7 @@ from midastouch_benchmark.single_touch.per_object import (
     summarise_objects,
 )
 from midastouch_benchmark.single_touch.simulated_touch import Lighting
-from midastouch_benchmark.tables.perception import single_touch_notes, single_touch_table
+from midastouch_benchmark.tables.perception import single_touch_limits, single_touch_notes, single_touch_table
 from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
@@ -126,6 +126,25 @@ def test_several_objects_and_their_mean(measure):
     assert table["mean"][2] == f"{2 * first:.3f}"
     assert notes[-2] == "minkloc3d: no weights given"
     assert f"{content['summary']['median_of_medians']:.3f}" in notes[-1]
+
+
+def test_exhaustive_comparisons_are_means_over_all_touches_with_their_difference_from_codes(measure):
+    objects = [measure(SingleTouchPlan(60, Lighting())) for _ in range(2)]
+    assert summarise_objects(objects)["exhaustive"] is None
+    for one, more in zip(objects, (0.0, 0.2), strict=True):
+        codes = np.linspace(0.2, 0.6, 10) + more
+        errors = {"tcn": codes, "measured_maps": codes - 0.1, "true_maps": codes - 0.3, "nearest_entry": 0 * codes}
+        one["exhaustive"] = {"book_size": 300, "errors": errors}
+    content = summarise_objects(objects)
+    limits = content["exhaustive"]
+    assert limits["tcn"]["error"]["value"] == pytest.approx(0.5)
+    assert limits["measured_maps"]["over_codes"]["value"] == pytest.approx(-0.1)
+    assert limits["measured_maps"]["over_codes"]["interval"] == pytest.approx([-0.1, -0.1])
+    low, high = limits["true_maps"]["error"]["interval"]
+    assert low < 0.2 < high
+    assert limits["true_maps"]["trials"] == 20
+    # fewer than 100 touches are no ground for a claim
+    assert set(single_touch_limits(limits)["mean error"]) == {"too few (20)"}
 
 
 def test_one_object_stands_for_itself(measure):

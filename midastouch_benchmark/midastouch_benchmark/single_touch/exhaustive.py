@@ -1,0 +1,53 @@
+"""How well one touch could be found: its penetration map, compared with what is measured at every pose of a book.
+
+Each pose is aligned with the map, as the fine stage of the filter does, and those that explain most of it are the
+matches. With the true map nobody can do better; with the measured one, no code of it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.alignment import PenetrationAlignment, align_until_settled
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
+from midastouch_perception.sensor_model import SensorModel
+
+from .matches import TOP
+
+BOOK = 3000
+"""Poses of the book: a map takes some seconds."""
+
+
+def exhaustive_matches(
+    mesh: ObjectMesh,
+    sensor: SensorModel,
+    poses: np.ndarray,
+    maps: np.ndarray,
+    rng: np.random.Generator,
+    progress: Callable[[int], object] = lambda maps: None,
+) -> np.ndarray:
+    """Entries (Q, min(TOP, M)) of a book of poses (M, 4, 4) `T_obj_gel` that explain most of each of the penetration
+    maps (Q, H, W) m; they come in no order. A map of no touch is matched by chance.
+
+    sensor: at image resolution. progress: called with 1 after each map.
+    """
+    noise = NoiseModel.of(FilterConfig())
+    alignment = PenetrationAlignment(mesh, sensor.scaled(MAP_SCALE), noise)
+    order = rng.permutation(len(poses))
+    top = min(TOP, len(poses))
+    out = np.empty((len(maps), top), np.int64)
+    for row, penetration in zip(out, maps, strict=True):
+        touch = Measurement(True, penetration=reduced_penetration(penetration))
+        explained = np.zeros(len(poses))
+        if penetration.any():
+            for i, pose in enumerate(poses[order]):
+                found, _ = align_until_settled(alignment, pose, noise.between_entries, [touch], noise.finger_error)
+                explained[i] = found.fit
+        row[:] = order[np.argpartition(-explained, top - 1)[:top]]
+        progress(1)
+    return out
