@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     doubts = [each.doubt for each in untouched]
     work = []
     for sequence, free in () if args.objects else zip(sequences, untouched, strict=True):
-        mesh, codebook = options.load_object(sequence.object_name, args.mesh, args.codebook, networks)
+        mesh, codebook = options.load_object(sequence.object_name, args.mesh, args.codebook, networks, sensor, args.tcn)
         doubts.append(mesh_doubt(sequence, plan.frame_indices(sequence), mesh))
         work.append((sequence, mesh, codebook, free))
     doubts = [doubt for doubt in doubts if doubt]
@@ -141,7 +141,6 @@ def _identify(
     plan: TrialPlan,
 ) -> int:
     """Which object is each sequence over?"""
-    import shlex
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
@@ -154,7 +153,8 @@ def _identify(
     from ..trials.sequence_trials import perceived
 
     def build(path: Path):
-        raise InputError(f"{path}: not a codebook; build it: midastouch build-codebook {shlex.quote(str(path))}")
+        command = options.build_command(str(path), args.sensor or networks.sensor.name, args.tcn)
+        raise InputError(f"{path}: not a codebook; build it: {command}")
 
     catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
     trials = []

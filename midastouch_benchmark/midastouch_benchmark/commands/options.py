@@ -60,14 +60,28 @@ def add_filter_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def build_command(mesh: str, sensor: str, tcn: str, *more: str) -> str:
+    """The command that builds the codebook of a mesh; sensor, tcn: by name or file, left out where they are the
+    command's own."""
+    words = ["midastouch", "build-codebook", mesh]
+    words += [] if sensor == SIMULATED else ["--sensor", sensor]
+    words += [] if tcn == "fast" else ["--tcn", tcn]
+    return shlex.join([*words, *more])
+
+
 def load_object(
-    object_name: str, mesh: str | None, codebook: str | None, networks: Networks
+    object_name: str,
+    mesh: str | None,
+    codebook: str | None,
+    networks: Networks,
+    sensor: str = "",
+    tcn: str = "fast",
 ) -> tuple[ObjectMesh, Codebook]:
     """Mesh and codebook of an object, found by name where no path is given.
 
     The codebook defaults to the one that `build-codebook` makes of the mesh, else to the object's, the mesh to the file
     the codebook was built from. Raises InputError that says what to run or to give when one is not found, or when they
-    do not belong together.
+    do not belong together. sensor, tcn: as on the command line, for what to run; "": the sensor by its name.
     """
     from midastouch_perception.codebook import Codebook
     from midastouch_perception.objects import bundled_objects
@@ -77,12 +91,9 @@ def load_object(
     default = [codebook_path(name, networks.sensor.name) for name in names]
     path = Path(codebook) if codebook else next((each for each in default if each.is_file()), default[0])
     if not path.is_file():
-        sensor = "" if networks.sensor.name == SIMULATED else f" --sensor {networks.sensor.name}"
-        built_from = shlex.quote(mesh) if mesh else object_name if object_name in bundled_objects() else "MESH"
-        raise InputError(
-            f"{path}: no codebook of {names[0]}; build it: midastouch build-codebook {built_from}{sensor} "
-            f"--out {shlex.quote(str(path))}"
-        )
+        built_from = mesh or (object_name if object_name in bundled_objects() else "MESH")
+        command = build_command(built_from, sensor or networks.sensor.name, tcn, "--out", str(path))
+        raise InputError(f"{path}: no codebook of {names[0]}; build it: {command}")
     if mesh is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():

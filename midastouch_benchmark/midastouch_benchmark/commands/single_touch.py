@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
     plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d, args.exhaustive)
     # all of them before the first is measured: what is missing shows at once
-    objects = [_load(mesh, codebook, networks) for mesh, codebook in wanted]
+    objects = [_load(args, mesh, codebook, networks) for mesh, codebook in wanted]
     results = []
     for mesh, book, path in objects:
         # the seed of an object does not depend on which others are measured
@@ -133,6 +133,9 @@ def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
     return [(meshes[0] if meshes else None, Path(args.codebook))]
 
 
-def _load(mesh: str | None, codebook: Path | None, networks: Networks) -> tuple[ObjectMesh, Codebook, Path]:
+def _load(
+    args: argparse.Namespace, mesh: str | None, codebook: Path | None, networks: Networks
+) -> tuple[ObjectMesh, Codebook, Path]:
     path = codebook or codebook_path(Path(mesh).stem, networks.sensor.name)
-    return *options.load_object(Path(mesh or path).stem, mesh, codebook and str(codebook), networks), path
+    name, given = Path(mesh or path).stem, codebook and str(codebook)
+    return *options.load_object(name, mesh, given, networks, args.sensor, args.tcn), path

@@ -1,6 +1,7 @@
 import argparse
 import json
 import math
+import shlex
 import time
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import trimesh
 
 from midastouch_benchmark.commands import options
 from midastouch_benchmark.evidence import fingerprint
+from midastouch_bringup.cli import build_parser
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -62,6 +64,22 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
         options.load_object("avocado", "aligned.ply", None, NETWORKS)
     save_book(ObjectMesh.load("aligned.ply"), name="aligned")
     assert options.load_object("avocado", "aligned.ply", None, NETWORKS)[0].name == "aligned"
+
+
+def test_the_command_names_sensor_and_network_as_they_were_given(box):
+    sensor = SimpleNamespace(content_id="id-1", name="my_touch")
+    networks = SimpleNamespace(tcn=NETWORKS.tcn, sensor=sensor)
+    with pytest.raises(InputError) as error:
+        options.load_object("cup", "my cup.ply", None, networks, "gels/my_touch.yaml", "out/tcn.onnx")
+    words = shlex.split(str(error.value).partition("build it: ")[2])
+    args = build_parser().parse_args(words[1:])
+    assert (words[0], args.mesh, args.sensor, args.tcn) == (
+        "midastouch",
+        ["my cup.ply"],
+        "gels/my_touch.yaml",
+        "out/tcn.onnx",
+    )
+    assert args.out == str(codebook_path("my cup", sensor.name))
 
 
 def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
