@@ -43,8 +43,10 @@ def _tactile_tracking() -> int:
     print(
         "TactileTracking (Huang, Kaess, Yuan, 2024; MIT): 12 objects, 7 trials each, a GelSight Mini under motion\n"
         "capture, at https://huggingface.co/datasets/joehjhuang/TactileTracking\n"
-        "Unpack it and give the folder of a trial, such as avocado0, to midastouch evaluate or replay, with\n"
-        "--sensor gelsight_mini and a mesh in the gel frame of the trial's first image: the recordings have none."
+        "Unpack it. The recordings have no mesh: export the object's in the gel frame of the first image. Then\n"
+        "  midastouch build-codebook aligned.ply --sensor gelsight_mini\n"
+        "  midastouch evaluate avocado0 --mesh aligned.ply --background free.png\n"
+        "avocado0 is the folder of a trial, free.png a no-contact image of its sensor."
     )
     return 0
 
