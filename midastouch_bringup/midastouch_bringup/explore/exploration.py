@@ -134,7 +134,7 @@ class Exploration:
         elif self._unmeasured >= _MOST_FRUITLESS:
             words = (
                 f"the filter has measured nothing for {_MOST_FRUITLESS} motions: "
-                "has it the simulator's images and object?"
+                "does it get this sensor's images, and is its object the one that is touched?"
             )
             self.verdict = Verdict(False, words)
         elif self.path > self._max_path:
