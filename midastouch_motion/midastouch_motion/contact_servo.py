@@ -32,6 +32,8 @@ _CENTRAL = (
 )
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # kept; some seconds
+LONGEST_PERIOD = 0.1
+"""s after a twist that count: an arm that is told nothing for longer stops by itself."""
 
 
 class Measured(NamedTuple):
@@ -180,7 +182,7 @@ class ContactServo:
         """The twist within the limits, from now on; it is kept for the prediction."""
         speed = self.limits.speed if self.touching else self.limits.air_speed
         twist = np.concatenate([_within(twist[:3], speed), _within(twist[3:], self.limits.turn_speed)])
-        change = self.limits.acceleration * max(min(now - self._now, 0.1), 0.0)
+        change = self.limits.acceleration * max(min(now - self._now, LONGEST_PERIOD), 0.0)
         twist[:3] = self._last[:3] + _within(twist[:3] - self._last[:3], change)
         return self._keep(now, twist)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from midastouch_common import se3
 
-from .contact_servo import ContactServo
+from .contact_servo import LONGEST_PERIOD, ContactServo
 from .guard import Guard, Seen
 from .skills import BackOff, Ended, Skill
 
@@ -84,7 +84,7 @@ class _Following:
         if self._from is None or (_lengths(se3.log(se3.inverse(self._from) @ seen.gel)) > _STILL).any():
             self._from, self._asked = seen.gel.copy(), np.zeros(2)
         else:
-            self._asked += (now - self._then) * _lengths(twist)
+            self._asked += min(now - self._then, LONGEST_PERIOD) * _lengths(twist)
         news, self._then, self._newest = seen.pose > self._newest, now, seen.pose
         if not news or (self._asked < _FOLLOWS_WITHIN).all():
             return ""
