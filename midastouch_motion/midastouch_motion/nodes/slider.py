@@ -50,7 +50,7 @@ class Slider(ManagedNode):
             GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
             for kind in SKILL_OF
         ]
-        self._ended, self._more_zeros = "", 0
+        self._seen, self._ended, self._more_zeros = Seen(), "", 0
         self._transforms: TransformSource | None = None
         self.autostart()
 

@@ -10,6 +10,7 @@ from geometry_msgs.msg import (
     Wrench,
     WrenchStamped,
 )
+from rclpy.action import ActionClient
 from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
@@ -189,6 +190,17 @@ def test_a_deactivated_node_stops_and_refuses(graph):
     assert not moving(rig.twists[-1])
     assert graph.change_state("slider", "activate")
     rig.ask(Lift, height=0.2).moves()
+
+
+def test_a_node_that_is_not_configured_refuses(graph):
+    graph.add(Slider, {"autostart": False})
+    client, results = ActionClient(graph.companion, Lift, "lift"), []
+    graph.spin_until(client.server_is_ready, "the action")
+    client.send_goal_async(Lift.Goal(height=0.01)).add_done_callback(
+        lambda accepted: accepted.result().get_result_async().add_done_callback(results.append)
+    )
+    graph.spin_until(lambda: results, "the end")
+    assert "not active" in results[0].result().result.message
 
 
 @pytest.mark.parametrize(
