@@ -190,6 +190,7 @@ class Slider(ManagedNode):
 
     # --- motion
 
+        self._seen = Seen()  # nor has where the gel was, in the result
     def _on_timer(self) -> None:
         if self._goal is None:
             if self._more_zeros:
