@@ -224,7 +224,7 @@ class Slider(ManagedNode):
         self._finish(goal, kind, how, path)
 
     def _finish(self, goal: ServerGoalHandle, kind: type, how: skills.Ended, path: float) -> None:
-        depth = self._controller.servo.depth if self.active else 0.0
+        depth = self._controller.servo.depth if self._transforms is not None else 0.0
         result = kind.Result(success=how.success, message=how.message, path=path, depth=depth)
         if math.isfinite(self._seen.pose):
             stamp = stamp_from_ns(round(self._seen.pose * SECOND))

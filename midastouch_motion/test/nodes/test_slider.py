@@ -205,6 +205,15 @@ def test_a_node_that_is_not_configured_refuses(graph):
     assert "not active" in results[0].result().result.message
 
 
+def test_what_a_deactivated_node_touches_is_in_its_result(graph):
+    rig = Rig(graph)
+    rig.depth = 5e-4
+    asked = rig.ask(Slide, length=0.2)
+    asked.moves()
+    assert graph.change_state("slider", "deactivate")
+    assert asked.ended().depth > 0
+
+
 @pytest.mark.parametrize(
     ("kind", "goal", "reason"),
     [
