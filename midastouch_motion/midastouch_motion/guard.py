@@ -34,14 +34,15 @@ class Seen:
 @dataclass(frozen=True)
 class Guard:
     """low, high (3,) m: the box in the base frame that the gel keeps to; depth m and force N, not to be exceeded; hold
-    and stale, s for which an `enable` holds, and after which images and poses are too old. Raises InputError for an
-    empty box."""
+    and stale, s for which an `enable` holds, and after which images and poses are too old; ahead, s that they may be
+    ahead of the clock. Raises InputError for an empty box."""
 
     low: np.ndarray
     high: np.ndarray
     depth: float
     hold: float = 0.1
     stale: float = 0.1
+    ahead: float = 0.1
     force: float = math.inf
 
     def __post_init__(self) -> None:
@@ -54,16 +55,17 @@ class Guard:
 
     def stop(self, now: float, seen: Seen) -> str:
         """Why the arm has to stop, in words; empty if it may move."""
-        if now - seen.enabled > self.hold:
+        if abs(now - seen.enabled) > self.hold:  # where the clock was set back, nobody knows how long ago that was
             return "not enabled: ~/enable has to be repeated while the arm may move"
         if seen.listeners == 0:
             return "nobody follows the twists: is the arm's controller running, and its topic remapped?"
         if seen.commanders > 1:
             return "another node commands twists, too; stop it"
         for what, stamp in (("image", seen.image), ("transform of the gel", seen.pose)):
-            if now - stamp > self.stale:
-                age = now - stamp
+            if (age := now - stamp) > self.stale:
                 return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
+            if early := self.early(what, now, stamp):
+                return early
         if seen.force > self.force:
             return f"a force of {seen.force:.1f} N, more than {self.force:.1f}"
         if seen.lost:
@@ -72,6 +74,11 @@ class Guard:
         if not ((self.low <= position) & (position <= self.high)).all():
             return f"the gel is at {_in_mm(position)} mm, outside of the box"
         return ""
+
+    def early(self, what: str, now: float, stamp: float) -> str:
+        """Why a stamp [s] that is ahead of `now` says nothing of how old something is, in words; empty if it is not."""
+        early = stamp - now
+        return f"the newest {what} is {1e3 * early:.0f} ms ahead of the clock" if early > self.ahead else ""
 
     def too_deep(self, seen: Seen) -> str:
         """Why the gel has to be pulled back, in words; empty if it has not."""

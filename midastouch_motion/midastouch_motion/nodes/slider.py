@@ -32,6 +32,8 @@ from .slider_parameters import PARAMETERS
 from .touch_images import TouchImages
 from .twist_topic import vectors
 
+_SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
+
 
 class Slider(ManagedNode):
     """While active, carries out goals of `touch`, `slide`, `lift` and `approach`, as long as `~/enable` is repeated.
@@ -62,7 +64,9 @@ class Slider(ManagedNode):
         self._sensor = SensorModel.load(p["sensor_model"])
         limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
         box = np.array(p["box_low"]), np.array(p["box_high"])
-        guard = Guard(*box, p["max_depth"], p["hold"], p["stale_after"], p["max_force"] or math.inf)
+        stale, simulated = p["stale_after"], self.get_parameter("use_sim_time").value
+        ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
+        guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, p["max_force"] or math.inf)
         self._controller = Controller(ContactServo(limits, p["arm_latency"]), guard)
         self._seen, self._area = Seen(), 0.0
 
@@ -134,13 +138,14 @@ class Slider(ManagedNode):
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
         """A contact and its points (K, 3)."""
-        stamp = stamp_ns(contact.header.stamp) / SECOND
+        stamp, now = stamp_ns(contact.header.stamp) / SECOND, self._now()
+        if early := self._controller.guard.early("image", now, stamp):
+            self.diagnostics.problem("early_images", f"tactile/contact: {early}; is the sensor's clock right?")
+            return
         if stamp <= self._seen.image:
             return
         depth = contact.depth if contact.in_contact else 0.0
-        self._controller.servo.measure(
-            self._now(), Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points))
-        )
+        self._controller.servo.measure(now, Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points)))
         self._seen.image, self._area = stamp, float(contact.area)
         if self._goal is not None:
             self._feed_back()
@@ -185,12 +190,12 @@ class Slider(ManagedNode):
 
     def _on_time_jump(self) -> None:
         """What was measured and commanded has no meaning any more."""
+        self._seen = Seen()  # nor has where the gel was, in the result
         self._stop("time ran back")
         self.configure()
 
     # --- motion
 
-        self._seen = Seen()  # nor has where the gel was, in the result
     def _on_timer(self) -> None:
         if self._goal is None:
             if self._more_zeros:

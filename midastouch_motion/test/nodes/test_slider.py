@@ -11,13 +11,14 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 from rclpy.action import ActionClient
+from rclpy.duration import Duration
 from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_motion.nodes.slider import Slider
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
-from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.msg import FilterStatus, TactileContact
 
 from .rig import Rig, moving
 
@@ -212,6 +213,23 @@ def test_what_a_deactivated_node_touches_is_in_its_result(graph):
     asked.moves()
     assert graph.change_state("slider", "deactivate")
     assert asked.ended().depth > 0
+
+
+def test_an_image_that_is_ahead_of_the_clock_is_none(graph):
+    """One of a wrong stamp, of which no later one is newer."""
+    rig = Rig(graph, air_speed=2e-3)  # the lift takes 100 s
+    asked = rig.ask(Lift, height=0.2)
+    asked.moves()
+    ahead = (graph.companion.get_clock().now() + Duration(seconds=1000.0)).to_msg()
+    images = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
+
+    def is_said() -> bool:
+        images.publish(TactileContact(header=Header(stamp=ahead)))  # which the next one may take the place of
+        return "early_images" in rig.node.diagnostics.counts
+
+    rig.until(is_said, "the word of it")
+    asked.moves()
+    assert asked.result is None
 
 
 @pytest.mark.parametrize(
