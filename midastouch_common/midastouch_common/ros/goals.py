@@ -86,11 +86,12 @@ def heading_in(value: float) -> float:
 
 
 def direction_in(message: Vector3) -> np.ndarray | None:
-    """A direction (3,) of a goal, None if none is given; InputError unless it is finite."""
+    """A direction (3,) of a goal, its longest part 1, None if none is given; InputError unless it is finite."""
     direction = point_from_msg(message)
     if not np.isfinite(direction).all():
         raise InputError("direction: not finite")
-    return direction if direction.any() else None
+    # the square of what is given may be no number that there is
+    return direction / np.abs(direction).max() if direction.any() else None
 
 
 def pose_in(message: PoseStamped, frame: str) -> np.ndarray:

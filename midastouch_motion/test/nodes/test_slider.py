@@ -232,6 +232,16 @@ def test_an_image_that_is_ahead_of_the_clock_is_none(graph):
     assert asked.result is None
 
 
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_a_direction_is_one_of_any_length(graph, size):
+    rig = Rig(graph)
+    rig.ask(Touch, distance=0.05, direction=Vector3(x=size, z=-size)).moves()
+    linear = next(each.twist.linear for each in rig.twists if moving(each))
+    assert np.isfinite([linear.x, linear.y, linear.z]).all()
+    assert linear.x > 0
+    assert linear.z == pytest.approx(-linear.x)
+
+
 @pytest.mark.parametrize(
     ("kind", "goal", "reason"),
     [
