@@ -13,6 +13,7 @@ from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 
 from .. import skills
+from .slider_parameters import SHALLOWEST
 
 _FARTHEST = 0.2  # m, of a touch or a lift
 _LONGEST = 2.0  # m, of a slide
@@ -51,6 +52,8 @@ SKILL_OF: dict[type, Callable[[Any, Parameters], skills.Skill]] = {
 
 def _depth(goal: Touch.Goal | Slide.Goal, parameters: Parameters) -> float:
     most = parameters["max_depth"]
-    if not 0 <= goal.depth < most:
-        raise InputError(f"depth {goal.depth:g} is not between 0 and max_depth, {most:g} m; 0 is the default")
+    if goal.depth != 0 and not SHALLOWEST <= goal.depth < most:
+        raise InputError(
+            f"depth {goal.depth:g} is not between {SHALLOWEST:g} and max_depth, {most:g} m; 0 is the default"
+        )
     return goal.depth or parameters["depth"]

@@ -5,11 +5,16 @@ from __future__ import annotations
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter
 
+SHALLOWEST = 1e-4
+"""m, of a depth to hold: the less it is, the slower the gel approaches."""
+
 PARAMETERS = (
     Parameter("base_frame_id", "base_link", "Frame at rest, in which the box is"),
     Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, whose twists are commanded"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of tdn"),
-    Parameter("depth", 5e-4, "How deep the gel is held, if a goal does not say", unit="m", minimum=1e-4, maximum=2e-3),
+    Parameter(
+        "depth", 5e-4, "How deep the gel is held, if a goal does not say", unit="m", minimum=SHALLOWEST, maximum=2e-3
+    ),
     Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back", unit="m", minimum=2e-4, maximum=3e-3),
     Parameter("speed", 0.01, "Fastest motion in contact", unit="m/s", minimum=1e-4, maximum=0.1),
     Parameter("air_speed", 0.02, "Fastest motion in the air", unit="m/s", minimum=1e-4, maximum=0.25),

@@ -246,7 +246,9 @@ def test_a_direction_is_one_of_any_length(graph, size):
     ("kind", "goal", "reason"),
     [
         (Touch, {"distance": 0.0}, "distance 0 is not between"),
-        (Touch, {"distance": 0.01, "depth": 0.1}, "depth 0.1 is not between 0 and max_depth"),
+        (Touch, {"distance": 0.01, "depth": 0.1}, "depth 0.1 is not between 0.0001 and max_depth"),
+        (Touch, {"distance": 0.01, "depth": 1e-9}, "depth 1e-09 is not between"),
+        (Slide, {"length": 0.01, "depth": 1e-9}, "depth 1e-09 is not between"),
         (Touch, {"distance": 0.01, "direction": Vector3(x=float("nan"))}, "direction: not finite"),
         (Slide, {"length": -1.0}, "length -1 is not between"),
         (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
