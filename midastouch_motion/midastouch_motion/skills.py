@@ -16,6 +16,7 @@ from .contact_servo import ContactServo
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
+_THICK = 5e-3  # m, of a gel
 _THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
 
 
@@ -53,7 +54,7 @@ class _Moving:
 
 class Touch(_Moving):
     """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, and hold
-    `depth` m."""
+    `depth` m. What touches is followed no farther than a gel is thick."""
 
     def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
         super().__init__()
@@ -63,6 +64,8 @@ class Touch(_Moving):
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
+        if servo.touching and gone > self._distance + _THICK:
+            return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
         if not servo.touching:
             self._settled = None
             if gone > self._distance:
@@ -126,15 +129,13 @@ class BackOff(_Moving):
     """Straight back until the depth is half of what is allowed, or if it is to be `clear` until nothing touches; at
     most as far as a gel is thick."""
 
-    _MOST = 5e-3  # m
-
     def __init__(self, clear: bool = False):
         super().__init__()
         self._clear = clear
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
-        if off or self._gone(pose) > self._MOST:
+        if off or self._gone(pose) > _THICK:
             return Ended(True, "backed off")
         return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
 

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.contact_servo import Limits
+from midastouch_motion.contact_servo import ContactServo, Limits
+from midastouch_motion.controller import Controller
+from midastouch_motion.guard import Guard
+from midastouch_motion.rehearsal import Rehearsal
+from midastouch_motion.simulated_arm import SimulatedArm
 from midastouch_motion.skills import Approach, Lift, Slide, Touch
 
 from .conftest import above
@@ -56,6 +60,25 @@ def test_where_nothing_is_a_touch_ends(world):
     assert not run.ended[0].success
     assert "nothing touched within 10 mm" in run.ended[0].message
     assert np.linalg.norm(run.pose[:3, 3] - pose[:3, 3]) < 0.012
+
+
+def test_what_gives_way_is_not_followed_for_ever():
+    """Light, soft or hanging free: the gel sinks in by 0.2 mm and takes it along."""
+    arm = SimulatedArm(np.eye(4))
+    controller = Controller(ContactServo(Limits(), 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), 1e-3, stale=0.2))
+    rehearsal = Rehearsal(
+        arm,
+        lambda: arm.pose,
+        lambda pose: (2e-4 if pose[2, 3] < -5e-3 else 0.0, np.zeros(2), np.zeros(2)),
+        controller,
+        fps=30.0,
+        delay=lambda: 0.05,
+    )
+    ended = rehearsal.carry_out(Touch(DEPTH, 0.02), 60.0)
+    assert ended is not None
+    assert ended.message.startswith("what touches gives way")
+    assert not ended.success
+    assert arm.pose[2, 3] > -0.03
 
 
 def test_a_slide_in_the_air_is_refused(world):
