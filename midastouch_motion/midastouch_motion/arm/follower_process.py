@@ -74,10 +74,15 @@ class FollowerProcess:
 
     def _run(self) -> None:
         while not self._closing.is_set():
-            # a session of its own: Ctrl-C is for the parent, which stops the arm first
-            process = subprocess.Popen(
-                self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-            )
+            try:
+                # a session of its own: Ctrl-C is for the parent, which stops the arm first
+                process = subprocess.Popen(
+                    self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+                )
+            except OSError as error:  # no memory, say
+                self._change(f"the process of ur-rtde does not start: {error}")
+                self._closing.wait(self._pause)
+                continue
             os.set_blocking(process.stdin.fileno(), False)
             with self._lock:
                 self._process = process

@@ -60,6 +60,16 @@ def test_the_reason_of_a_program_is_said(followed):
     assert process.said[0] == process.trouble == "no arm"
 
 
+def test_a_program_that_does_not_start_is_tried_again(followed, tmp_path):
+    missing = tmp_path / "program"
+    process = followed([str(missing)])
+    until(lambda: process.said)
+    assert "does not start" in process.trouble
+    missing.write_text("#!/bin/sh\necho ready; exec sleep 600\n")
+    missing.chmod(0o700)
+    until(lambda: process.connections)
+
+
 def test_a_program_that_hangs_is_ended(followed, monkeypatch):
     monkeypatch.setattr(follower_process, "SILENT_S", 0.2)
     process = followed(SILENT)
