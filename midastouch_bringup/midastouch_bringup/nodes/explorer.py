@@ -67,7 +67,7 @@ class Explorer(PipelineNode):
         self._arm = ArmClient(self, frames["base"], self._on_done)
         self._sight = Sight(self, frames, self._on_jump, problem)
         self._filter = FilterAnswers(self, lambda: self._sight.stamp, self._on_filter)
-        self._suggestions = SuggestionClient(self, self._on_suggestions, self._refused)
+        self._suggestions = SuggestionClient(self, self._on_suggestions)
         self._change = ObjectChange(self, self._on_object_changed)
         push = Push(self, problem)
         control = ExplorerControl(self, self._exploration, self._sight, self._take, self._resume, push, self._change)

@@ -15,7 +15,8 @@ from midastouch_msgs.srv import SetObject, SuggestMotion
 
 from ..explore.acts import Plan
 
-_TIMEOUT_S = 10.0  # with an answer that takes a tenth of a second
+TIMEOUT_S = 10.0
+"""s until an answer, which takes a tenth of one, is given up."""
 
 
 def advice_of(response: SuggestMotion.Response) -> Advice:
@@ -29,13 +30,11 @@ def advice_of(response: SuggestMotion.Response) -> Advice:
 
 
 class SuggestionClient:
-    """Asks one question at a time. on_answer: called with each response; on_silence: with words, if there is none."""
+    """Asks one question at a time. on_answer: called with each response; one that is overdue is a refusal."""
 
-    def __init__(
-        self, node: Node, on_answer: Callable[[SuggestMotion.Response], None], on_silence: Callable[[str], None]
-    ):
+    def __init__(self, node: Node, on_answer: Callable[[SuggestMotion.Response], None]):
         self._client = node.create_client(SuggestMotion, "suggest_motion")
-        self._on_answer, self._on_silence = on_answer, on_silence
+        self._on_answer = on_answer
         self._asked_at, self._future = 0.0, None
 
     @property
@@ -56,10 +55,10 @@ class SuggestionClient:
 
     def look(self) -> None:
         """Give up waiting for an answer that is overdue; call this regularly."""
-        if self.pending and time.monotonic() - self._asked_at > _TIMEOUT_S:
+        if self.pending and time.monotonic() - self._asked_at > TIMEOUT_S:
             self._client.remove_pending_request(self._future)
             self._future = None
-            self._on_silence(f"no answer of suggest_motion for {_TIMEOUT_S:g} s")
+            self._on_answer(SuggestMotion.Response(message=f"no answer for {TIMEOUT_S:g} s"))
 
     def _on_done(self, future: Future) -> None:
         if future is self._future:  # else it comes too late

@@ -7,10 +7,11 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_bringup.nodes import explorer_services
 from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
-from midastouch_msgs.srv import SetObject
+from midastouch_msgs.srv import SetObject, SuggestMotion
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
@@ -106,6 +107,23 @@ def test_refused_suggestions_end_it_and_say_so(rig):
     assert rig.until("gave_up").reason.endswith("nothing was felt yet")
     assert rig.node.gave_up
     assert len(rig.asked) == 3
+
+
+def test_an_answer_that_is_overdue_moves_no_finger_that_a_person_has(rig, monkeypatch):
+    def break_down(request, response):
+        raise LookupError
+
+    rig.graph.companion.create_service(SuggestMotion, "suggest_motion", break_down)
+    with pytest.raises(LookupError):
+        rig.graph.spin_until(lambda: False, "a question")
+    assert rig.call("pause").success
+    seen = len(rig.poses)
+    monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
+    rig.graph.spin_until(lambda: len(rig.poses) > seen + 3, "images at rest")
+    assert np.ptp([pose[:3, 3] for pose in rig.poses[seen:]], axis=0).max() == 0
+    assert rig.statuses[-1].reason.startswith("a person has the finger")
+    with pytest.raises(LookupError):
+        rig.graph.spin_until(lambda: not rig.call("resume").success, "another question")
 
 
 def test_places_that_nothing_tells_apart_end_it(rig):
