@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.message_arrays import pose_from_msg, poses_from_msgs, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
@@ -114,7 +114,12 @@ class Sight:
         return None if isinstance(pose, Wait) else pose
 
     def _on_modes(self, modes: PoseModes) -> None:
-        self._modes = modes
+        try:
+            poses_from_msgs([mode.pose.pose for mode in modes.modes])
+        except InputError as error:
+            self._problem("bad_modes", f"pose_modes: {error}")
+        else:
+            self._modes = modes
 
     def _on_mesh(self, markers: MarkerArray) -> None:
         """What the filter takes the object for; what it has said so far was about another one."""

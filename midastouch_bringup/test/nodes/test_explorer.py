@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from explorer_rig import TOOL, TOUCHING, Rig
+from explorer_rig import BALL, TOOL, TOUCHING, Rig
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -10,7 +10,8 @@ from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes import explorer_services
 from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common.ros import qos
-from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_filter.nodes.markers import object_mesh
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseModes, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
@@ -124,6 +125,22 @@ def test_an_answer_that_is_overdue_moves_no_finger_that_a_person_has(rig, monkey
     assert rig.statuses[-1].reason.startswith("a person has the finger")
     with pytest.raises(LookupError):
         rig.graph.spin_until(lambda: not rig.call("resume").success, "another question")
+
+
+def test_modes_that_are_no_poses_are_none(rig):
+    modes = rig.graph.publisher(PoseModes, "pose_modes", qos.stream_publisher())
+    mesh = object_mesh(f"file://{BALL}", Header(frame_id="object"))
+    rig.graph.publisher(MarkerArray, "object_mesh", latched=True).publish(mesh)
+    bad = PoseMode(weight=1.0)
+    bad.pose.pose.orientation.w = 0.0
+
+    def on_tf(message):
+        modes.publish(PoseModes(header=message.transforms[0].header, modes=[bad]))
+
+    rig.graph.companion.create_subscription(TFMessage, "/tf", on_tf, qos.TF)
+    rig.until("exploring", "somewhere")
+    slides = rig.statuses[-1].slides
+    rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides + 1, "two slides")
 
 
 def test_places_that_nothing_tells_apart_end_it(rig):
