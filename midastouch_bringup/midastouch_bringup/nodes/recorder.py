@@ -105,11 +105,20 @@ class Recorder(PipelineNode):
         return self.create_subscription(kind, topic.name, lambda data: self._on_message(topic, data), profile, raw=True)
 
     def _watch_disk(self) -> None:
+        if self.failure:
+            return
         folder = Path(self._path).expanduser().resolve().parent
-        free = shutil.disk_usage(folder).free
-        if not self.failure and free < self._min_free:
-            self._complete()
-            self._give_up(f"{folder} has {free / _MIB:.0f} MiB left; recording ended, {self._path} is complete")
+        try:
+            free = shutil.disk_usage(folder).free
+        except OSError as error:  # it is gone
+            why = f"{folder}: {error.strerror}"
+        else:
+            if free >= self._min_free:
+                return
+            why = f"{folder} has {free / _MIB:.0f} MiB left"
+        self._complete()
+        if not self.failure:
+            self._give_up(f"{why}; recording ended, {self._path} is complete")
 
     def _complete(self) -> None:
         """Give the bag its name; a second call does nothing."""

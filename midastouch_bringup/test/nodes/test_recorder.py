@@ -119,6 +119,15 @@ def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, m
     assert len(list(bag_messages(path))) == sum(recorder.counts.values())
 
 
+def test_a_folder_that_is_gone_ends_the_recording_and_not_the_node(graph, tmp_path):
+    folder = tmp_path / "stick"
+    recorder = graph.add(Recorder, {"path": str(folder / "x.mcap")})
+    shutil.rmtree(folder)
+    graph.spin_until(lambda: recorder.failure, "the reason")
+    assert str(folder) in recorder.failure
+    assert "the recording is lost" in recorder.failure
+
+
 @pytest.mark.slow
 def test_a_closed_terminal_does_not_cost_the_recording(graph, tmp_path):
     path = tmp_path / "x.mcap"
