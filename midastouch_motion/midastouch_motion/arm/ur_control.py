@@ -19,6 +19,7 @@ from .rtde import ArmState, RtdeReceiver, rtde_connector
 RATE = 125.0
 """Samples and commands per second; every controller can."""
 DASHBOARD_PORT, SCRIPT_PORT = 29999, 30003
+_GOES_ON = 0.1  # s within which samples tell a lost connection from a program that has ended
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,15 @@ class UrArm:
         except RuntimeError as error:  # ur-rtde has tried to connect again
             raise ConnectionError(f"connection lost: {error}") from error
         if not done:
+            self._require_samples()
             raise ConnectionError("the program on the controller has ended; is the arm stopped, or in local control?")
+
+    def _require_samples(self) -> None:
+        """ConnectionError if they do not go on: of a lost connection ur-rtde may see first that a command failed."""
+        before = self.state().robot_time
+        time.sleep(_GOES_ON)
+        if self.state().robot_time - before < 0.5 * _GOES_ON:
+            raise ConnectionError("connection lost: no new sample")
 
 
 def connect(robot_ip: str, stopping: Stopping, timeout: float = 5.0) -> UrArm:
