@@ -38,6 +38,7 @@ def touch(ball, book, tmp_path) -> dict:
                 "tcn": error, "image_embedding": 0.789, "minkloc3d": None, "details": details, "book_size": 300,
                 "missing": {"minkloc3d": "no weights given"},
             },
+            "exhaustive": None,
             "errors": errors,
             "cells": [[30.0 * x, 0.0, 0.0, x, 0, 0, error, 25] for x in (-1, 1)],
         }  # fmt: skip
