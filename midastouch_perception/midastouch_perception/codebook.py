@@ -6,6 +6,7 @@ The poses lie evenly over the reachable surface, evenly in yaw, more of them on 
 from __future__ import annotations
 
 import json
+import shlex
 import struct
 import zipfile
 from collections.abc import Callable
@@ -36,6 +37,13 @@ _OUTSIDE = 5e-3  # m outside its mesh's bounds that an entry touches at most; wh
 _DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _LENGTHS = 26  # byte of a member's local header where the lengths of its name and its extra field stand (ZIP, 4.3.7)
+
+
+def build_command(mesh: str | Path, sensor: str = "", tcn: str = "", out: str | Path = "") -> str:
+    """The command that builds the codebook of a mesh, to be pasted; what is empty is left to its defaults."""
+    options = {"--sensor": sensor, "--tcn": tcn, "--out": out}
+    words = [word for option, given in options.items() if given for word in (option, str(given))]
+    return shlex.join(["midastouch", "build-codebook", str(mesh), *words])
 
 
 def codebook_poses(

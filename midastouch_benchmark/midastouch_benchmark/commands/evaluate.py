@@ -153,7 +153,7 @@ def _identify(
     from ..trials.sequence_trials import perceived
 
     def build(path: Path):
-        command = options.build_command(str(path), args.sensor or networks.sensor.name, args.tcn)
+        command = options.how_to_build(str(path), args.sensor or networks.sensor.name, args.tcn)
         raise InputError(f"{path}: not a codebook; build it: {command}")
 
     catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -60,13 +59,11 @@ def add_filter_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def build_command(mesh: str, sensor: str, tcn: str, *more: str) -> str:
-    """The command that builds the codebook of a mesh; sensor, tcn: by name or file, left out where they are the
-    command's own."""
-    words = ["midastouch", "build-codebook", mesh]
-    words += [] if sensor == SIMULATED else ["--sensor", sensor]
-    words += [] if tcn == "fast" else ["--tcn", tcn]
-    return shlex.join([*words, *more])
+def how_to_build(mesh: str, sensor: str, tcn: str, out: str = "") -> str:
+    """As `build_command`, without what is the command's own default."""
+    from midastouch_perception.codebook import build_command
+
+    return build_command(mesh, "" if sensor == SIMULATED else sensor, "" if tcn == "fast" else tcn, out)
 
 
 def load_object(
@@ -92,7 +89,7 @@ def load_object(
     path = Path(codebook) if codebook else next((each for each in default if each.is_file()), default[0])
     if not path.is_file():
         built_from = mesh or (object_name if object_name in bundled_objects() else "MESH")
-        command = build_command(built_from, sensor or networks.sensor.name, tcn, "--out", str(path))
+        command = how_to_build(built_from, sensor or networks.sensor.name, tcn, str(path))
         raise InputError(f"{path}: no codebook of {names[0]}; build it: {command}")
     if mesh is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")

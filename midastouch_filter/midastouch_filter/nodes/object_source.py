@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.parameters import Parameters
-from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook import Codebook, build_command
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 
@@ -117,11 +116,8 @@ class ObjectSource:
             if not mesh.is_file() or codebook.is_file():
                 raise
             name = next((name for name, path in bundled_objects().items() if path == mesh), mesh)
-            command = ["midastouch", "build-codebook", name, "--sensor", self._parameters["sensor_model"]]
-            command += ["--tcn", self._parameters["tcn"], "--out", codebook]
-            raise InputError(
-                f"{codebook}: no such codebook file; check the path, or build it: {shlex.join(map(str, command))}"
-            ) from error
+            command = build_command(name, self._parameters["sensor_model"], self._parameters["tcn"], codebook)
+            raise InputError(f"{codebook}: no such codebook file; check the path, or build it: {command}") from error
 
     def _require_our_sensor(self, theirs: SensorModel | None, source: str) -> None:
         """InputError for codebooks of another kind of sensor: every contact would be of another size."""
