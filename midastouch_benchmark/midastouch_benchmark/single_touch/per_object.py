@@ -119,8 +119,7 @@ def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str,
 
 def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -> dict:
     """The `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
-    size = min(plan.baseline_size, len(codebook.poses))
-    chosen = np.sort(rng.choice(len(codebook.poses), size, replace=False))
+    chosen = _some_entries(codebook, plan.baseline_size, rng)
     book = {OURS: codebook.codes[chosen]}
     if others:
         book |= simulator.encode(codebook.poses[chosen], others, rng, progress)[0]
@@ -130,7 +129,7 @@ def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -
     }
     details = {way: one.summary() | {"errors": _quantiles(one)} for way, one in errors.items()}
     values = {way: one["normalised_top25_error"] for way, one in details.items()}
-    return {"book_size": size, "queries": len(poses), **values, "details": details}
+    return {"book_size": len(chosen), "queries": len(poses), **values, "details": details}
 
 
 def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | None:
@@ -140,8 +139,7 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
     poses = sample_contact_poses(simulator.mesh, plan.exhaustive, rng, networks.sensor, _SAMPLING)
     percepts = list(simulator.percepts(poses, rng))
     maps = {way: np.concatenate([getattr(one, name) for one in percepts]) for way, name in MAPS.items()}
-    size = min(BOOK, len(codebook.poses))
-    chosen = np.sort(rng.choice(len(codebook.poses), size, replace=False))
+    chosen = _some_entries(codebook, BOOK, rng)
     book = codebook.poses[chosen]
     codes = np.concatenate([networks.tcn.encode(one.penetration) for one in percepts])
     matches = {OURS: best_matches(codebook.codes[chosen], codes)} | {
@@ -152,7 +150,12 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
     errors = {way: single_touch_errors(book, poses, each, np.random.default_rng(seed)) for way, each in matches.items()}
     nearest = errors[OURS].nearest / errors[OURS].six_vector.random.mean()
     errors_of = {way: each.six_vector.normalised for way, each in errors.items()}
-    return {"book_size": size, "errors": errors_of | {"nearest_entry": nearest}}
+    return {"book_size": len(chosen), "errors": errors_of | {"nearest_entry": nearest}}
+
+
+def _some_entries(codebook: Codebook, size: int, rng: np.random.Generator) -> np.ndarray:
+    """Entries (min(size, M),) of a smaller book."""
+    return np.sort(rng.choice(len(codebook.poses), min(size, len(codebook.poses)), replace=False))
 
 
 def _quantiles(errors: SingleTouchErrors) -> np.ndarray:

@@ -176,15 +176,12 @@ class Explorer(PipelineNode):
     def _on_suggestions(self, response: SuggestMotion.Response) -> None:
         if self._report.state != ExplorerStatus.STATE_EXPLORING:  # it is over, or a person has the finger by now
             self._go_on()
-        elif not response.success:
-            self._refused(response.message)
-        else:
+        elif response.success:
             self._decide(response)
-
-    def _refused(self, why: str) -> None:
-        self._report.problem("refused_suggestions", f"suggest_motion: {why}")
-        self._exploration.refused(why)
-        self._decide(None)
+        else:
+            self._report.problem("refused_suggestions", f"suggest_motion: {response.message}")
+            self._exploration.refused(response.message)
+            self._decide(None)
 
     def _decide(self, response: SuggestMotion.Response | None) -> None:
         advice = None if response is None else advice_of(response)
