@@ -178,6 +178,20 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
         assert estimate.modes[0].weight < 0.9
 
 
+def test_a_grasp_that_holds_still_is_compared(gripper):
+    filter_ = gripper.make_filter(CONFIG)
+    filter_.reset(2)
+    filter_.initialise_gaussian(gripper.above[0], 0.01, 0.1)
+    above, below = (
+        Measurement(True, codes[0], penetration=reduced_penetration(maps[0]))
+        for codes, maps in zip(gripper.codes, gripper.penetrations, strict=True)
+    )
+    others = {"below": replace(below, T_gel_finger=gripper.between[0])}
+    states = [filter_.step(np.eye(4) if k else None, above, others).status.state for k in range(30)]
+    assert states[0] == state.SEARCHING
+    assert states[-1] in (state.CONVERGED, state.AMBIGUOUS), "its hypotheses were compared"
+
+
 @pytest.mark.slow
 def test_a_finger_explores_while_the_first_one_rests(gripper):
     """As a thumb that holds the object; the first finger's one touch fits two poses."""

@@ -36,7 +36,7 @@ FURTHER = {
 """Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
-_EVIDENCE = "no_surface no_book_constraint no_tempering"
+_EVIDENCE = "no_surface no_book_constraint"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
@@ -65,7 +65,7 @@ COMMANDS = {
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
     "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_hindsight no_kld "
-    "no_surface no_book_constraint no_tempering no_calibration no_annealing",
+    "no_surface no_book_constraint no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     **{
         f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_PAIRED} --variant {_EVIDENCE}"
@@ -75,7 +75,8 @@ COMMANDS = {
     "--variant no_surface no_book_constraint",
     "ablation_rest": f"{_BENCHMARK} --protocol rest {_PAIRED} --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_PAIRED} --variant gates",
-    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_PAIRED} --variant no_refinement codes_no_recovery",
+    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_PAIRED} --variant no_refinement codes_no_recovery "
+    "codes_no_tempering",
     "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_PAIRED} --variant no_arm_errors",
     "ablation_push": f"{_BENCHMARK} --protocol push {_PAIRED} --variant no_object_motion",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",

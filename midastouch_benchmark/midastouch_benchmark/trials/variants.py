@@ -145,6 +145,11 @@ VARIANTS = {
         MECHANISM,
         {"refinement": False, "recovery_fraction": 0.0},
     ),
+    "codes_no_tempering": Variant(
+        "no alignment to penetration maps, no re-evaluation; every code counts in full, however near to the last",
+        MECHANISM,
+        {"refinement": False, "correlation_length": 1e-5},
+    ),
     "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(
         "no surface constraint (only far particles are dropped)",
@@ -159,9 +164,6 @@ VARIANTS = {
     ),
     "no_book_constraint": Variant(
         "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
-    ),
-    "no_tempering": Variant(
-        "weights count every touch in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),

@@ -38,9 +38,7 @@ class Finger:
     """One finger: what it measures, how much of that is news, and how well it fits each particle.
 
     Attributes: name; touch, its measurement in this frame, map and transform checked; code (D,) at unit length, None if
-    it touches nothing; tempering exponent in [0, 1]: how much of the touch is independent of what was measured before.
-    Touches nearer together than the configured correlation length see nearly the same patch, so they count in
-    proportion to the path between them.
+    it touches nothing.
     """
 
     def __init__(
@@ -102,8 +100,19 @@ class Finger:
         if code is not None:
             self._last_code = code
         self.touch, self.code = touch, code
-        self.tempering = min(1.0, path / self._config.correlation_length)
+        self._news = min(1.0, path / self._config.correlation_length)
         return True
+
+    @property
+    def tempering(self) -> float:
+        """Exponent in [0, 1] of the touch's likelihood.
+
+        Touches nearer together than the correlation length see nearly the same patch, so a code counts in proportion to
+        the path since the last. A touch whose map is used counts in full: hypotheses are compared over the last
+        touches, and there each counts for what it adds.
+        """
+        mapped = self._config.refinement and self.touch.penetration is not None
+        return 1.0 if mapped else self._news
 
     def count(self) -> None:
         """The touch was used: the path to the next starts here."""

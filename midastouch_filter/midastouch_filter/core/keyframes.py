@@ -68,6 +68,11 @@ class KeyframeWindow:
     def __len__(self) -> int:
         return len(self.keyframes)
 
+    @property
+    def touches(self) -> int:
+        """Number of touches, those of all fingers."""
+        return sum(len(keyframe.touches) for keyframe in self.keyframes)
+
     def moved(self, transform: np.ndarray, path: float, in_contact: bool) -> bool:
         """The first gel moved by `transform` (4, 4), which counts as `path` [m]; whether that was a lift."""
         self.motion = self.motion @ transform

@@ -54,6 +54,7 @@ class FixedLagSmoother(FineStage):
     def restart(self, prior: Prior | None) -> None:
         super().restart(prior)
         self.checked, self.unknown = False, 0.0
+        self._in_contact = False
         self.comparison: Comparison | None = None
         self._compared_at = np.eye(4)
         self._reevaluation.restart(prior)
@@ -70,6 +71,7 @@ class FixedLagSmoother(FineStage):
         else:
             self._reevaluation.moved(motion.transform, motion.path, in_contact)
         self.checked = self.checked and not self._reevaluation.lifted
+        self._in_contact = in_contact
 
     def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
         explained = super().__call__(belief, measured, tempering)
@@ -80,25 +82,34 @@ class FixedLagSmoother(FineStage):
     def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
         if mapped_of(measured):
             with self._watch.stage("hindsight"):
-                self._reevaluate(belief, measured, elapsed, in_time)
+                self._keep(measured)
+                contradicted = is_narrow(belief.modes[0], self._config) and 0 not in belief.aligned
+                if not self._gates.skips("unrivalled", self._reevaluation.rests(contradicted)):
+                    self._compare(belief, elapsed, in_time)
+        elif self._in_contact and not measured and not self._reevaluation.rests(contradicted=False):
+            with self._watch.stage("hindsight"):  # no touch will come that says whether the comparison is trusted
+                if self._compare(belief, elapsed, in_time):
+                    self.checked = self._is_trusted(belief)
 
-    def _reevaluate(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
-        """Keep the touch, and go on asking whether other hypotheses explain the last ones as well."""
-        reevaluation = self._reevaluation
-        if reevaluation.due:
+    def _keep(self, measured: list[Finger]) -> None:
+        """Keep the touch, if it is far enough from the last one that is kept."""
+        if self._reevaluation.due:
             touching = [finger for finger in measured if finger.touch.in_contact]
-            reevaluation.keep(
+            self._reevaluation.keep(
                 [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
             )
+
+    def _compare(self, belief: Belief, elapsed: float | None, in_time: InTime) -> bool:
+        """Go on asking whether other hypotheses explain the last touches as well; whether that was answered."""
         narrow = [mode for mode in belief.modes if is_narrow(mode, self._config)]
-        contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
-        if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
-            poses = [mode.pose for mode in narrow[: self._config.refined_modes]]
-            comparison = reevaluation.compare(poses, elapsed, in_time)
-            if comparison is not None:
-                self._believe(belief, comparison)
-                self.comparison, self._compared_at = comparison, reevaluation.motion
-                self.unknown = comparison.unknown
+        poses = [mode.pose for mode in narrow[: self._config.refined_modes]]
+        comparison = self._reevaluation.compare(poses, elapsed, in_time)
+        if comparison is None:
+            return False
+        self._believe(belief, comparison)
+        self.comparison, self._compared_at = comparison, self._reevaluation.motion
+        self.unknown = comparison.unknown
+        return True
 
     def _is_trusted(self, belief: Belief) -> bool:
         """Whether the last comparison found the dominant mode probable enough, and left no hypothesis out."""

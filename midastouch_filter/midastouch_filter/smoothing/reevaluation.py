@@ -162,7 +162,7 @@ class Reevaluation:
         """
         if contradicted:
             self._wait = self._effort.anew
-        return self._running is None and (self._since < self._wait or len(self._window) < self._effort.fewest)
+        return self._running is None and (self._since < self._wait or self._window.touches < self._effort.fewest)
 
     def compare(
         self, modes: list[np.ndarray], elapsed: float | None = None, in_time: InTime = always

@@ -176,6 +176,17 @@ def test_what_is_measured_again_is_not_counted_again(fingers, world):
     assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
 
 
+def test_a_touch_whose_map_is_compared_counts_in_full(fingers, world):
+    codes = world.encode(world.poses[:3])
+    pose, penetration = se3.make(np.eye(3), np.array([0, 0, -0.04])), np.ones((160, 120), np.float32)
+    count(measured(fingers, other=touch(pose, codes[0], penetration=penetration)))
+    (mapped,) = measured(fingers, MOVED, other=touch(pose, codes[1], penetration=penetration))
+    assert mapped.tempering == 1.0
+    count([mapped])
+    (code_only,) = measured(fingers, MOVED, other=touch(pose, codes[2]))
+    assert code_only.tempering < 0.3
+
+
 def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
     """What was measured in the air says nothing about the patch that is touched next, and the other way round."""
     codes = world.encode(world.poses[:3])

@@ -8,6 +8,7 @@ import pytest
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.state import CONVERGED, LOST
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 
 
@@ -94,6 +95,25 @@ def test_hypotheses_are_compared_after_the_answer(slide):
     assert "refinement" in first
     assert not {"hindsight", "track"} & set(first)
     assert {"refinement", "hindsight", "track"} <= set(second), "those of the first touch"
+
+
+def test_a_comparison_goes_on_while_the_arm_rests(slide):
+    make_filter, odometry, touches = slide
+    running = make_filter()
+    moving = [running.step(*each, elapsed=1e-3).status.state for each in zip(odometry[:40], touches, strict=False)]
+    assert CONVERGED not in moving, "no frame left time for a comparison"
+    resting = [running.step(np.eye(4), touches[39], elapsed=0.05) for _ in range(20)]
+    first = next(each for each in resting if each.status.state == CONVERGED)
+    np.testing.assert_allclose(first.pose, resting[0].pose, atol=1e-3)
+
+
+def test_nothing_is_compared_in_the_air(slide):
+    make_filter, odometry, touches = slide
+    running = make_filter()
+    for motion, touch in zip(odometry[:20], touches, strict=False):
+        running.step(motion, touch, elapsed=1e-3)
+    in_the_air = [running.step(np.eye(4), Measurement(False), elapsed=0.05).status.ms for _ in range(5)]
+    assert not any("hindsight" in ms for ms in in_the_air[1:])
 
 
 def test_a_restart_forgets_what_is_left_to_be_done(slide):
