@@ -7,7 +7,7 @@ moving frame (right perturbation): `T @ exp(xi)`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -67,6 +67,14 @@ def log(transform: np.ndarray) -> np.ndarray:
     """Logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
     transform = np.asarray(transform, float)
     return kernels.logarithms(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape((*transform.shape[:-2], 6))
+
+
+def odometry(poses: Iterable[np.ndarray]) -> Iterator[np.ndarray | None]:
+    """Of each pose (4, 4) the motion (4, 4) since the one before it, `inv(T_before) T_now`; None for the first."""
+    before = None
+    for pose in poses:
+        yield None if before is None else inverse(before) @ pose
+        before = pose
 
 
 def turn(rotation: np.ndarray) -> np.ndarray:

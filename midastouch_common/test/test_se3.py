@@ -67,6 +67,17 @@ def test_unusable_poses_are_refused(row, problem):
         se3.from_xyzquat(np.array(row, float))
 
 
+def test_odometry_leads_from_pose_to_pose():
+    poses = se3.exp(np.random.default_rng(0).uniform(-1, 1, (4, 6)))
+    first, *steps = se3.odometry(poses)
+    assert first is None
+    reached = poses[0]
+    for step, pose in zip(steps, poses[1:], strict=True):
+        reached = reached @ step
+        np.testing.assert_allclose(reached, pose, atol=1e-12)
+    assert not list(se3.odometry([]))
+
+
 @given(seeds)
 @settings(max_examples=20)
 def test_frame_from_normal_has_no_singular_direction(seed):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import sys
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -113,11 +112,6 @@ def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float =
     return np.stack(out)
 
 
-def odometry_of(poses: np.ndarray) -> list[np.ndarray | None]:
-    """Motion between successive poses, None for the first frame."""
-    return [None, *(se3.inverse(a) @ b for a, b in pairwise(poses))]
-
-
 def with_pose_noise(poses: np.ndarray, rng: np.random.Generator, sigma_t: float, sigma_r: float) -> np.ndarray:
     """Measured poses: each with its own error, sigma_t [m] and sigma_r [rad] per axis."""
     noise = rng.standard_normal((len(poses), 6)) * np.repeat([sigma_t, sigma_r], 3)
@@ -143,7 +137,6 @@ def world() -> SimpleNamespace:
         random_poses=random_poses,
         poses_at=poses_at,
         make_slide=make_slide,
-        odometry_of=odometry_of,
         with_pose_noise=with_pose_noise,
     )
 
@@ -166,7 +159,7 @@ def coded_slide(world) -> SimpleNamespace:
 
     return SimpleNamespace(
         poses=poses,
-        odometry=odometry_of(measured),
+        odometry=[*se3.odometry(measured)],
         touches=[Measurement(True, code, 1e-4) for code in world.encode(poses)],
         config=config,
         make_filter=make_filter,
@@ -185,7 +178,7 @@ def mapped_slide(world) -> SimpleNamespace:
     few = {"max_particles": 2000, "min_particles": 300, "converged_translation": 7e-3, "threads": 1}
     return SimpleNamespace(
         poses=poses,
-        odometry=odometry_of(poses),
+        odometry=[*se3.odometry(poses)],
         touches=[Measurement(True, c, 1e-4, penetration=m) for c, m in zip(world.encode(poses), maps, strict=True)],
         make_filter=lambda **settings: ParticleFilter(world.mesh, book, FilterConfig(**few, **settings), 0),
     )
@@ -220,7 +213,7 @@ def gripper(world) -> SimpleNamespace:
     return SimpleNamespace(
         above=sides[0],
         measured=measured,
-        odometry=odometry_of(measured),
+        odometry=[*se3.odometry(measured)],
         between=with_pose_noise(se3.inverse(sides[0]) @ sides[1], rng, 2e-4, np.radians(0.3)),
         codes=[encode(side) for side in sides],
         penetrations=[np.maximum(renderer.render(side), 0) for side in sides],
@@ -268,6 +261,6 @@ def shelf(world):
         maps = np.maximum(renderers[k].render(truth), 0)
         measured = [Measurement(True, code, network_id=NETWORK, penetration=each) for code, each in
                 zip(encode(maps), maps, strict=True)]  # fmt: skip
-        return truth, list(zip(world.odometry_of(truth), measured, strict=True))
+        return truth, list(zip(se3.odometry(truth), measured, strict=True))
 
     return SimpleNamespace(catalogue=Catalogue.of(objects, noise), touches=touches)

@@ -30,7 +30,7 @@ def skipped(estimate, name):
 def codes_along(world, n):
     """Motions and codes along a slide of n frames."""
     truth = world.make_slide(world.mesh, n, np.random.default_rng(3))
-    return list(zip(world.odometry_of(truth), world.encode(truth), strict=True))
+    return list(zip(se3.odometry(truth), world.encode(truth), strict=True))
 
 
 def some_book(world, mesh, n=300, **changes):

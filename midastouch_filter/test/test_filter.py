@@ -83,7 +83,7 @@ def test_a_symmetric_object_keeps_both_answers(world, coded_slide):
     filter_ = ParticleFilter(mesh, world.make_codebook(poses, encode(poses)), coded_slide.config, 0)
     filter_.initialise_uniform()
     truth = world.make_slide(mesh, 50, np.random.default_rng(4))
-    for motion, code in zip(world.odometry_of(truth), encode(truth), strict=True):
+    for motion, code in zip(se3.odometry(truth), encode(truth), strict=True):
         estimate = filter_.step(motion, Measurement(True, code))
     for answer in (truth[-1], turn @ truth[-1]):
         assert min(np.linalg.norm(m.pose[:3, 3] - answer[:3, 3]) for m in estimate.modes) < 5e-3
@@ -154,7 +154,7 @@ def test_finds_back_after_being_carried_away(coded_slide, world):
     play(filter_, coded_slide)
     elsewhere = world.make_slide(world.mesh, 90, np.random.default_rng(77))
     states = []
-    for motion, code in zip(world.odometry_of(elsewhere), world.encode(elsewhere), strict=True):
+    for motion, code in zip(se3.odometry(elsewhere), world.encode(elsewhere), strict=True):
         estimate = filter_.step(motion, Measurement(True, code))
         states.append(estimate.status.state)
     # noticed within two correlation lengths of sliding

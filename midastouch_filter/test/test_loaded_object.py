@@ -87,7 +87,7 @@ def slide(world):
     touches = [Measurement(True, code) for code in world.encode(first)]
     pairs = zip(se3.inverse(first) @ second, world.encode(second), strict=True)
     others = [{"other": Measurement(True, code, T_gel_finger=pose)} for pose, code in pairs]
-    return first, world.odometry_of(world.with_pose_noise(first, rng, 5e-4, 0.017)), touches, others
+    return first, [*se3.odometry(world.with_pose_noise(first, rng, 5e-4, 0.017))], touches, others
 
 
 def coarse_filter(world) -> ParticleFilter:

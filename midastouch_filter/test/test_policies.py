@@ -50,7 +50,7 @@ def test_without_resampling_weights_only_get_more_uneven(world):
     filter_ = ParticleFilter(world.mesh, world.codebook, CONFIG, make_policies=make)
     filter_.initialise_uniform()
     sizes = []
-    for motion, code in zip(world.odometry_of(slide), world.encode(slide), strict=True):
+    for motion, code in zip(se3.odometry(slide), world.encode(slide), strict=True):
         status = filter_.step(motion, Measurement(True, code)).status
         assert status.n_particles == CONFIG.max_particles
         sizes.append(status.ess)

@@ -28,7 +28,7 @@ def pair(world):
     """Odometry, touches and finger poses of two slides over the world's object."""
     rng = np.random.default_rng(21)
     a, b = (world.make_slide(world.mesh, 40, rng) for _ in range(2))
-    odometry = world.odometry_of(world.with_pose_noise(a, rng, 5e-4, math.radians(1.0)))
+    odometry = [*se3.odometry(world.with_pose_noise(a, rng, 5e-4, math.radians(1.0)))]
     touches = [Measurement(True, code) for code in world.encode(a)]
     return a, odometry, touches, [touch(p, code) for p, code in zip(se3.inverse(a) @ b, world.encode(b), strict=True)]
 

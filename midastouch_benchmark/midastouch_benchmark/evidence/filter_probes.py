@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from midastouch_common import se3
 from midastouch_filter.active_touch.suggestion import Advisor, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
@@ -23,7 +22,7 @@ from midastouch_filter.identification.identification import Identification
 from ..trials import disturbances
 from ..trials.protocols import PROTOCOLS
 from ..trials.sequence_trials import start_filter
-from ..trials.trial import TrialFrame
+from ..trials.trial import TrialFrame, with_odometry
 from .probe import Probe, Probes
 from .scene import Scene
 
@@ -70,11 +69,9 @@ def _estimates(
     scene: Scene, frames: Iterable[TrialFrame], config: FilterConfig, init: str, beta: float
 ) -> tuple[list[Estimate], ParticleFilter]:
     """One for each frame, and the filter at the end."""
-    particle_filter, out, last = ParticleFilter(scene.mesh, scene.codebook, config), [], None
+    particle_filter, out = ParticleFilter(scene.mesh, scene.codebook, config), []
     start_filter(particle_filter, scene.mesh, scene.poses[0], init, beta)
-    for frame in frames:
-        odometry = None if last is None else se3.inverse(last) @ frame.measured
-        last = frame.measured
+    for frame, odometry in with_odometry(frames):
         out.append(particle_filter.step(odometry, frame.measurement, frame.others, frame.seconds))
     return out, particle_filter
 
@@ -99,10 +96,10 @@ def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfi
     """Probabilities of the objects and of none, and where the leading one is touched."""
     noise = NoiseModel.of(config)
     catalogue = Catalogue.of([(each.mesh, each.codebook, None) for each in scenes], noise)
-    identification, last, rows = Identification(catalogue, config, noise), None, []
-    for frame in frames:
-        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
-        last, now = frame.measured, identification.identity
+    identification, rows = Identification(catalogue, config, noise), []
+    for frame, odometry in with_odometry(frames):
+        identification.step(odometry, frame.measurement)
+        now = identification.identity
         of = {each.name: each.probability for each in now.objects}
         best = now.leading.hypotheses[0].pose if now.leading.hypotheses else np.zeros((4, 4))
         rows.append([now.unknown, *(of.get(each.mesh.name, 0.0) for each in scenes), *best[:3, 3]])

@@ -10,7 +10,7 @@ from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.disturbances import Disturbance, Scene
 from midastouch_benchmark.trials.sequence_trials import start_filter
-from midastouch_common import se3
+from midastouch_benchmark.trials.trial import with_odometry
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
@@ -39,12 +39,10 @@ def comparisons(
     particle_filter = ParticleFilter(mesh, cache.codebook(mesh), config, number, make_policies=make_policies)
     frames = disturb(Scene(cache.frames(touched, number), np.random.default_rng(number), [], None)).frames
     start_filter(particle_filter, mesh, frames[0].truth, "uniform", 1.0)
-    smoother, known, last = made[-1].refine, None, None
-    for frame in frames:
-        moved = None if last is None else se3.inverse(last) @ frame.measured
-        particle_filter.step(moved, frame.measurement, elapsed=frame.seconds)
+    smoother, known = made[-1].refine, None
+    for frame, odometry in with_odometry(frames):
+        particle_filter.step(odometry, frame.measurement, elapsed=frame.seconds)
         particle_filter.deferred_update()  # else the comparison would be complete only in the next step
-        last = frame.measured
         if smoother.comparison is not None and smoother.comparison is not known:
             known = smoother.comparison
             yield frame.truth, known

@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.disturbances import Disturbance
-from midastouch_common import se3
+from midastouch_benchmark.trials.trial import with_odometry
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
@@ -95,11 +95,9 @@ class Slide:
 def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
     """What a catalogue makes of a slide over an object."""
     identification = Identification(catalogue, CONFIG, NOISE)
-    contests, last = [], None
-    for frame in cache.frames(mesh, number):
-        moved = None if last is None else se3.inverse(last) @ frame.measured
-        last = frame.measured
-        if identification.step(moved, frame.measurement):
+    contests = []
+    for frame, odometry in with_odometry(cache.frames(mesh, number)):
+        if identification.step(odometry, frame.measurement):
             contests.append(identification.contest)
     names = [entry.name for entry in catalogue.entries]
     return Slide(contests, names.index(mesh.name) if mesh.name in names else None, len(names))

@@ -93,9 +93,9 @@ def detections(
     jump_hypotheses.DECISIVE = odometry_correction.DECISIVE = level
     config, out = FilterConfig(), np.zeros(len(believed), bool)
     correction = OdometryCorrection(alignment, config, NoiseModel.of(config), Stopwatch(lambda: 0.0))
-    for i, (pose, measurement) in enumerate(zip(believed, maps, strict=True)):
+    for i, (pose, measurement, odometry) in enumerate(zip(believed, maps, se3.odometry(measured), strict=True)):
         touch = Measurement(bool(measurement.any()), penetration=measurement)
-        correction(se3.inverse(measured[i - 1]) @ measured[i] if i else None, touch, FRAME_TIME)
+        correction(odometry, touch, FRAME_TIME)
         out[i] = correction.jump is not None
         correction.observe(SureBelief(pose), touch, trusted=True)
     return out

@@ -58,10 +58,7 @@ def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> d
     config = FilterConfig(min_particles=particles, max_particles=particles)
     particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config, seed=0)
     particle_filter.initialise_gaussian(slide.start, mesh.diagonal / 3, np.radians(60))
-    previous = None
-    for pose, touch in zip(slide.measured, slide.touches, strict=True):
-        odometry = None if previous is None else se3.inverse(previous) @ pose
-        previous = pose
+    for odometry, touch in zip(se3.odometry(slide.measured), slide.touches, strict=True):
         with stopwatch:
             particle_filter.step(odometry, touch)
     stopwatch.drop(2)

@@ -28,7 +28,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.smoothing.competitor_search import CompetitorSearch
 from midastouch_perception.symmetry.group import Symmetry
 
-from .trial import TrialFrame
+from .trial import TrialFrame, with_odometry
 from .yardstick import Yardstick
 
 EVIDENCE = ("maps", "codes", "both")
@@ -219,9 +219,6 @@ class IdealObserver:
 
 def observe(observer: IdealObserver, frames: Sequence[TrialFrame]) -> Iterator[tuple[int, Posterior]]:
     """What is believed at each keyframe of a slide, with its position among the frames."""
-    before = None
-    for k, frame in enumerate(frames):
-        odometry = None if before is None else se3.inverse(before) @ frame.measured
-        before = frame.measured
+    for k, (frame, odometry) in enumerate(with_odometry(frames)):
         if (found := observer.step(odometry, frame.measurement)) is not None:
             yield k, found

@@ -23,7 +23,7 @@ from midastouch_filter.identification.identity import UNKNOWN, Identity
 
 from ..evidence import fingerprint
 from .cache import Cache
-from .trial import TrialFrame
+from .trial import TrialFrame, with_odometry
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 from .yardstick import Yardstick
 
@@ -134,11 +134,9 @@ def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterCo
     No filter runs: a `CatalogueLocaliser` would give the same answers, and a pose on a wrong object.
     """
     identification, answers = Identification(catalogue, config, NoiseModel.of(config)), Answers(UNKNOWN)
-    last = None
-    for frame in frames:
-        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
+    for frame, odometry in with_odometry(frames):
+        identification.step(odometry, frame.measurement)
         answers.note(frame, identification.identity)
-        last = frame.measured
     return answers.describe()
 
 
@@ -181,10 +179,9 @@ def right_answer(catalogue: Catalogue, name: str) -> str:
 
 def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame], entry: Entry) -> dict:
     """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
-    start, last = time.process_time(), None
-    for frame in frames:
-        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
-        last = frame.measured
+    start = time.process_time()
+    for frame, odometry in with_odometry(frames):
+        estimate = particle_filter.step(odometry, frame.measurement)
     cpu = 1e3 * (time.process_time() - start) / len(frames)
     return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1], entry)}
 

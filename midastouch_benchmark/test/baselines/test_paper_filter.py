@@ -1,5 +1,4 @@
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,8 +19,7 @@ def paper_filter(mesh, codebook):
 @pytest.fixture(scope="module")
 def slide(sequence, pose_codes):
     poses, measured = sequence.poses_true, sequence.poses_measured
-    odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(measured))]
-    return poses, odometry, [Measurement(True, code) for code in pose_codes(poses)]
+    return poses, [*se3.odometry(measured)], [Measurement(True, code) for code in pose_codes(poses)]
 
 
 def particle_error(one: PaperFilter, truth: np.ndarray) -> float:

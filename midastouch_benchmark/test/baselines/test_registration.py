@@ -1,6 +1,5 @@
 import importlib.util
 import sys
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,9 +32,8 @@ def test_a_slide_over_a_tool_is_laid_onto_it():
     registration = Registration(mesh, book)
     registration.initialise_gaussian(poses[40], 0.004, np.radians(5))  # the nearest of the few codebook poses
     first = registration.poses[0]
-    odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses[40:]))]
     states = []
-    for motion, measurement in zip(odometry, maps[40:], strict=True):
+    for motion, measurement in zip(se3.odometry(poses[40:]), maps[40:], strict=True):
         estimate = registration.step(motion, Measurement(True, penetration=measurement))
         states.append(estimate.status.state)
     assert (states[0], states[-1]) == ("ambiguous", "converged")
@@ -66,8 +64,7 @@ def test_it_keeps_its_first_error(reckoning, sequence):
     poses = sequence.poses_true
     reckoning.initialise_gaussian(poses[0], 0.02, 0.3)
     (started,) = reckoning.poses
-    odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses))]
-    for motion in odometry:
+    for motion in se3.odometry(poses):
         estimate = reckoning.step(motion, Measurement(False))
     assert estimate.status.state == "converged"
     assert estimate.pose == pytest.approx(started @ se3.inverse(poses[0]) @ poses[-1], abs=1e-9)

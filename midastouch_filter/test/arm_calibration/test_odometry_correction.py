@@ -25,7 +25,7 @@ def play(world, slide, measured, **settings):
     running.initialise_gaussian(slide.poses[0], 5e-3, 0.1)
     return [
         running.step(odometry, touch, elapsed=0.05)
-        for odometry, touch in zip(world.odometry_of(measured), slide.touches, strict=True)
+        for odometry, touch in zip(se3.odometry(measured), slide.touches, strict=True)
     ]
 
 

@@ -85,7 +85,7 @@ def test_a_running_filter_knows_the_nearest_entries(world, tool, spread):
     else:
         particle_filter.initialise_gaussian(slide[0], 0.003, np.radians(6))
     lookup = PoseLookup(codebook.poses, Workers(1))
-    for odometry, code in zip(world.odometry_of(slide), world.encode(slide), strict=True):
+    for odometry, code in zip(se3.odometry(slide), world.encode(slide), strict=True):
         particle_filter.step(odometry, Measurement(True, code))
         poses, entries = particle_filter.poses, particle_filter.codebook_indices
         found = distance(poses, codebook.poses[entries])
