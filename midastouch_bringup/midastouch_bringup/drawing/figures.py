@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from midastouch_common.files import atomic_path
-from midastouch_common.pose_metric import particle_rmse, pose_errors
+from midastouch_common.pose_metric import min_cluster_error, particle_rmse
 from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 
@@ -119,20 +119,13 @@ def error_series(run: list[Snapshot]) -> dict[str, np.ndarray]:
     for snapshot in run:
         series["particles"].append(particle_rmse(snapshot.particles, snapshot.truth))
         modes = np.array([mode.pose for mode in snapshot.modes]).reshape(-1, 4, 4)
-        series["closest mode"].append(_closest(modes, snapshot.truth))
+        series["closest mode"].append(min_cluster_error(modes, snapshot.truth))
         estimate = np.zeros((0, 4, 4)) if snapshot.estimate is None else snapshot.estimate[None]
-        series["published pose"].append(_closest(estimate, snapshot.truth))
+        series["published pose"].append(min_cluster_error(estimate, snapshot.truth))
     scale = np.array([[1e3], [180 / np.pi]])
     out = {name: scale * np.array(values).reshape(-1, 2).T for name, values in series.items()}
     out["time"] = np.array([s.time for s in run])
     return out
-
-
-def _closest(poses: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    if len(poses) == 0:
-        return float("nan"), float("nan")
-    distance, angle = pose_errors(poses, truth)
-    return float(distance.min()), float(angle.min())
 
 
 def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
