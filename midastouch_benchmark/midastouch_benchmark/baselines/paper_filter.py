@@ -58,7 +58,7 @@ class PaperConfig:
 class PaperFilter:
     """Distribution of the sensor pose `T_obj_gel`, with the interface of `ParticleFilter`.
 
-    Args: mesh; codebook of that mesh; config; seed; clock: seconds, for the milliseconds per stage in `Status`;
+    Args: mesh; codebook of that mesh; config; clock: seconds, for the milliseconds per stage in `Status`;
     threads, of the compiled kernels (0: one per core). The state, which the paper does not have, is told from mass and
     spread of the heaviest hypothesis by the limits of `FilterConfig`.
     """
@@ -68,7 +68,6 @@ class PaperFilter:
         mesh: ObjectMesh,
         codebook: Codebook,
         config: PaperConfig | None = None,
-        seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
         threads: int = 0,
     ):
@@ -88,7 +87,7 @@ class PaperFilter:
         count = int(np.clip(mesh.area / _SURFACE_SPACING**2, 1_000, _MOST_SURFACE_POINTS))
         self._surface = KDTree(mesh.sample_surface(count, np.random.default_rng(0))[0].astype(np.float32))
         self._clock = clock
-        self.reset(seed)
+        self.reset(0)
 
     def reset(self, seed: int) -> None:
         """Forget everything but object and settings."""
