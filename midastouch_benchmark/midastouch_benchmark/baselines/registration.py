@@ -15,21 +15,14 @@ import numpy as np
 from midastouch_bringup.inspection import require_open3d
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
-from midastouch_filter.core.touch import MAP_SCALE
-from midastouch_perception.pointcloud import cloud_from_penetration
-from midastouch_perception.sensor_model import SensorModel
-
-if TYPE_CHECKING:
-    from midastouch_filter.core.touch import Measurement
-    from midastouch_perception.codebook import Codebook
-from typing import TYPE_CHECKING
-
 from midastouch_common.pose_metric import geodesic_distances
 from midastouch_filter.core import initialisation
 from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.gates import Stopwatch
-from midastouch_filter.core.state import UNINITIALISED, Status
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED, UNINITIALISED, Status
+from midastouch_filter.core.touch import MAP_SCALE
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
 
 if TYPE_CHECKING:
     from midastouch_filter.core.touch import Measurement
