@@ -28,6 +28,11 @@ def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     return out
 
 
+def translation(vector: np.ndarray) -> np.ndarray:
+    """Transforms (..., 4, 4) that shift by vectors (..., 3) m; `T @ translation(v)` is T moved along its own axes."""
+    return make(np.eye(3), vector)
+
+
 def from_xyzquat(vector: np.ndarray) -> np.ndarray:
     """Transforms (..., 4, 4) from rows [x y z qx qy qz qw] (..., 7); quaternions need not be unit.
 

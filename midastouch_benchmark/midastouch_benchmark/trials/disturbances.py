@@ -106,7 +106,7 @@ def push(scene: Scene) -> Disturbed:
     With D the object's motion in the base, about the contact, the arm is at D T_obj_gel.
     """
     frames, start = scene.frames, scene.middle
-    about = se3.make(np.eye(3), frames[start].truth[:3, 3])
+    about = se3.translation(frames[start].truth[:3, 3])
     whole = se3.log(_random_motion(scene.rng, _PUSH_T, _PUSH_R))
     pushed = [
         about @ se3.exp(whole * np.clip((k - start + 1) / _PUSHED, 0, 1)) @ se3.inverse(about)
@@ -186,7 +186,7 @@ def _moved_away(scene: Scene, reported: bool) -> Disturbed:
     heights = [_HEIGHT * min(k, _LIFTED - k) / (_LIFTED // 2) for k in range(1, _LIFTED + 1)]
     lifted = [
         dataclasses.replace(last, measurement=air, ms={}, measured=last.measured @ up, truth=last.truth @ up)
-        for up in (se3.make(np.eye(3), np.array([0.0, 0.0, height])) for height in heights)
+        for up in (se3.translation([0.0, 0.0, height]) for height in heights)
     ]
     moved = [dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after]
     return Disturbed([*before, *lifted, *moved], Event(k, k + _LIFTED))

@@ -70,7 +70,7 @@ FAULTS: dict[str, Fault] = {
     "no transform": _frozen("pose"),
     "lost": _set("lost", True),
     "force": _set("force", _FORCE + 1),
-    "outside": _set("gel", se3.make(np.eye(3), np.full(3, 2.0))),
+    "outside": _set("gel", se3.translation(np.full(3, 2.0))),
     "nobody follows": _set("listeners", 0),
     "another commands": _set("commanders", 2),
 }

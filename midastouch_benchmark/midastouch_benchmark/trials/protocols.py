@@ -63,7 +63,7 @@ def grasp(scene: Scene) -> Disturbed:
 
 def _open(frame: TrialFrame) -> TrialFrame:
     """The hand above a place that it grasps, before or after."""
-    up = se3.make(np.eye(3), np.array([0.0, 0.0, _HEIGHT]))
+    up = se3.translation([0.0, 0.0, _HEIGHT])
     air = {"measurement": Measurement(in_contact=False), "ms": {}, "others": {}, "seconds": FRAME_TIME}
     return dataclasses.replace(frame, measured=frame.measured @ up, truth=frame.truth @ up, **air)
 

@@ -42,7 +42,7 @@ IMAGE_TYPE = "sensor_msgs/msg/Image"
 COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 
-BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.4, -0.15, 0.25]))
+BASE_FROM_OBJECT = se3.translation([0.4, -0.15, 0.25])
 """Where the object of a sequence stands, T_base_obj (4, 4), metres."""
 
 _SECOND = 1_000_000_000

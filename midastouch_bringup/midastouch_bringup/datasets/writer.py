@@ -56,7 +56,7 @@ def write_sequence(
             )
         np.savez_compressed(folder / PENETRATION_FILE, frames=np.arange(n), penetration_um=np.stack(penetrations))
         _write_image(folder / BACKGROUND_FILE, background)
-        camera_from_gel = se3.make(np.eye(3), np.array([0, 0, sensor.gel_distance]))
+        camera_from_gel = se3.translation([0, 0, sensor.gel_distance])
         data = {
             "gelposes": se3.to_xyzquat(poses_true),
             "camposes": se3.to_xyzquat(poses_true @ camera_from_gel),

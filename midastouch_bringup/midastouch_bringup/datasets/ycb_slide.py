@@ -194,7 +194,7 @@ def _object_from_gel(world_digit: np.ndarray, world_object: np.ndarray, alignmen
     object_from_camera = se3.inverse(se3.from_xyzquat(world_object)) @ se3.from_xyzquat(world_digit)
     object_from_camera[:, :3, 3] += alignment[:3, 3]
     gel_distance = SensorModel.load(_REAL_SENSOR).gel_distance
-    return object_from_camera @ se3.make(np.eye(3), np.array([0, 0, -gel_distance]))
+    return object_from_camera @ se3.translation([0, 0, -gel_distance])
 
 
 def _is_later(times: np.ndarray) -> np.ndarray:

@@ -8,11 +8,12 @@ from typing import TypeVar
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_filter.active_touch.suggestion import Advice
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
 from .acts import Act, Done, Lift, Plan, Slide, Touch
-from .leap import CLEARANCES, SEARCHED, leap, raised, ways_along, ways_to
+from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import EVERYWHERE, Reach
 from .surroundings import Surroundings, Track
 
@@ -209,7 +210,7 @@ class Exploration:
 
     def _can_leap(self, way: np.ndarray) -> bool:
         """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
-        return self._reach.holds(np.concatenate([raised(way, CLEARANCES[0]), way[-1:]]))
+        return self._reach.holds(np.concatenate([way @ se3.translation([0.0, 0.0, CLEARANCES[0]]), way[-1:]]))
 
     def _leap(self, ways: Sequence[np.ndarray], around: Surroundings) -> Plan[bool]:
         able = [way for way in ways if self._can_leap(way)]

@@ -58,7 +58,7 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
         lifted = yield Lift(clearance - height)
         height = clearance
         while left:
-            passed = yield from _fly(raised(left[0], clearance))
+            passed = yield from _fly(left[0] @ se3.translation([0.0, 0.0, clearance]))
             through = len(passed) == len(left[0])
             if through and (yield Touch(clearance + searched)).touching:
                 return True
@@ -80,11 +80,6 @@ def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
             break
         passed.append(over.pose)
     return passed
-
-
-def raised(poses: np.ndarray, height: float) -> np.ndarray:
-    """Poses (..., 4, 4) moved out along their z axes by `height` m."""
-    return poses @ se3.make(np.eye(3), np.array([0.0, 0.0, height]))
 
 
 def _over(track: Track, length: float) -> np.ndarray:

@@ -46,7 +46,7 @@ class Surroundings:
             return self._geodesic(heading, length)
         gone = np.append(np.arange(0.0, length, _STEP), length)
         along = np.outer(gone, (np.cos(heading), np.sin(heading), 0.0))
-        return Track(heading, self.gel @ se3.make(np.broadcast_to(np.eye(3), (len(gone), 3, 3)), along), gone)
+        return Track(heading, self.gel @ se3.translation(along), gone)
 
     def towards(self, goal: np.ndarray, length: float) -> Track:
         """The way over `length` m that begins in the direction of a position (3,) m in the base frame."""

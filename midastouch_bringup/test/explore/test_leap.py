@@ -3,12 +3,12 @@ import pytest
 from fake_arms import Scripted, followed, seen
 
 from midastouch_bringup.explore.acts import Approach, Lift, Touch
-from midastouch_bringup.explore.leap import CLEARANCES, leap, raised, ways_along, ways_to
+from midastouch_bringup.explore.leap import CLEARANCES, leap, ways_along, ways_to
 from midastouch_bringup.explore.surroundings import Surroundings
 from midastouch_common import se3
 
 HERE = np.eye(4)
-THERE, BEYOND = (se3.make(np.eye(3), np.array([x, 0.0, 0.0]))[None] for x in (0.05, 0.06))
+THERE, BEYOND = (se3.translation([x, 0.0, 0.0])[None] for x in (0.05, 0.06))
 
 
 class Air(Scripted):
@@ -20,7 +20,7 @@ class Air(Scripted):
 
     def _answer_to(self, act, stopped):
         if isinstance(act, Lift):
-            self.pose = raised(self.pose, act.height)
+            self.pose = self.pose @ se3.translation([0.0, 0.0, act.height])
         if isinstance(act, Approach) and not stopped:
             self.pose = act.pose
         return not stopped, "", 0.01, isinstance(act, Touch) and not stopped, self.pose
@@ -34,7 +34,7 @@ def test_up_over_and_down():
     arm = Air()
     assert arm.follow(leap([THERE]))
     assert arm.kinds == [Lift, Approach, Touch]
-    np.testing.assert_allclose(arm.acts[1].pose, raised(THERE[0], CLEARANCES[0]))
+    np.testing.assert_allclose(arm.acts[1].pose, THERE[0] @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
     assert arm.acts[2].distance > CLEARANCES[0]
 
 
@@ -50,13 +50,13 @@ def test_what_cannot_be_touched_is_retraced_and_the_next_way_is_tried():
     arm = Air(lambda act: isinstance(act, Touch) and arm.pose[0, 3] < 0.055)
     assert arm.follow(leap([THERE, BEYOND]))
     assert arm.kinds == [Lift, Approach, Touch, Approach, Approach, Approach, Touch]
-    np.testing.assert_allclose(arm.acts[4].pose, raised(HERE, CLEARANCES[0]))
+    np.testing.assert_allclose(arm.acts[4].pose, HERE @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
 
 
 def test_if_nothing_can_be_touched_it_comes_down_where_it_was():
     arm = Air(lambda act: isinstance(act, Touch) and arm.pose[0, 3] > 0)
     assert not arm.follow(leap([THERE, BEYOND]))
-    np.testing.assert_allclose(arm.pose, raised(HERE, CLEARANCES[0]))
+    np.testing.assert_allclose(arm.pose, HERE @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
     assert arm.kinds[-1] is Touch
 
 

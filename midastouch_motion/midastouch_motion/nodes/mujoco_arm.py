@@ -139,7 +139,7 @@ def _setting(p: Parameters, base_from_object: np.ndarray, start: np.ndarray) -> 
 def _over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:
     """T_base_gel (4, 4), facing down, `height` m over the highest point of the object."""
     highest = base_from_object[:3, :3] @ mesh.vertices.T + base_from_object[:3, 3:]
-    return se3.make(np.eye(3), highest[:, highest[2].argmax()] + (0.0, 0.0, height))
+    return se3.translation(highest[:, highest[2].argmax()] + (0.0, 0.0, height))
 
 
 def main(args=None) -> int:

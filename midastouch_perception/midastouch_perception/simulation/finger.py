@@ -46,7 +46,8 @@ class SimulatedFinger:
             self._frame = se3.frame_from_normal(normal[None], rng.uniform(0, 2 * np.pi, 1))[0]
             self.pose = se3.make(self._frame, self._point + _BEFORE * self._frame[:, 2])
             # no arm comes into a bore from the side
-            if self._reachability.free(self._straight(self.pose, _shifted(self.pose, _COMING), _IN_AIR)).all():
+            came_from = self.pose @ se3.translation(_COMING)
+            if self._reachability.free(self._straight(self.pose, came_from, _IN_AIR)).all():
                 return
         raise InputError(f"{mesh.name}: there is no room for a finger over any position that was tried")
 
@@ -62,7 +63,8 @@ class SimulatedFinger:
         """
         if self.touching:
             return True
-        way = self._straight(self.pose, _shifted(self.pose, distance * direction / np.linalg.norm(direction)), 1)
+        goal = self.pose @ se3.translation(distance * direction / np.linalg.norm(direction))
+        way = self._straight(self.pose, goal, 1)
         met = np.flatnonzero(~self._reachability.free(way))
         # what it meets first may be a rim on which it does not fit, beside what it comes down on
         downs = (self._down_below(at) for at in way[met[0] :]) if len(met) else iter(())
@@ -94,9 +96,8 @@ class SimulatedFinger:
 
     def lift(self, height: float) -> Motion:
         """Straight off the surface by `height` m, or as far as nothing is in the way."""
-        return (
-            yield from self._off(self._straight(self.pose, _shifted(self.pose, np.array([0.0, 0.0, height])), _LIFTING))
-        )
+        above = self.pose @ se3.translation([0.0, 0.0, height])
+        return (yield from self._off(self._straight(self.pose, above, _LIFTING)))
 
     def approach(self, goal: np.ndarray) -> Motion:
         """Through the air to a pose T_obj_gel (4, 4), straight and turning, or as far as nothing is in the way.
@@ -137,7 +138,7 @@ class SimulatedFinger:
         frame = carried(at[:3, :3], self._mesh.smooth_normals(point[None])[0])
         goal, reachable = self._pressed(point, frame)
         for clearance in _CLEARANCES if reachable else ():
-            above = _shifted(goal, np.array([0.0, 0.0, clearance]))
+            above = goal @ se3.translation([0.0, 0.0, clearance])
             over, descent = self._straight(self.pose, above, _IN_AIR), self._straight(above, goal, 1)
             # the last part of it is contact
             if self._reachability.free(np.concatenate([over, descent[: len(descent) // 2]])).all():
@@ -156,8 +157,3 @@ class SimulatedFinger:
         turn[3:] = se3.log(se3.inverse(start) @ goal)[3:]
         turned = start[:3, :3] @ se3.exp(fractions[:, None] * turn)[:, :3, :3]
         return se3.make(turned, start[:3, 3] + fractions[:, None] * (goal[:3, 3] - start[:3, 3]))
-
-
-def _shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """A pose (4, 4) moved by a way (3,) in its own frame."""
-    return pose @ se3.make(np.eye(3), way)

@@ -36,10 +36,6 @@ def deepest(renderer, poses):
     return renderer.render(poses).max(axis=(1, 2))
 
 
-def shifted(pose, way):
-    return pose @ se3.make(np.eye(3), np.array(way))
-
-
 @pytest.mark.parametrize("name", sorted(bundled_objects()))
 def test_it_begins_in_the_air_and_comes_down_until_it_touches(name, sensor):
     finger, down, renderer = finger_on(name, sensor)
@@ -94,7 +90,10 @@ def test_a_slide_ends_where_it_cannot_go_on(sensor):
 
 def test_in_the_air_it_does_not_slide_and_on_the_surface_it_approaches_nothing(sensor):
     finger, down, _ = finger_on("ball", sensor)
-    assert moved(finger.approach(shifted(down[-1], (0, 0, 0.05)))) == (pytest.approx(np.zeros((0, 4, 4))), False)
+    assert moved(finger.approach(down[-1] @ se3.translation([0, 0, 0.05]))) == (
+        pytest.approx(np.zeros((0, 4, 4))),
+        False,
+    )
     moved(finger.lift(0.02))
     assert moved(finger.slide(0.0, 0.02)) == (pytest.approx(np.zeros((0, 4, 4))), False)
 
@@ -140,7 +139,7 @@ def test_it_yields_to_an_object_that_is_moved(sensor):
     # the object went one way, so on the object the gel went the other; along its axis it gave way
     way = se3.inverse(down[-1]) @ after
     assert way[0, 3] == pytest.approx(-2e-3, abs=3e-4)
-    finger.stay_in_place(se3.make(np.eye(3), np.array([0, 0, 0.2])))
+    finger.stay_in_place(se3.translation([0, 0, 0.2]))
     assert np.linalg.norm(finger.pose[:3, 3]) < 0.04  # it follows the surface
 
 
