@@ -26,6 +26,7 @@ from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.slide import measure_poses
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -112,12 +113,6 @@ def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float =
     return np.stack(out)
 
 
-def with_pose_noise(poses: np.ndarray, rng: np.random.Generator, sigma_t: float, sigma_r: float) -> np.ndarray:
-    """Measured poses: each with its own error, sigma_t [m] and sigma_r [rad] per axis."""
-    noise = rng.standard_normal((len(poses), 6)) * np.repeat([sigma_t, sigma_r], 3)
-    return poses @ se3.exp(noise)
-
-
 @pytest.fixture(scope="session")
 def world() -> SimpleNamespace:
     """mesh, poses (8000), encode, codebook, of_surface (what is derived of the mesh), and functions above."""
@@ -137,7 +132,6 @@ def world() -> SimpleNamespace:
         random_poses=random_poses,
         poses_at=poses_at,
         make_slide=make_slide,
-        with_pose_noise=with_pose_noise,
     )
 
 
@@ -147,7 +141,7 @@ def coded_slide(world) -> SimpleNamespace:
     YCB-Slide's) and touches along them; config; make_filter(config, seed), as if made anew with the seed."""
     rng = np.random.default_rng(12)
     poses = make_slide(world.mesh, 100, rng)
-    measured = with_pose_noise(poses, rng, 5e-4, np.radians(1.0))
+    measured = measure_poses(poses, rng)
     # without penetrations a mode is as wide as the entries of its book are apart, here some 5 mm
     config = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
     # making one takes a second
@@ -209,12 +203,12 @@ def gripper(world) -> SimpleNamespace:
     sides = [poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04)]
     renderer = PenetrationRenderer(mesh, SensorModel.load("digit_tacto").scaled(0.5))
     rng = np.random.default_rng(2)
-    measured = with_pose_noise(sides[0], rng, 5e-4, np.radians(1.0))
+    measured = measure_poses(sides[0], rng)
     return SimpleNamespace(
         above=sides[0],
         measured=measured,
         odometry=[*se3.odometry(measured)],
-        between=with_pose_noise(se3.inverse(sides[0]) @ sides[1], rng, 2e-4, np.radians(0.3)),
+        between=measure_poses(se3.inverse(sides[0]) @ sides[1], rng, 2e-4, np.radians(0.3)),
         codes=[encode(side) for side in sides],
         penetrations=[np.maximum(renderer.render(side), 0) for side in sides],
         half_turn=half_turn,

@@ -15,6 +15,7 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.slide import measure_poses
 
 EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1)
@@ -87,7 +88,7 @@ def slide(world):
     touches = [Measurement(True, code) for code in world.encode(first)]
     pairs = zip(se3.inverse(first) @ second, world.encode(second), strict=True)
     others = [{"other": Measurement(True, code, T_gel_finger=pose)} for pose, code in pairs]
-    return first, [*se3.odometry(world.with_pose_noise(first, rng, 5e-4, 0.017))], touches, others
+    return first, [*se3.odometry(measure_poses(first, rng, 5e-4, 0.017))], touches, others
 
 
 def coarse_filter(world) -> ParticleFilter:

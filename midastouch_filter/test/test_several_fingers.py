@@ -15,6 +15,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.simulation.slide import measure_poses
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 
@@ -28,7 +29,7 @@ def pair(world):
     """Odometry, touches and finger poses of two slides over the world's object."""
     rng = np.random.default_rng(21)
     a, b = (world.make_slide(world.mesh, 40, rng) for _ in range(2))
-    odometry = [*se3.odometry(world.with_pose_noise(a, rng, 5e-4, math.radians(1.0)))]
+    odometry = [*se3.odometry(measure_poses(a, rng))]
     touches = [Measurement(True, code) for code in world.encode(a)]
     return a, odometry, touches, [touch(p, code) for p, code in zip(se3.inverse(a) @ b, world.encode(b), strict=True)]
 

@@ -8,11 +8,9 @@ from midastouch_benchmark.baselines.registration import DeadReckoning
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import VARIANTS
 from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.missing_modules import install_extra
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.slide import simulate_slide
@@ -22,14 +20,14 @@ needs_open3d = pytest.mark.skipif(importlib.util.find_spec("open3d") is None, re
 
 @needs_open3d
 @pytest.mark.slow
-def test_a_slide_over_a_tool_is_laid_onto_it():
+def test_a_slide_over_a_tool_is_laid_onto_it(tool):
     from midastouch_benchmark.baselines.registration import Registration
 
-    mesh, sensor = ObjectMesh.load(bundled_objects()["handle_tool"]), SensorModel.load("digit_tacto").scaled(0.25)
-    poses = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.15, np.random.default_rng(0))
-    maps = PenetrationRenderer(mesh, sensor).render(poses)
+    sensor = SensorModel.load("digit_tacto").scaled(0.25)
+    poses = simulate_slide(tool, SensorModel.load("digit_tacto"), 0.15, np.random.default_rng(0))
+    maps = PenetrationRenderer(tool, sensor).render(poses)
     book = Codebook(poses[::3], np.ones((len(poses[::3]), 4), np.float32), {"sensor": "digit_tacto"})
-    registration = Registration(mesh, book)
+    registration = Registration(tool, book)
     registration.initialise_gaussian(poses[40], 0.004, np.radians(5))  # the nearest of the few codebook poses
     first = registration.poses[0]
     states = []

@@ -12,11 +12,9 @@ from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 
 
@@ -112,10 +110,10 @@ def test_the_summary_is_by_grasp(make_trial):
 
 
 @pytest.mark.slow
-def test_a_sequence_of_grasps_has_a_frame_for_each_contact(tmp_path):
-    mesh, sensor = ObjectMesh.load(bundled_objects()["handle_tool"]), SensorModel.load("digit_tacto")
+def test_a_sequence_of_grasps_has_a_frame_for_each_contact(tmp_path, tool):
+    sensor = SensorModel.load("digit_tacto")
     for folder in ("a", "b"):
-        simulate_grasp_sequence(mesh, sensor, 1, 5, tmp_path / folder, False)
+        simulate_grasp_sequence(tool, sensor, 1, 5, tmp_path / folder, False)
     one, again = (load_sequence(tmp_path / folder) for folder in ("a", "b"))
     assert one.n_frames == 4
     np.testing.assert_array_equal(one.poses_true, again.poses_true)

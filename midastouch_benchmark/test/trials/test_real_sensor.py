@@ -4,17 +4,10 @@ import pytest
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.real_sensor import RealSensorCache
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import reduced_penetration
-from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 SETTINGS = {"sensor": "digit_real", "slides": SlideKind(0.03)}
-
-
-@pytest.fixture(scope="module")
-def tool():
-    return ObjectMesh.load(bundled_objects()["handle_tool"])
 
 
 @pytest.fixture(scope="module")

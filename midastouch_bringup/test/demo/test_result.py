@@ -2,12 +2,10 @@ import cv2
 import numpy as np
 
 from midastouch_bringup.demo.result import calibrated_touches
-from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.objects import bundled_objects
 
 
-def test_touches_are_felt_better_after_the_calibration():
-    result, rows = calibrated_touches(ObjectMesh.load(bundled_objects()["handle_tool"]))
+def test_touches_are_felt_better_after_the_calibration(tool):
+    result, rows = calibrated_touches(tool)
     assert result.calibration.presses >= 8
 
     def error(which: int) -> float:

@@ -24,11 +24,6 @@ PRIOR = np.diag([2e-3, 2e-3, 1e-3, 0.05, 0.05, 0.1]) ** 2
 
 
 @pytest.fixture(scope="module")
-def tool():
-    return ObjectMesh.load(bundled_objects()["handle_tool"])
-
-
-@pytest.fixture(scope="module")
 def sensor():
     return SensorModel.load("digit_tacto").scaled(0.25)
 
@@ -97,9 +92,8 @@ OFF = np.array([1e-3, -8e-4, 4e-4, 0.02, -0.02, 0.02])
 
 
 @pytest.fixture(scope="module")
-def hand():
+def hand(tool):
     """An alignment, poses (2, 4, 4) of two fingers on the tool and the penetrations they measure."""
-    tool = ObjectMesh.load(bundled_objects()["handle_tool"])
     sensor = SensorModel.load("digit_tacto")
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
     poses = sample_contact_poses(tool, 6, np.random.default_rng(4), sensor, sampling)

@@ -16,6 +16,7 @@ from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.surface import SurfaceConstraint, SurfaceGrid
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.core.workers import Workers
+from midastouch_perception.simulation.slide import measure_poses
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))
@@ -61,7 +62,7 @@ def cloud(parts, world):
     """Particles about poses of the book, as a filter has them."""
     lookup, *_ = parts
     rng = np.random.default_rng(7)
-    poses = world.with_pose_noise(world.poses[rng.integers(0, 8000, 1500)], rng, 1e-3, 0.05)
+    poses = measure_poses(world.poses[rng.integers(0, 8000, 1500)], rng, 1e-3, 0.05)
     return Particles.from_poses(poses, lookup.exact(poses))
 
 
@@ -129,7 +130,7 @@ def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monke
     lookup, surface, *_ = parts
     rng = np.random.default_rng(5)
     slides = [world.make_slide(world.mesh, 30, rng) for _ in range(2)]
-    start = world.with_pose_noise(np.repeat(slides[0][:1], 1000, axis=0), rng, 5e-3, 0.2)
+    start = measure_poses(np.repeat(slides[0][:1], 1000, axis=0), rng, 5e-3, 0.2)
     walked = []
     follow = PoseLookup.follow
 

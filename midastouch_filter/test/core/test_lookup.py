@@ -13,6 +13,7 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import codebook_poses
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.slide import measure_poses
 
 
 def distance(a, b):
@@ -33,7 +34,7 @@ def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
 
 
 def test_nothing_beyond_a_bound_is_found(world, lookup):
-    queries = world.with_pose_noise(world.poses[:200], np.random.default_rng(2), 3e-3, 0.2)
+    queries = measure_poses(world.poses[:200], np.random.default_rng(2), 3e-3, 0.2)
     exact = lookup.exact(queries)
     near = distance(queries, world.poses[exact]) < 4e-3
     assert 0.1 < near.mean() < 0.9

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.core.belief import sharpened
 from midastouch_filter.core.config import FilterConfig
@@ -12,7 +11,6 @@ from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.refinement.refinement import Refinement
-from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
@@ -20,11 +18,6 @@ from midastouch_perception.sensor_model import SensorModel
 CONFIG = FilterConfig()
 NOISE = NoiseModel.of(CONFIG)
 SIGMA = np.array([2e-3, 2e-3, 5e-4, 0.03, 0.03, 0.06])
-
-
-@pytest.fixture(scope="module")
-def tool():
-    return ObjectMesh.load(bundled_objects()["handle_tool"])
 
 
 @pytest.fixture(scope="module")

@@ -73,8 +73,8 @@ def test_a_ball_is_the_same_from_everywhere():
 
 
 @pytest.mark.slow
-def test_the_handle_tool_has_none():
-    found = near(ObjectMesh.load(bundled_objects()["handle_tool"]))
+def test_the_handle_tool_has_none(tool):
+    found = near(tool)
     assert found.trivial
     poses = MOVED @ se3.exp(np.zeros((3, 6)))
     assert (found.nearest(poses, np.eye(4)) == poses).all()
