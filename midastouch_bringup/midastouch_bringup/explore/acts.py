@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -54,6 +54,17 @@ class Done:
     pose: np.ndarray
 
 
-_T = TypeVar("_T")
+_T, _Y, _S = TypeVar("_T"), TypeVar("_Y"), TypeVar("_S")
 Plan = Generator[Act, Done, _T]
 """Acts one after the other, each chosen by how those before it went."""
+
+
+def carried_out(plan: Plan[_T], carry_out: Callable[[Act], Generator[_Y, _S, Done]]) -> Generator[_Y, _S, _T]:
+    """What carrying out one act after the other yields; returns what the plan came to."""
+    done = None
+    while True:
+        try:
+            act = plan.send(done)
+        except StopIteration as end:
+            return end.value
+        done = yield from carry_out(act)

@@ -12,7 +12,7 @@ from midastouch_common import se3
 from midastouch_filter.active_touch.suggestion import Advice
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
-from .acts import Act, Done, Lift, Plan, Slide, Touch
+from .acts import Act, Done, Lift, Plan, Slide, Touch, carried_out
 from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import EVERYWHERE, Reach
 from .surroundings import Surroundings, Track
@@ -82,10 +82,10 @@ class Exploration:
 
     def touch(self) -> Plan[None]:
         """Down onto the surface; beside it, where that cannot be touched."""
-        done = yield from self._watched(_only(Touch(self._down)))
+        done = yield from self._do(Touch(self._down))
         self.lifts += done.touching
         if not done.touching:
-            lifted = yield from self._watched(_only(Lift(max(done.path, CLEARANCES[0]))))
+            lifted = yield from self._do(Lift(max(done.path, CLEARANCES[0])))
             yield from self.go([], Surroundings(lifted.pose))
         if not self.touching:
             self.verdict = Verdict(False, f"the finger reaches nothing below it: {done.message}")
@@ -200,7 +200,7 @@ class Exploration:
     def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
         if not self.touching:
             return False
-        done = yield from self._watched(_only(Slide(motion.heading, motion.length)))
+        done = yield from self._do(Slide(motion.heading, motion.length))
         self._blocked = done.path < _BLOCKED * motion.length
         self.path += done.path
         self.slides += done.path > 0
@@ -223,20 +223,15 @@ class Exploration:
 
     def _watched(self, plan: Plan[_T]) -> Plan[_T]:
         """A plan, while what its acts come to is noted."""
-        done = None
-        while True:
-            try:
-                act = plan.send(done)
-            except StopIteration as end:
-                return end.value
-            done = yield act
-            self.touching, self._gel = done.touching, done.pose
-            if not done.success:
-                self._why_not = done.message
+        return (yield from carried_out(plan, self._do))
 
-
-def _only(act: Act) -> Plan[Done]:
-    return (yield act)
+    def _do(self, act: Act) -> Plan[Done]:
+        """One act, whose end is noted."""
+        done = yield act
+        self.touching, self._gel = done.touching, done.pose
+        if not done.success:
+            self._why_not = done.message
+        return done
 
 
 def _distance(around: Surroundings, goal: np.ndarray) -> float:

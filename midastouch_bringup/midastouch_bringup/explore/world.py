@@ -13,7 +13,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.finger import Motion, SimulatedFinger
 
 from ..bags.messages import BASE_FROM_OBJECT
-from .acts import Act, Approach, Done, Lift, Plan, Slide, Touch
+from .acts import Act, Approach, Done, Lift, Plan, Slide, Touch, carried_out
 
 PUSH = 6e-3, np.radians(5.0)
 """m, rad: about what the filter's test of a moved object is made for."""
@@ -59,13 +59,7 @@ class World:
 
     def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
         """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns what it came to."""
-        done = None
-        while True:
-            try:
-                act = plan.send(done)
-            except StopIteration as end:
-                return end.value
-            done = yield from self.carry_out(act)
+        return (yield from carried_out(plan, self.carry_out))
 
     def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
         """Move the finger; yields T_obj_gel (4, 4), one per image, and returns how it ended."""
