@@ -19,10 +19,9 @@ from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
 from .cluster import Cluster
-from .output_paths import codebook_path
+from .output_paths import CACHED_CODEBOOKS, cached_codebook_path, codebook_path
 from .progress import Bars
 
-_CACHE = Path("out/cache/codebooks")
 SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
 
 
@@ -94,11 +93,11 @@ def cached_codebook(
     tcn: TactileCodeNet,
     sensor: SensorModel,
     size: int,
-    folder: Path = _CACHE,
+    folder: Path = CACHED_CODEBOOKS,
     jobs: int | None = None,
 ) -> Codebook:
     """The codebook of `size` poses of an object from an earlier call, built if there is none that fits."""
-    return ensure_codebook(cached_codebook_path(mesh, size, folder), mesh, tcn, sensor, size, jobs)
+    return ensure_codebook(cached_codebook_path(mesh.name, size, folder), mesh, tcn, sensor, size, jobs)
 
 
 def ensure_codebook(
@@ -172,8 +171,3 @@ def described(path: Path, codebook: Codebook, seconds: float) -> str:
     size = path.stat().st_size / 2**20
     poses = f"{len(codebook.poses)} poses of {codebook.meta['mesh_name']}"
     return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; symmetry: {codebook.symmetry.describe()}"
-
-
-def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:
-    """Where `cached_codebook` keeps it."""
-    return folder / f"{mesh.name}_{size}.npz"

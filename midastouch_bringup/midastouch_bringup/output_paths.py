@@ -11,6 +11,7 @@ SIMULATED = "digit_tacto"
 """Sensor model of codebooks for which none is named."""
 QUICK_POSES = 10_000
 """Of a codebook: built within half a minute on two cores."""
+CACHED_CODEBOOKS = Path("out/cache/codebooks")
 
 
 def codebook_path(object_name: str, sensor: str = "") -> Path:
@@ -24,9 +25,14 @@ def demo_slide(object_name: str) -> Path:
     return Path("out/slides") / object_name
 
 
+def cached_codebook_path(object_name: str, size: int, folder: Path = CACHED_CODEBOOKS) -> Path:
+    """A codebook of `size` poses, kept by the commands that build one by the way."""
+    return folder / f"{object_name}_{size}.npz"
+
+
 def quick_codebook(object_name: str) -> Path:
-    """A codebook of `QUICK_POSES` poses, kept by the commands that build one by the way."""
-    return Path("out/cache/codebooks") / f"{object_name}_{QUICK_POSES}.npz"
+    """The one of `QUICK_POSES` poses."""
+    return cached_codebook_path(object_name, QUICK_POSES)
 
 
 def exploration() -> Path:

@@ -43,7 +43,8 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
+    from midastouch_bringup.codebooks import cached_codebook
+    from midastouch_bringup.output_paths import cached_codebook_path
     from midastouch_bringup.progress import progress_bar
     from midastouch_bringup.result_file import to_json
 
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         speed.end_to_end,
         speed.four_modes,
         lambda: pose_age(speed.stepper()),
-        lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
+        lambda: node_start(mesh.path, cached_codebook_path(mesh.name, args.codebook_size)),
         speed.simulator,
     )
     for stage in progress_bar(iterable=measured, unit="stage"):

@@ -35,7 +35,8 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
+    from midastouch_bringup.codebooks import cached_codebook
+    from midastouch_bringup.output_paths import cached_codebook_path
     from midastouch_bringup.progress import progress_bar
 
     from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"
     ):
         cached_codebook(mesh, networks.tcn, networks.sensor, poses)
-        measured = measure(mesh.path, cached_codebook_path(mesh, poses), slide, particles)
+        measured = measure(mesh.path, cached_codebook_path(mesh.name, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
     result = timed.result(frames=args.frames, scaling=points)
     return options.conclude(args, result, terminal(scaling_table(points)))

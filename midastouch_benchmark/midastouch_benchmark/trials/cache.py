@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
+from midastouch_bringup.codebooks import cached_codebook
 from midastouch_bringup.datasets import Sequence, load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_sequence
+from midastouch_bringup.output_paths import cached_codebook_path
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 from midastouch_common.mesh import ObjectMesh
@@ -193,7 +194,7 @@ class Cache:
 
     def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
         """Where `codebook` keeps it."""
-        return cached_codebook_path(mesh, size or self.codebook_size, self._codebooks)
+        return cached_codebook_path(mesh.name, size or self.codebook_size, self._codebooks)
 
     @property
     def _touches(self) -> str:

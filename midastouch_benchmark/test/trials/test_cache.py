@@ -39,7 +39,7 @@ def test_codebooks_of_several_sizes_are_kept_apart(cache, mesh, codebook, monkey
     built = []
 
     def build(mesh, tcn, sensor, size, folder, jobs):
-        path = module.cached_codebook_path(mesh, size, folder)
+        path = module.cached_codebook_path(mesh.name, size, folder)
         if not path.is_file():
             built.append(size)
             type(codebook)(codebook.poses[:size], codebook.codes[:size], codebook.meta).save(path)

@@ -12,11 +12,12 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
 from ..bags.run_record import read_run
-from ..codebooks import cached_codebook, cached_codebook_path
+from ..codebooks import cached_codebook
 from ..datasets import Sequence, load_sequence
 from ..datasets.slide_simulation import cached_slide
 from ..demo import NODES, SLIDE_LENGTH
 from ..demo.result import demo_result, result_rows, write_page
+from ..output_paths import cached_codebook_path
 from ..processes.parameter_files import merged, read_parameters, written
 from ..result_file import write_json
 from ..text_table import text_table
@@ -63,7 +64,7 @@ def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> P
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {
             "mesh": str(mesh.path),
-            "codebook": str(cached_codebook_path(mesh, size).resolve()),
+            "codebook": str(cached_codebook_path(mesh.name, size).resolve()),
             "view_rate": 0.0,  # particles of every frame, for the pictures
         },
     }
