@@ -89,7 +89,7 @@ def _listen(context: rclpy.Context, step: Callable[[], object], images: int, sec
         waiting.append(stamp_ns(header.stamp))
         answer()
 
-    source = TransformSource(node, (_ARM[0], _ARM[-1]), answer, on_jump=lambda _: None, on_bad=lambda _: None)
+    source = TransformSource(node, (_ARM[0], _ARM[-1]), answer)
     node.create_subscription(Header, "images", on_image, qos.stream_subscriber(100, reliable=True))
     try:
         deadline = time.monotonic() + seconds

@@ -104,7 +104,6 @@ class DigitSim(ManagedNode):
         self._transforms = TransformSource(
             self,
             frames=self._frames,
-            on_update=lambda: None,
             on_jump=self._on_time_jump,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )

@@ -16,7 +16,6 @@ from midastouch_common.ros import qos
 from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import TransformError
-from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import PoseModes
 
 from ..explore.surroundings import Surroundings
@@ -56,7 +55,6 @@ class Sight:
         self._transforms = TransformSource(
             node,
             frames=(self.base, self._sensor),
-            on_update=lambda: None,
             on_jump=lambda stamp: on_jump(),
             on_bad=lambda reason: problem("bad_transforms", reason),
         )
@@ -107,11 +105,7 @@ class Sight:
             return None
 
     def _gel_at(self, stamp: int) -> np.ndarray | None:
-        try:
-            pose = self._transforms.lookup(self.base, self._sensor, stamp)
-        except TransformError:
-            return None
-        return None if isinstance(pose, Wait) else pose
+        return self._transforms.known(self.base, self._sensor, stamp)
 
     def _on_modes(self, modes: PoseModes) -> None:
         try:

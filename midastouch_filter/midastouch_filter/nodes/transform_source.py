@@ -49,9 +49,9 @@ class TransformSource:
         self,
         node: Node,
         frames: Collection[str],
-        on_update: Callable[[], None],
-        on_jump: Callable[[int], None],
-        on_bad: Callable[[str], None],
+        on_update: Callable[[], object] = lambda: None,
+        on_jump: Callable[[int], object] = lambda stamp: None,
+        on_bad: Callable[[str], object] = lambda reason: None,
     ):
         self._buffer = TransformBuffer()
         self._on_update, self._on_jump, self._on_bad = on_update, on_jump, on_bad
@@ -92,6 +92,14 @@ class TransformSource:
             except TransformError as error:
                 self._awaited[target, source] = min(stamp, self._awaited.get((target, source), stamp))
                 return Wait(str(error))
+
+    def known(self, target: str, source: str, stamp: int) -> np.ndarray | None:
+        """As `lookup`; None while it may still come, and for a stamp that lies before everything that is known."""
+        try:
+            pose = self.lookup(target, source, stamp)
+        except TransformError:
+            return None
+        return None if isinstance(pose, Wait) else pose
 
     def latest_stamp(self, target: str, source: str) -> int | None:
         """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.

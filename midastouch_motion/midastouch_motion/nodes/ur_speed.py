@@ -13,8 +13,6 @@ from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import Parameter
 from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import TransformError
-from midastouch_filter.transforms.queue import Wait
 
 from ..arm import ur_follower
 from ..arm.follower_process import FollowerProcess
@@ -80,8 +78,6 @@ class UrSpeed(ManagedNode):
         self._transforms = TransformSource(
             self,
             frames=self._frames,
-            on_update=lambda: None,
-            on_jump=lambda stamp: None,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
         stopping = Stopping(p["acceleration"], p["deceleration"], p["timeout"])
@@ -132,11 +128,7 @@ class UrSpeed(ManagedNode):
 
     def _tool_from_gel(self) -> np.ndarray | None:
         """T_tool_gel (4, 4), None as long as TF does not have it."""
-        try:
-            pose = self._transforms.lookup(*self._frames, self.get_clock().now().nanoseconds)
-        except TransformError:
-            return None
-        return None if isinstance(pose, Wait) else pose
+        return self._transforms.known(*self._frames, self.get_clock().now().nanoseconds)
 
 
 def _make_nodes() -> list[UrSpeed]:
