@@ -170,12 +170,12 @@ class SensorCalibration:
                     ball_diameter=float(file["ball_diameter"]),
                     sensor=str(file["sensor"]),
                     pixel_size=float(file["pixel_size"]),
-                    coefficients=_finite(file["coefficients"], (12, 6, 2)),
-                    background=_finite(file["background"], (*_GRID, 3)),
+                    coefficients=finite_array(file["coefficients"], (12, 6, 2)),
+                    background=finite_array(file["background"], (*_GRID, 3)),
                     presses=int(file["presses"]),
                     date=str(file["date"]),
                     texture=_texture(file["texture"]),
-                    texture_sigmas=float(_finite(file["texture_sigmas"], ())),
+                    texture_sigmas=float(finite_array(file["texture_sigmas"], ())),
                 )
         except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen kinds, by which byte is wrong
             raise InputError(
@@ -194,7 +194,8 @@ def _texture(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def _finite(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def finite_array(values: object, shape: tuple[int, ...]) -> np.ndarray:
+    """What a file has, as float (*shape); ValueError where it has another shape or is not finite."""
     values = np.asarray(values, float)
     if values.shape != shape or not np.isfinite(values).all():
         raise ValueError(f"shape {values.shape}, need finite {shape}")

@@ -22,6 +22,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
 from ..rendering.renderer import GelShape
+from ..sensor_calibration.calibration import finite_array
 from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
 
@@ -70,7 +71,7 @@ class MeasuredOptics:
             if data.pop("format") != _FORMAT:
                 raise ValueError("another format")
             arrays = {
-                name: _finite(data.pop(name), shape)
+                name: finite_array(data.pop(name), shape)
                 for name, shape in (
                     ("region", (4,)),
                     ("normal", (_NORMAL_TERMS, 6, 3)),
@@ -80,11 +81,11 @@ class MeasuredOptics:
                     ("drift", (6,)),
                 )
             }
-            numbers = {name: float(_finite(data.pop(name), ())) for name in ("steepest", "noise", "explained")}
+            numbers = {name: float(finite_array(data.pop(name), ())) for name in ("steepest", "noise", "explained")}
             shape = data.pop("shape")
             if set(shape) != set(_SHAPE_KEYS):
                 raise ValueError(f"shape of {', '.join(shape)}")
-            gel = GelShape(*(float(_finite(shape[name], ())) for name in _SHAPE_KEYS))
+            gel = GelShape(*(float(finite_array(shape[name], ())) for name in _SHAPE_KEYS))
             return cls(shape=gel, **numbers, **arrays, **data)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
@@ -189,10 +190,3 @@ class MeasuredSensor:
         noisy = light + self._optics.noise * self._rng.standard_normal(light.shape, np.float32)
         # the mean of four pixels is what networks see
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)
-
-
-def _finite(values: object, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.asarray(values, float)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ValueError(f"shape {array.shape}, need finite {shape}")
-    return array
