@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from types import ModuleType
 
@@ -16,6 +15,7 @@ from midastouch_common.missing_modules import install_extra
 from midastouch_perception.sensor_model import SensorModel
 
 from .gel_layer import Gel, GelLayer
+from .rehearsal import Late
 from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
@@ -67,7 +67,7 @@ class MujocoArm:
         self._sites = {name: self._data.site(name) for name in ("drawn_gel", "gel", "object")}
         self._layer = GelLayer(mesh, sensor, setting.gel)
         self._latency, self._timeout = setting.latency, setting.timeout
-        self._coming: deque[tuple[float, np.ndarray]] = deque()
+        self._twists: Late[np.ndarray] = Late()
         self._twist, self._until = np.zeros(6), -math.inf
         self._wrench = np.zeros(6)
         self._reach(setting.start)
@@ -109,7 +109,7 @@ class MujocoArm:
 
     def command(self, now: float, twist: np.ndarray) -> None:
         """A twist (6,) in the gel's frame, as drawn, arrives at `now` [s]."""
-        self._coming.append((now + self._latency, twist.copy()))
+        self._twists.send(now + self._latency, twist.copy())
 
     def advance(self, now: float) -> np.ndarray:
         """The pose (4, 4), as drawn, at `now` [s]."""
@@ -120,9 +120,8 @@ class MujocoArm:
         return self.pose
 
     def _follow(self) -> None:
-        while self._coming and self._coming[0][0] <= self.time:
-            begins, self._twist = self._coming.popleft()
-            self._until = begins + self._timeout
+        for begins, twist in self._twists.arrived(self.time):
+            self._twist, self._until = twist, begins + self._timeout
         if self.time < self._until:
             speeds = self._joint_speeds(self._twist)
             self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))

@@ -1,12 +1,15 @@
-"""The loop closed in simulated time: an arm, the images of its sensor, which come late, and the controller."""
+"""The loop closed in simulated time: an arm and the images of its sensor, which come late, and the controller."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Iterator
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+
+from midastouch_common import se3
 
 from .contact_servo import Measured
 from .controller import Controller
@@ -16,6 +19,24 @@ from .skills import Ended, Skill
 PERIOD = 0.01
 """s between two twists, as of the node `slider`."""
 
+_T = TypeVar("_T")
+
+
+class Late(Generic[_T]):
+    """What is under way, and comes in the order in which it was sent."""
+
+    def __init__(self) -> None:
+        self._coming: deque[tuple[float, _T]] = deque()
+
+    def send(self, arrival: float, what: _T) -> None:
+        """Something comes at a time [s]."""
+        self._coming.append((arrival, what))
+
+    def arrived(self, now: float) -> Iterator[tuple[float, _T]]:
+        """What has come until `now` [s], with the time of each; each once."""
+        while self._coming and self._coming[0][0] <= now:
+            yield self._coming.popleft()
+
 
 class Arm(Protocol):
     """What follows twists (6,) in the gel's frame. advance: its pose T_base_gel (4, 4) at a time [s]."""
@@ -23,6 +44,38 @@ class Arm(Protocol):
     def command(self, now: float, twist: np.ndarray) -> None: ...
 
     def advance(self, now: float) -> np.ndarray: ...
+
+
+class SimulatedArm:
+    """An arm without joints: its gel follows twists, some time later, and stops when they stop coming. As MoveIt Servo
+    does (`incoming_command_timeout`), and a UR after `speedL` (its argument `t`).
+
+    Args: pose (4, 4) of the gel in the base frame at first; latency [s] from a command to the motion; timeout [s]
+    after which it stops without a further command. Attribute: pose (4, 4).
+    """
+
+    def __init__(self, pose: np.ndarray, latency: float = 0.05, timeout: float = 0.1):
+        self.pose, self._latency, self._timeout = pose.copy(), latency, timeout
+        self._twists: Late[np.ndarray] = Late()
+        self._twist, self._until, self._now = np.zeros(6), -math.inf, -math.inf
+
+    def command(self, now: float, twist: np.ndarray) -> None:
+        """A twist (6,) in the gel's frame arrives at `now` [s]."""
+        self._twists.send(now + self._latency, twist.copy())
+
+    def advance(self, now: float) -> np.ndarray:
+        """The pose (4, 4) at `now` [s]."""
+        for begins, twist in self._twists.arrived(now):
+            self._move(begins)
+            self._twist, self._until = twist, begins + self._timeout
+        self._move(now)
+        return self.pose
+
+    def _move(self, now: float) -> None:
+        moving = min(now, self._until) - self._now
+        if moving > 0 and math.isfinite(self._now):
+            self.pose = self.pose @ se3.exp(moving * self._twist)
+        self._now = max(now, self._now)
 
 
 class Moment(NamedTuple):
@@ -55,7 +108,7 @@ class Rehearsal:
     ):
         self._arm, self._where, self._look, self._controller = arm, where, look, controller
         self._fps, self._delay = fps, delay
-        self._coming: deque[tuple[float, Measured]] = deque()
+        self._images: Late[Measured] = Late()
         self._due = self.now = 0.0
         self.seen, self.frozen = Seen(listeners=1, commanders=1), set()
         while controller.servo.stamp < 0:  # the first image
@@ -81,9 +134,9 @@ class Rehearsal:
         taken = self.now >= self._due
         if taken:
             self._due += 1 / self._fps
-            self._coming.append((self.now + self._delay(), Measured(self.now, *self._look(self._where()))))
-        while self._coming and self._coming[0][0] <= self.now:
-            self._controller.servo.measure(self.now, self._coming.popleft()[1])
+            self._images.send(self.now + self._delay(), Measured(self.now, *self._look(self._where())))
+        for _, measured in self._images.arrived(self.now):
+            self._controller.servo.measure(self.now, measured)
         news = {"enabled": self.now, "image": self._controller.servo.stamp, "pose": self.now, "gel": pose}
         for name in news.keys() - self.frozen:
             setattr(self.seen, name, news[name])

@@ -13,8 +13,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard
-from midastouch_motion.rehearsal import Rehearsal
-from midastouch_motion.simulated_arm import SimulatedArm
+from midastouch_motion.rehearsal import Rehearsal, SimulatedArm
 from midastouch_motion.skills import Ended, Skill
 from midastouch_perception.contact import Contact
 from midastouch_perception.objects import bundled_objects

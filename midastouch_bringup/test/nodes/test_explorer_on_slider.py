@@ -20,7 +20,7 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_motion.nodes.slider import Slider
-from midastouch_motion.simulated_arm import SimulatedArm
+from midastouch_motion.rehearsal import SimulatedArm
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseModes, Suggestion, TactileContact
 from midastouch_msgs.srv import SuggestMotion
 from midastouch_perception.contact import Contact
