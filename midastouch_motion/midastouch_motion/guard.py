@@ -16,13 +16,14 @@ from midastouch_common.errors import InputError
 
 @dataclass
 class Seen:
-    """What is known at a moment. Times [s] of the newest `enable`, image and pose, -inf before the first; gel, its pose
-    (4, 4) in the base frame; depth m; force N, 0 if nobody measures one; lost, whether the filter says so; listeners
-    and commanders of the twist topic, numbers of subscriptions and publishers."""
+    """What is known at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the first; gel,
+    its pose (4, 4) in the base frame; depth m; force N, of that wrench; lost, whether the filter says so; listeners and
+    commanders of the twist topic, numbers of subscriptions and publishers."""
 
     enabled: float = -math.inf
     image: float = -math.inf
     pose: float = -math.inf
+    wrench: float = -math.inf
     gel: np.ndarray = field(default_factory=lambda: np.eye(4))
     depth: float = 0.0
     force: float = 0.0
@@ -33,9 +34,9 @@ class Seen:
 
 @dataclass(frozen=True)
 class Guard:
-    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m and force N, not to be exceeded; hold
-    and stale, s for which an `enable` holds, and after which images and poses are too old; ahead, s that they may be
-    ahead of the clock. Raises InputError for an empty box."""
+    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m and force N, not to be exceeded, an
+    infinite force is not looked at; hold and stale, s for which an `enable` holds, and after which images, poses and
+    wrenches are too old; ahead, s that they may be ahead of the clock. Raises InputError for an empty box."""
 
     low: np.ndarray
     high: np.ndarray
@@ -61,7 +62,10 @@ class Guard:
             return "nobody follows the twists: is the arm's controller running, and its topic remapped?"
         if seen.commanders > 1:
             return "another node commands twists, too; stop it"
-        for what, stamp in (("image", seen.image), ("transform of the gel", seen.pose)):
+        needed = {"image": seen.image, "transform of the gel": seen.pose}
+        if self.force < math.inf:
+            needed["force on the topic wrench (needed by max_force)"] = seen.wrench
+        for what, stamp in needed.items():
             if (age := now - stamp) > self.stale:
                 return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
             if early := self.early(what, now, stamp):

@@ -93,8 +93,8 @@ class Rehearsal:
 
     Args: arm; where(): T_obj_gel (4, 4) of its gel; look(T_obj_gel): depth [m], slope (2,) and centre (2,) m that an
     image there shows; controller; fps, images per second; delay(): s until an image is understood.
-    Attributes: now [s]; seen, what the guard looks at, to inject a fault into: of `enabled`, `image`, `pose` and
-    `gel` those that `frozen` names are not set anew.
+    Attributes: now [s]; seen, what the guard looks at, to inject a fault into: of `enabled`, `image`, `pose`,
+    `wrench` and `gel` those that `frozen` names are not set anew.
     """
 
     def __init__(
@@ -137,7 +137,13 @@ class Rehearsal:
             self._images.send(self.now + self._delay(), Measured(self.now, *self._look(self._where())))
         for _, measured in self._images.arrived(self.now):
             self._controller.servo.measure(self.now, measured)
-        news = {"enabled": self.now, "image": self._controller.servo.stamp, "pose": self.now, "gel": pose}
+        news = {
+            "enabled": self.now,
+            "image": self._controller.servo.stamp,
+            "pose": self.now,
+            "wrench": self.now,
+            "gel": pose,
+        }
         for name in news.keys() - self.frozen:
             setattr(self.seen, name, news[name])
         return taken

@@ -10,7 +10,7 @@ GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0)
 
 
 def seen(**changes) -> Seen:
-    well = {"enabled": 10.0, "image": 9.96, "pose": 9.99, "listeners": 1, "commanders": 1}
+    well = {"enabled": 10.0, "image": 9.96, "pose": 9.99, "wrench": 9.98, "listeners": 1, "commanders": 1}
     return Seen(**well | changes)
 
 
@@ -31,6 +31,12 @@ def test_while_all_is_well_the_arm_may_move():
         ({"enabled": 10.2}, "not enabled"),
         ({"image": 10.15}, "the newest image is 150 ms ahead of the clock"),
         ({"pose": 11.0}, "the newest transform of the gel is 1000 ms ahead of the clock"),
+        ({"wrench": 9.85}, r"the newest force on the topic wrench \(needed by max_force\) is 150 ms old"),
+        ({"wrench": -np.inf}, r"no force on the topic wrench \(needed by max_force\) came yet"),
+        (
+            {"wrench": 10.15},
+            r"the newest force on the topic wrench \(needed by max_force\) is 150 ms ahead of the clock",
+        ),
         ({"force": 12.0}, "a force of 12.0 N, more than 10.0"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
@@ -40,6 +46,11 @@ def test_while_all_is_well_the_arm_may_move():
 def test_each_fault_stops_it(changes, reason):
     with pytest.raises(AssertionError, match=reason):
         raise AssertionError(GUARD.problem(10.0, seen(**changes)))
+
+
+def test_without_a_limit_of_force_nobody_has_to_measure_one():
+    guard = Guard(GUARD.low, GUARD.high, GUARD.depth)
+    assert guard.problem(10.0, seen(wrench=-np.inf)) == ""
 
 
 def test_an_empty_box_is_refused():

@@ -68,6 +68,7 @@ FAULTS: dict[str, Fault] = {
     "released": _frozen("enabled"),
     "no image": _frozen("image"),
     "no transform": _frozen("pose"),
+    "no force": _frozen("wrench"),
     "lost": _set("lost", True),
     "force": _set("force", _FORCE + 1),
     "outside": _set("gel", se3.translation(np.full(3, 2.0))),

@@ -135,6 +135,7 @@ class Slider(ManagedNode):
         force = msg.wrench.force
         # what is not a number is not known to be small
         self._seen.force = math.inf if math.isnan(norm := math.hypot(force.x, force.y, force.z)) else norm
+        self._seen.wrench = stamp_ns(msg.header.stamp) / SECOND
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
         """A contact and its points (K, 3)."""

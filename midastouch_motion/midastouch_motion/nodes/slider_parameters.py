@@ -25,7 +25,7 @@ PARAMETERS = (
     Parameter(
         "max_force",
         0.0,
-        "More than this on `wrench` stops the arm; 0: it is not looked at",
+        "More than this on `wrench` stops the arm, and so does a `wrench` that does not come; 0: it is not looked at",
         unit="N",
         minimum=0.0,
         maximum=1e3,
@@ -39,7 +39,12 @@ PARAMETERS = (
     Parameter("arm_latency", 0.05, "From a twist to the motion of the arm", unit="s", minimum=0.0, maximum=0.5),
     Parameter("hold", 0.1, "How long an `enable` holds", unit="s", minimum=0.02, maximum=10.0),
     Parameter(
-        "stale_after", 0.1, "Images and transforms older than this stop the arm", unit="s", minimum=0.02, maximum=10.0
+        "stale_after",
+        0.1,
+        "Images, transforms and forces older than this stop the arm",
+        unit="s",
+        minimum=0.02,
+        maximum=10.0,
     ),
     Parameter("queue_depth", 1, "Messages kept while the node is busy", minimum=1, maximum=10000, at_start=True),
     AUTOSTART,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped, TwistStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
@@ -25,8 +25,8 @@ PATIENT = {"hold": 10.0, "stale_after": 10.0}
 
 
 class Rig:
-    """Attributes: twists, that have come; enabled, images, poses: whether these are sent; follows, whether the arm goes
-    along with the twists; depth [m]; late [s], of the stamps; bad, what is not finite."""
+    """Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
+    arm goes along with the twists; depth [m]; force [N]; late [s], of the stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
@@ -34,14 +34,15 @@ class Rig:
         self._enable = graph.publisher(Bool, "slider/enable", qos.COMMAND)
         self._contact = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
+        self._wrench = graph.publisher(WrenchStamped, "wrench", qos.stream_publisher())
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
-        self.enabled = self.images = self.poses = self.follows = True
+        self.enabled = self.images = self.poses = self.forces = self.follows = True
         self.late, self.bad = 0.0, ""
-        self.depth, self.position, self._sent = 0.0, np.zeros(3), 0.0
+        self.depth, self.force, self.position, self._sent = 0.0, 0.0, np.zeros(3), 0.0
 
     def send(self) -> None:
-        """An image, pose and `enable`, as far as they are sent, if the last ones are so old."""
+        """An image, pose, force and `enable`, as far as they are sent, if the last ones are so old."""
         if time.monotonic() - self._sent < _PERIOD:
             return
         if self.follows and self._sent and self.twists:
@@ -56,6 +57,8 @@ class Rig:
             link = TransformStamped(header=Header(stamp=now, frame_id="base_link"), child_frame_id="digit_gel_frame")
             link.transform = transform_to_msg(se3.make(np.eye(3), self.position))
             self._tf.publish(TFMessage(transforms=[link]))
+        if self.forces:
+            self._wrench.publish(WrenchStamped(header=gel, wrench=Wrench(force=Vector3(z=self.force))))
         if self.images:
             touches = self.depth > 0
             area = 2e-5 if touches else 0.0
@@ -78,7 +81,7 @@ class Rig:
         """Send a goal."""
         client = ActionClient(self.graph.companion, kind, kind.__name__.lower())
         self.until(client.server_is_ready, f"the action {kind.__name__}")
-        if self.node.active and self.enabled:  # sensor, arm and operator were there before
+        if self.node.active and self.enabled and self.forces:  # sensor, arm and operator were there before
             self.until(lambda: self.node.describe()[2]["in_the_way"] == "nothing", "all to be seen")
         asked = Asked(self)
         client.send_goal_async(kind.Goal(**goal), asked.feedback.append).add_done_callback(asked.on_accepted)

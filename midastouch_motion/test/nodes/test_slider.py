@@ -7,7 +7,6 @@ from geometry_msgs.msg import (
     Quaternion,
     TwistStamped,
     Vector3,
-    Wrench,
     WrenchStamped,
 )
 from rclpy.action import ActionClient
@@ -73,6 +72,20 @@ def test_nothing_moves_before_it_is_enabled(graph):
     assert not any(map(moving, rig.twists))
 
 
+def test_nothing_moves_as_long_as_the_limit_of_force_cannot_be_watched(graph):
+    rig = Rig(graph, max_force=10.0)
+    rig.forces = False
+    result = rig.ask(Lift, height=0.01).ended()
+    assert "no force on the topic wrench (needed by max_force) came yet" in result.message
+    assert not any(map(moving, rig.twists))
+
+
+def test_without_a_limit_of_force_nobody_has_to_measure_one(graph):
+    rig = Rig(graph)
+    rig.forces = False
+    rig.ask(Lift, height=0.2).moves()
+
+
 def no_enable(rig, graph):
     rig.enabled = False
 
@@ -94,7 +107,17 @@ def lost(rig, graph):
 
 
 def a_force(rig, graph):
-    message = WrenchStamped(wrench=Wrench(force=Vector3(z=12.0)))
+    rig.force = 12.0
+
+
+def no_forces(rig, graph):
+    rig.forces = False
+
+
+def a_force_of_the_future(rig, graph):
+    rig.forces = False
+    ahead = graph.companion.get_clock().now() + Duration(seconds=1000.0)
+    message = WrenchStamped(header=Header(stamp=ahead.to_msg()))
     graph.publisher(WrenchStamped, "wrench", qos.stream_publisher()).publish(message)
 
 
@@ -116,6 +139,8 @@ def held_up(rig, graph):
         (outside, "outside of the box", {}),
         (lost, "the filter is lost", {}),
         (a_force, "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
+        (no_forces, "the newest force on the topic wrench", {"max_force": 10.0, "stale_after": 2.0}),
+        (a_force_of_the_future, "ahead of the clock", {"max_force": 10.0}),
         (another_commander, "another node commands twists", {}),
     ],
 )
