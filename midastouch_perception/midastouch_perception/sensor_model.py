@@ -191,6 +191,12 @@ class SensorModel:
         return self.pixel_size**2
 
 
+def given_as(name: str) -> str:
+    """How commands and nodes are given the model of this name: by it if it is shipped, else by its file."""
+    file = f"{name}.yaml"
+    return name if (_FOLDER / file).is_file() else file
+
+
 def _whole(value: object) -> int:
     if value != int(value):
         raise ValueError(f"{value} is not a whole number of pixels")

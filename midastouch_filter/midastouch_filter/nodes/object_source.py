@@ -15,7 +15,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.parameters import Parameters
 from midastouch_perception.codebook import Codebook, build_command
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.sensor_model import SensorModel, given_as
 
 from ..core.config import FilterConfig
 from ..core.noise_model import NoiseModel
@@ -125,7 +125,7 @@ class ObjectSource:
         if theirs is not None and theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
             raise InputError(
                 f"{source}: codebook of the sensor model {theirs.name}, but sensor_model is {wanted}; build it with "
-                f"midastouch build-codebook MESH --sensor {wanted}, or start all nodes with sensor_model {theirs.name}"
+                f"{build_command('MESH', wanted)}, or start all nodes with sensor_model {given_as(theirs.name)}"
             )
 
 

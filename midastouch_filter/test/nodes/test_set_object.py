@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
+from midastouch_perception import sensor_model
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
@@ -114,6 +117,14 @@ def test_a_codebook_of_another_kind_of_sensor_is_refused_with_the_fix(graph):
     for part in ("/data/tacto.npz", "--sensor digit_real"):
         assert part in answer.message
     assert bench.set_object("real").success
+
+
+def test_of_sensor_models_of_the_users_own_the_files_are_named(graph, tmp_path):
+    shipped, file = Path(sensor_model.__file__).parent / "sensor_models" / "digit_real.yaml", tmp_path / "my gel.yaml"
+    shutil.copy(shipped, file)
+    theirs = dataclasses.replace(SensorModel.load("digit_tacto"), name="theirs").for_maps
+    answer = ObjectBench(graph, sensors={"cup": theirs}, sensor_model=str(file)).set_object("cup")
+    assert answer.message.endswith(f"--sensor '{file}', or start all nodes with sensor_model theirs.yaml")
 
 
 @pytest.mark.usefixtures("brisk_health")

@@ -19,7 +19,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
 from ..gel_texture import CLEAR, gel_texture, likeness
-from ..sensor_model import SensorModel
+from ..sensor_model import SensorModel, given_as
 from .response import ColourResponse
 
 _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
@@ -103,7 +103,7 @@ class SensorCalibration:
         if self.sensor != sensor.name:
             raise InputError(
                 f"calibration for the sensor model {self.sensor}, not for {sensor.name}; start all nodes with "
-                f"sensor_model {self.sensor}, or calibrate with --sensor {sensor.name}"
+                f"sensor_model {given_as(self.sensor)}, or calibrate with --sensor {given_as(sensor.name)}"
             )
 
     def check_sensor(self, sensor: SensorModel, serial: str = "") -> None:

@@ -80,6 +80,14 @@ def test_another_sensor_or_scale_is_refused(calibration, real):
         calibration.check_sensor(dataclasses.replace(real, focal=1.1 * real.focal))
 
 
+def test_of_a_sensor_model_of_the_users_own_the_file_is_named(calibration, real):
+    mine = dataclasses.replace(real, name="mine")
+    with pytest.raises(InputError, match=r"sensor_model digit_real, or calibrate with --sensor mine\.yaml$"):
+        calibration.check_sensor(mine)
+    with pytest.raises(InputError, match=r"sensor_model mine\.yaml, or calibrate with --sensor digit_real$"):
+        dataclasses.replace(calibration, sensor="mine").check_sensor(real)
+
+
 def test_another_gel_is_distinguished_from_the_same_under_another_brightness(calibration, background):
     assert not calibration.background_problem(background)
     assert not calibration.background_problem((0.8 * background).astype(np.uint8))
