@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
 
 from midastouch_common.ros.goals import name_of
 
@@ -31,7 +33,7 @@ class ArmClient:
         self.heard_at = time.monotonic()
 
     def close(self) -> None:
-        """Have the arm stop, and ask no more."""
+        """Have the arm stop, whether it has accepted the goal yet or not, and ask no more."""
         if self._goal is not None:
             self._goal.cancel_goal_async()
             self._goal = None
@@ -46,7 +48,9 @@ class ArmClient:
     def carry_out(self, act: Act) -> None:
         """Ask for an act."""
         self.heard_at = time.monotonic()
-        sent = self._clients[type(act)].send_goal_async(goal_of(act, self._base), self._on_feedback)
+        client, goal_id = self._clients[type(act)], UUID(uuid=list(uuid.uuid4().bytes))
+        self._goal = ClientGoalHandle(client, goal_id, None)  # which can be cancelled before there is an answer
+        sent = client.send_goal_async(goal_of(act, self._base), self._on_feedback, goal_id)
         sent.add_done_callback(self._on_answer)
 
     def _on_feedback(self, _) -> None:
@@ -55,9 +59,9 @@ class ArmClient:
     def _on_answer(self, answer: Future) -> None:
         goal: ClientGoalHandle = answer.result()
         if goal.accepted:
-            self._goal = goal
             goal.get_result_async().add_done_callback(self._on_result)
         else:
+            self._goal = None
             self._on_end(None)
 
     def _on_result(self, answer: Future) -> None:
