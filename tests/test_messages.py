@@ -21,7 +21,7 @@ from midastouch_msgs.msg import (
     TactileCode,
     TactileContact,
 )
-from midastouch_msgs.srv import SetObject, SuggestMotion
+from midastouch_msgs.srv import CheckReach, SetObject, SuggestMotion
 
 WANTED_MOTION = {"max_length": "double", "lifts": "boolean", "count": "uint32"}
 
@@ -76,6 +76,8 @@ FIELDS = {
         "slides": "uint32",
         "lifts": "uint32",
     },
+    CheckReach.Request: {"poses": "geometry_msgs/PoseArray"},
+    CheckReach.Response: {"reachable": "sequence<boolean>", "message": "string"},
     SetObject.Request: {"mesh_path": "string", "codebook_path": "string"},
     SetObject.Response: {"success": "boolean", "message": "string"},
     Suggestion: {

@@ -43,6 +43,13 @@ Act = Touch | Slide | Lift | Approach
 
 
 @dataclass(frozen=True)
+class CheckReach:
+    """No act, but a question to whoever knows the arm: whether it reaches all of these poses T_base_gel (N, 4, 4)."""
+
+    poses: np.ndarray
+
+
+@dataclass(frozen=True)
 class Done:
     """How an act ended: whether it did what was asked, in words; path [m] that the gel went; whether it touches then;
     pose T_base_gel (4, 4) then."""
@@ -55,11 +62,13 @@ class Done:
 
 
 _T, _Y, _S = TypeVar("_T"), TypeVar("_Y"), TypeVar("_S")
-Plan = Generator[Act, Done, _T]
-"""Acts one after the other, each chosen by how those before it went."""
+Plan = Generator[Act | CheckReach, Done, _T]
+"""Acts one after the other, each chosen by how those before it went; of a question, `success` is the answer."""
 
 
-def carried_out(plan: Plan[_T], carry_out: Callable[[Act], Generator[_Y, _S, Done]]) -> Generator[_Y, _S, _T]:
+def carried_out(
+    plan: Plan[_T], carry_out: Callable[[Act | CheckReach], Generator[_Y, _S, Done]]
+) -> Generator[_Y, _S, _T]:
     """What carrying out one act after the other yields; returns what the plan came to."""
     done = None
     while True:

@@ -12,7 +12,7 @@ from midastouch_common import se3
 from midastouch_filter.active_touch.suggestion import Advice
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
-from .acts import Act, Done, Lift, Plan, Slide, Touch, carried_out
+from .acts import Act, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import EVERYWHERE, Reach
 from .surroundings import Surroundings, Track
@@ -198,7 +198,8 @@ class Exploration:
         return self._reach.holds(around.track(motion.heading, motion.length).poses)
 
     def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
-        if not self.touching:
+        way = around.track(motion.heading, motion.length).poses
+        if not self.touching or not (yield from self._said_to_be_reached(way)):
             return False
         done = yield from self._do(Slide(motion.heading, motion.length))
         self._blocked = done.path < _BLOCKED * motion.length
@@ -210,16 +211,29 @@ class Exploration:
 
     def _can_leap(self, way: np.ndarray) -> bool:
         """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
-        return self._reach.holds(np.concatenate([way @ se3.translation([0.0, 0.0, CLEARANCES[0]]), way[-1:]]))
+        return self._reach.holds(np.concatenate([_raised(way), way[-1:]]))
 
     def _leap(self, ways: Sequence[np.ndarray], around: Surroundings) -> Plan[bool]:
-        able = [way for way in ways if self._can_leap(way)]
+        able = []
+        for way in ways:
+            passed = np.concatenate([_raised(np.concatenate([around.gel[None], way])), way[-1:]])
+            if self._can_leap(way) and (yield from self._said_to_be_reached(passed)):
+                able.append(way)
         if not able:
             return False
         self._blocked = False
         went = yield from self._watched(leap(able, self._down if around.mesh is None else SEARCHED))
         self.lifts += went
         return went
+
+    def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
+        """Whether whoever knows the arm, if anybody is asked, says that it reaches all of these poses (N, 4, 4)."""
+        if not self._reach.asks:
+            return True
+        answer = yield CheckReach(poses)
+        if not answer.success:
+            self._why_not = answer.message
+        return answer.success
 
     def _watched(self, plan: Plan[_T]) -> Plan[_T]:
         """A plan, while what its acts come to is noted."""
@@ -232,6 +246,11 @@ class Exploration:
         if not done.success:
             self._why_not = done.message
         return done
+
+
+def _raised(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) at the lowest clearance of a leap."""
+    return poses @ se3.translation([0.0, 0.0, CLEARANCES[0]])
 
 
 def _distance(around: Surroundings, goal: np.ndarray) -> float:

@@ -11,9 +11,11 @@ from midastouch_common.errors import InputError
 
 class Reach:
     """low, high (3,) m: corners of the box in the base frame; cone [rad]: largest angle between the z axes of gel and
-    base, pi for every direction. Raises InputError for an empty box."""
+    base, pi for every direction; asks, whether plans ask whoever knows the arm, too. Raises InputError for an empty
+    box."""
 
-    def __init__(self, low: Sequence[float], high: Sequence[float], cone: float):
+    def __init__(self, low: Sequence[float], high: Sequence[float], cone: float, asks: bool = False):
+        self.asks = asks
         self._low, self._high, self._least = np.array(low), np.array(high), np.cos(cone)
         if not (self._low < self._high).all():
             raise InputError(f"the box of reach from {list(low)} to {list(high)} m is empty")

@@ -41,9 +41,10 @@ class ArmClient:
             client.destroy()
 
     @property
-    def ready(self) -> bool:
-        """Whether somebody offers all actions."""
-        return all(client.server_is_ready() for client in self._clients.values())
+    def trouble(self) -> str:
+        """Why no act can be asked for, in words; empty if somebody offers all actions."""
+        offered = all(client.server_is_ready() for client in self._clients.values())
+        return "" if offered else "nobody offers the actions touch, slide, lift and approach"
 
     def carry_out(self, act: Act) -> None:
         """Ask for an act."""

@@ -19,7 +19,7 @@ from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
 from midastouch_msgs.srv import SuggestMotion
 
-from ..explore.acts import Done, Plan
+from ..explore.acts import CheckReach, Done, Plan
 from ..explore.exploration import Exploration
 from ..explore.reach import Reach
 from .arm_actions import done_of
@@ -28,8 +28,9 @@ from .explorer_control import ExplorerControl, FingerGoals, Order
 from .explorer_filter import FilterAnswers
 from .explorer_marker import FingerMarker
 from .explorer_parameters import PARAMETERS
+from .explorer_reach import ReachClient
 from .explorer_report import ExplorerReport
-from .explorer_services import ObjectChange, Push, SuggestionClient, advice_of
+from .explorer_services import ObjectChange, Push, QuestionClient, advice_of
 from .explorer_sight import Sight, load_mesh
 
 _SUGGESTIONS = 24  # asked for: all that are offered
@@ -50,13 +51,12 @@ class Explorer(PipelineNode):
     def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
         super().__init__("explorer", **kwargs)
         p = self._settings = Parameters(self, PARAMETERS)
-        reach = Reach(p["reach_low"], p["reach_high"], np.radians(p["reach_cone"]))
+        reach = Reach(p["reach_low"], p["reach_high"], np.radians(p["reach_cone"]), bool(p["reach_service"]))
         rng = np.random.default_rng(p["seed"])
         self._exploration = Exploration(rng, p["max_path"], reach, p["touch_distance"], p["object_size"])
 
-        self._on_end, self.gave_up = on_end, False
-        self._progressed_at = time.monotonic()
-        self._begun, self._held = False, p["start_paused"]
+        self._on_end, self._progressed_at = on_end, time.monotonic()
+        self.gave_up, self._begun, self._held = False, False, p["start_paused"]
         self._plan: Plan | None = None
         self._moved_until = 0  # ns: what the filter says of earlier images is not of where the gel is now
         self._orders: deque[Order] = deque()
@@ -64,24 +64,24 @@ class Explorer(PipelineNode):
         frames = {name: p[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
         self._report = ExplorerReport(self, self._exploration, frames["base"], frames["object"])
         problem = self._report.problem
+        self._reach = ReachClient(self, p["reach_service"], frames["base"], self._on_reach, problem)
         self._arm = ArmClient(self, frames["base"], self._on_done)
         self._sight = Sight(self, frames, self._on_jump, problem)
         self._filter = FilterAnswers(self, lambda: self._sight.stamp, self._on_filter)
-        self._suggestions = SuggestionClient(self, self._on_suggestions)
+        self._suggestions = QuestionClient(self, SuggestMotion, "suggest_motion", self._on_suggestions)
         self._change = ObjectChange(self, self._on_object_changed)
-        push = Push(self, problem)
-        control = ExplorerControl(self, self._exploration, self._sight, self._take, self._resume, push, self._change)
-        goals = FingerGoals(self, self._exploration, self._sight, self._take, problem)
+        did, sight, push = self._exploration, self._sight, Push(self, problem)
+        control = ExplorerControl(self, did, sight, self._take, self._resume, push, self._change)
+        goals = FingerGoals(self, did, sight, self._take, problem)
         FingerMarker(self, self._sight, goals.send, control.commands, problem)
         self._show(load_mesh(p["mesh"]) if p["mesh"] else None)
         self.create_timer(1 / _RATE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy_node(self) -> None:
         """As of every node; the arm is to stop."""
-        if self._arm is not None:
-            self._arm.close()
-        if self._sight is not None:
-            self._sight.close()
+        for part in (self._arm, self._sight):
+            if part is not None:
+                part.close()
         super().destroy_node()
 
     # --- what the filter says
@@ -99,16 +99,17 @@ class Explorer(PipelineNode):
         if not working or self._change.pending or not self._filter.state:
             self._progressed_at = now
         if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["patience"]:
-            arm = "" if self._arm.ready else "nobody offers the actions touch, slide, lift and approach; "
-            filter_says = f"{self._filter.state}: {self._filter.reason}"
-            self._end(False, f"the finger could not go on for {stuck:.0f} s; {arm}the filter says {filter_says}")
+            filter_says = f"the filter says {self._filter.state}: {self._filter.reason}"
+            whys = filter(None, (self._arm.trouble, self._reach.trouble, filter_says))
+            self._end(False, f"the finger could not go on for {stuck:.0f} s; {'; '.join(whys)}")
             return
         self._suggestions.look()
+        self._reach.look()
 
     def _on_filter(self) -> None:
         if self._report.over:
             return
-        if self._report.state == ExplorerStatus.STATE_WAITING and self._arm.ready:
+        if self._report.state == ExplorerStatus.STATE_WAITING and not (self._arm.trouble or self._reach.trouble):
             self._progressed_at = time.monotonic()
             if self._held:
                 self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
@@ -136,6 +137,8 @@ class Explorer(PipelineNode):
 
     def _advance(self, done: Done | None) -> None:
         """The plan's next act; after the last one the next motion, once the filter has seen where that led."""
+        if self._plan is None or self._report.over:
+            return
         try:
             act = self._plan.send(done)
         except StopIteration:
@@ -144,11 +147,12 @@ class Explorer(PipelineNode):
             self._report.tell()
             self._go_on()
         else:
-            self._arm.carry_out(act)
+            (self._reach.ask if isinstance(act, CheckReach) else self._arm.carry_out)(act)
+
+    def _on_reach(self, reached: bool, why_not: str) -> None:
+        self._advance(Done(reached, why_not, 0.0, self._exploration.touching, self._sight.gel))
 
     def _on_done(self, result: Any | None) -> None:
-        if self._plan is None or self._report.over:
-            return
         done = done_of(result, self._exploration.touching, self._sight.gel)
         if result is not None:
             self._moved_until = stamp_ns(result.pose.header.stamp)

@@ -44,6 +44,11 @@ PARAMETERS = (
         maximum=180.0,
     ),
     Parameter(
+        "reach_service",
+        "",
+        "Service (CheckReach) that is asked, before slides and leaps, which poses the arm reaches; empty: none",
+    ),
+    Parameter(
         "start_paused", False, "It begins in a person's hands: the finger does not move before ~/resume or an order"
     ),
     Parameter("mesh", "", "Mesh that a person sees and points at, in object_frame_id; empty: none"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -29,11 +30,12 @@ def advice_of(response: SuggestMotion.Response) -> Advice:
     return Advice(suggestions, response.indistinguishable, response.message)
 
 
-class SuggestionClient:
-    """Asks one question at a time. on_answer: called with each response; one that is overdue is a refusal."""
+class QuestionClient:
+    """Asks a service one question at a time. on_answer: called with each response; in place of one that is overdue with
+    one that says so in its `message`, and nothing else."""
 
-    def __init__(self, node: Node, on_answer: Callable[[SuggestMotion.Response], None]):
-        self._client = node.create_client(SuggestMotion, "suggest_motion")
+    def __init__(self, node: Node, kind: type, name: str, on_answer: Callable[[Any], None]):
+        self._client, self._kind = node.create_client(kind, name), kind
         self._on_answer = on_answer
         self._asked_at, self._future = 0.0, None
 
@@ -47,7 +49,7 @@ class SuggestionClient:
         """Whether an answer is still to come."""
         return self._future is not None
 
-    def ask(self, request: SuggestMotion.Request) -> None:
+    def ask(self, request: Any) -> None:
         """Send the question."""
         self._asked_at = time.monotonic()
         self._future = self._client.call_async(request)
@@ -58,7 +60,7 @@ class SuggestionClient:
         if self.pending and time.monotonic() - self._asked_at > TIMEOUT_S:
             self._client.remove_pending_request(self._future)
             self._future = None
-            self._on_answer(SuggestMotion.Response(message=f"no answer for {TIMEOUT_S:g} s"))
+            self._on_answer(self._kind.Response(message=f"no answer for {TIMEOUT_S:g} s"))
 
     def _on_done(self, future: Future) -> None:
         if future is self._future:  # else it comes too late

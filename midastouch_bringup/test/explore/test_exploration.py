@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from fake_arms import Scripted, followed, over_an_edge, refusing, seen
 
-from midastouch_bringup.explore.acts import Approach, Lift, Slide, Touch
+from midastouch_bringup.explore.acts import Approach, CheckReach, Lift, Slide, Touch
 from midastouch_bringup.explore.exploration import Exploration, Motion
 from midastouch_bringup.explore.reach import Reach
 from midastouch_bringup.explore.surroundings import Surroundings
@@ -118,6 +118,35 @@ class TestReach:
         assert followed(world, plan)[0] == []
         assert nowhere.verdict.words.endswith("every way is out of the arm's reach")
         assert not followed(world, nowhere.obey(Motion(0.0, 0.03, lift=True), seen(world)))[1]
+
+
+class TestAskedReach:
+    """Somebody who knows the arm is asked."""
+
+    @staticmethod
+    def follow(*motions, reaches):
+        arm = Scripted(lambda act: (reaches or not isinstance(act, CheckReach), "joint 3", 0.03, True, np.eye(4)))
+        exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
+        arm.follow(exploration.touch())
+        arm.follow(exploration.go(motions, Surroundings(np.eye(4))))
+        return exploration, arm.acts[1:]
+
+    def test_of_what_it_reaches_nothing_is_left_out(self):
+        exploration, acts = self.follow(Motion(0.0, 0.03), reaches=True)
+        assert [type(act) for act in acts] == [CheckReach, Slide]
+        assert acts[0].poses[-1, :3, 3] == pytest.approx([0.03, 0, 0])
+        assert exploration.verdict is None
+
+    def test_a_leap_is_asked_for_from_its_lift_to_its_end(self):
+        _, acts = self.follow(Motion(0.0, 0.03, lift=True), reaches=True)
+        places = acts[0].poses[:, :3, 3]
+        assert places[[0, -2, -1]] == pytest.approx(np.array([[0, 0, 0.012], [0.03, 0, 0.012], [0.03, 0, 0]]))
+        assert [type(act) for act in acts if not isinstance(act, CheckReach)] == [Lift, Approach, Touch]
+
+    def test_what_it_does_not_reach_is_left_out_and_the_reason_said(self):
+        exploration, acts = self.follow(Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True), reaches=False)
+        assert {type(act) for act in acts} == {CheckReach}
+        assert exploration.verdict.words.endswith("nor touch elsewhere: joint 3")
 
 
 def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):

@@ -41,7 +41,7 @@ def arm(graph):
 def test_a_goal_in_flight_is_cancelled(graph, arm, begun):
     node = graph.add(Node, node_name="mover")
     client = ArmClient(node, BASE_FRAME, lambda result: None)
-    graph.spin_until(lambda: client.ready, "the actions")
+    graph.spin_until(lambda: not client.trouble, "the actions")
     client.carry_out(Slide(0.0, 0.1))
     graph.spin_until(lambda: arm.goals or not begun, "the goal")
     client.close()
