@@ -1,16 +1,13 @@
 """Whoever moves an arm by its actions, and goes, has it stop."""
 
 import pytest
-from process_rig import processes
 from rclpy.node import Node
 
 from midastouch_bringup.bags.messages import BASE_FRAME
 from midastouch_bringup.explore.acts import Slide
 from midastouch_bringup.nodes.arm_actions import KINDS
 from midastouch_bringup.nodes.arm_client import ArmClient
-from midastouch_common.ros import qos
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
-from midastouch_msgs.msg import FilterStatus
 
 pytestmark = pytest.mark.dds
 
@@ -47,15 +44,3 @@ def test_a_goal_in_flight_is_cancelled(graph, arm, begun):
     client.close()
     graph.remove(node)
     graph.spin_until(lambda: arm.cancelled, "the goal to be cancelled")
-
-
-def test_an_explorer_that_is_ended_has_the_arm_stop(graph, arm, tmp_path):
-    answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched())
-    with processes({"explorer": ["-m", "midastouch_bringup.nodes.explorer"]}, {"explorer": {}}, tmp_path):
-
-        def is_asked():
-            answers.publish(FilterStatus(state=FilterStatus.STATE_NO_CONTACT))
-            return arm.goals
-
-        graph.spin_until(is_asked, "a motion")
-    graph.spin_until(lambda: arm.cancelled, "it to be cancelled")
