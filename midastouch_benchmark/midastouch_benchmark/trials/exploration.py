@@ -154,7 +154,7 @@ class _Trial:
             ending, began = self._follow(plan)
         began = length if ending == "given up" else began
         truth, pose = self._world.finger.pose, self.estimate.pose[None]
-        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05])
+        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
         return {
             "ending": ending,
             "path_m": float(began),
