@@ -195,11 +195,12 @@ class Exploration:
     def _reachable(self, motion: Motion, around: Surroundings) -> bool:
         if motion.lift:
             return self._can_leap(ways_along(around, motion.heading, motion.length)[0])
-        return self._reach.holds(around.track(motion.heading, motion.length).poses)
+        return self._reach.holds(_way(motion, around))
 
     def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
-        way = around.track(motion.heading, motion.length).poses
-        if not self.touching or not (yield from self._said_to_be_reached(way)):
+        if not self.touching:
+            return False
+        if self._reach.asks and not (yield from self._said_to_be_reached(_way(motion, around))):
             return False
         done = yield from self._do(Slide(motion.heading, motion.length))
         self._blocked = done.path < _BLOCKED * motion.length
@@ -216,9 +217,13 @@ class Exploration:
     def _leap(self, ways: Sequence[np.ndarray], around: Surroundings) -> Plan[bool]:
         able = []
         for way in ways:
-            passed = np.concatenate([_raised(np.concatenate([around.gel[None], way])), way[-1:]])
-            if self._can_leap(way) and (yield from self._said_to_be_reached(passed)):
-                able.append(way)
+            if not self._can_leap(way):
+                continue
+            if self._reach.asks:
+                passed = np.concatenate([_raised(np.concatenate([around.gel[None], way])), way[-1:]])
+                if not (yield from self._said_to_be_reached(passed)):
+                    continue
+            able.append(way)
         if not able:
             return False
         self._blocked = False
@@ -227,9 +232,7 @@ class Exploration:
         return went
 
     def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
-        """Whether whoever knows the arm, if anybody is asked, says that it reaches all of these poses (N, 4, 4)."""
-        if not self._reach.asks:
-            return True
+        """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""
         answer = yield CheckReach(poses)
         if not answer.success:
             self._why_not = answer.message
@@ -246,6 +249,11 @@ class Exploration:
         if not done.success:
             self._why_not = done.message
         return done
+
+
+def _way(motion: Motion, around: Surroundings) -> np.ndarray:
+    """Poses (N, 4, 4) of the gel on a slide."""
+    return around.track(motion.heading, motion.length).poses
 
 
 def _raised(poses: np.ndarray) -> np.ndarray:

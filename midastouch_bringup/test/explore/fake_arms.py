@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_bringup.explore.acts import Done, Lift, Slide
+from midastouch_bringup.explore.acts import Done, Lift, Slide, carried_out
 from midastouch_bringup.explore.surroundings import Surroundings
 from midastouch_bringup.explore.world import World
 
 
 def followed(world: World, plan):
     """Poses T_obj_gel of a plan, and what it came to."""
-    poses = []
-    steps = world.follow(plan)
+    return _ended(world.follow(plan))
+
+
+def _ended(steps):
+    """What a generator yields, and what it returns."""
+    yielded = []
     while True:
         try:
-            poses.append(next(steps))
+            yielded.append(next(steps))
         except StopIteration as end:
-            return poses, end.value
+            return yielded, end.value
 
 
 def seen(world: World, known: bool = True) -> Surroundings:
@@ -35,15 +39,13 @@ class Scripted:
         self._answer, self.acts = answer, []
 
     def follow(self, plan):
-        done = None
-        while True:
-            try:
-                act = plan.send(done)
-            except StopIteration as end:
-                return end.value
-            self.acts.append(act)
-            assert len(self.acts) < 1000, "no end"
-            done = Done(*self._answer(act))
+        return _ended(carried_out(plan, self._carry_out))[1]
+
+    def _carry_out(self, act):
+        yield from ()  # it takes no time
+        self.acts.append(act)
+        assert len(self.acts) < 1000, "no end"
+        return Done(*self._answer(act))
 
 
 def refusing(act):
