@@ -60,7 +60,7 @@ class Step:
         self._gates.skips("no_contact", not in_contact)
         better = self._correct(belief, odometry, touches[FIRST], elapsed)
         motion = self._propagate(belief, better, in_contact)
-        measured = policies.fingers.measure(touches, motion)
+        measured = policies.fingers.measure(touches, motion, belief.explained)
         policies.refine.moved(motion, policies.fingers.path, in_contact)
         touching = [finger for finger in measured if finger.touch.in_contact]
         tempering = self._update(belief, measured, touching[0]) if touching else 0.0

@@ -36,7 +36,7 @@ FURTHER = {
 """Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
-_EVIDENCE = "no_surface no_book_constraint"
+_EVIDENCE = "no_surface no_book_constraint no_tempering"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
@@ -65,12 +65,13 @@ COMMANDS = {
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
     "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_hindsight no_kld "
-    "no_surface no_book_constraint no_calibration no_annealing",
+    "no_surface no_book_constraint no_tempering no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     **{
         f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_PAIRED} --variant {_EVIDENCE}"
         for name in ("kidnap", "tool_bias", "rest", "slow_camera")
     },
+    "ablation_jump_cad": f"{_BENCHMARK} --objects cad --protocol jump {FURTHER['cad'][1]} --variant no_tempering",
     "ablation_small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_PAIRED} "
     "--variant no_surface no_book_constraint",
     "ablation_rest": f"{_BENCHMARK} --protocol rest {_PAIRED} --variant gates",
@@ -225,9 +226,11 @@ def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.Data
 
 
 def conditions_of(name: str) -> str:
-    """What is done to the slides of a benchmark, by its protocol."""
+    """What is done to the slides of a benchmark, by its protocol, and which objects they are over beside the ten."""
     protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
-    return CONDITIONS[protocol[1]] if protocol else STARTS["accuracy"]
+    objects = re.search(rf"--objects ({'|'.join(FURTHER)}) ", COMMANDS[name])
+    what = CONDITIONS[protocol[1]] if protocol else STARTS["accuracy"]
+    return f"{what}; {FURTHER[objects[1]][0]}" if objects else what
 
 
 def further() -> dict[str, str]:

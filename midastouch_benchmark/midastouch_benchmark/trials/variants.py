@@ -165,6 +165,9 @@ VARIANTS = {
     "no_book_constraint": Variant(
         "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
     ),
+    "no_tempering": Variant(
+        "weights count every touch in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
+    ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
     "no_arm_errors": Variant("errors of mount and clock are not learned", MECHANISM, {"calibration": False}),

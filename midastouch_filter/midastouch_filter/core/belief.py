@@ -146,6 +146,11 @@ class Belief:
         ]
 
     @property
+    def explained(self) -> frozenset[str]:
+        """Names of the fingers whose last maps the heaviest mode fitted; none once the particles have changed."""
+        return self.aligned_to if 0 in self.aligned else frozenset()
+
+    @property
     def dominant_mass(self) -> float:
         """Weight of the heaviest mode, 0 while none was looked for."""
         return self.modes[0].weight if self.modes else 0.0

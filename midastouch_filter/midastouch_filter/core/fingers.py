@@ -10,7 +10,7 @@ A finger that does not touch still tells something: it is not inside the object.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ class Finger:
     """One finger: what it measures, how much of that is news, and how well it fits each particle.
 
     Attributes: name; touch, its measurement in this frame, map and transform checked; code (D,) at unit length, None if
-    it touches nothing.
+    it touches nothing; tempering exponent in [0, 1]: how much of an independent touch this one counts.
     """
 
     def __init__(
@@ -100,19 +100,9 @@ class Finger:
         if code is not None:
             self._last_code = code
         self.touch, self.code = touch, code
-        self._news = min(1.0, path / self._config.correlation_length)
+        # touches nearer together than that see nearly the same patch
+        self.tempering = min(1.0, path / self._config.correlation_length)
         return True
-
-    @property
-    def tempering(self) -> float:
-        """Exponent in [0, 1] of the touch's likelihood.
-
-        Touches nearer together than the correlation length see nearly the same patch, so a code counts in proportion to
-        the path since the last. A touch whose map is used counts in full: hypotheses are compared over the last
-        touches, and there each counts for what it adds.
-        """
-        mapped = self._config.refinement and self.touch.penetration is not None
-        return 1.0 if mapped else self._news
 
     def count(self) -> None:
         """The touch was used: the path to the next starts here."""
@@ -195,10 +185,14 @@ class Fingers:
         for name, finger in self._fingers.items():
             finger.use(model_of(name))
 
-    def measure(self, touches: Mapping[str, Measurement], motion: Odometry | None) -> list[Finger]:
+    def measure(
+        self, touches: Mapping[str, Measurement], motion: Odometry | None, explained: Collection[str]
+    ) -> list[Finger]:
         """Those that tell something new, by name, the first one first; unusable touches are refused.
 
-        motion: of the first finger since the last frame, None at rest. `count` what is used.
+        motion: of the first finger since the last frame, None at rest; explained: names of those whose last maps the
+        belief explains. Another one with a map counts in full: its codes have to find a pose that the map fits.
+        `count` what is used.
         """
         if motion is not None:
             self._travel = self._travel @ motion.transform
@@ -207,7 +201,10 @@ class Fingers:
         for name in sorted(touches):
             try:
                 if self._measures_anew(name, touches[name], motion):
-                    measured.append(self._fingers[name])
+                    finger = self._fingers[name]
+                    if self._map_shape and finger.touch.penetration is not None and name not in explained:
+                        finger.tempering = 1.0
+                    measured.append(finger)
             except ValueError as error:
                 kind, reason = error.args
                 self._gates.refuse(kind, f"{_whose(name)}{reason}")

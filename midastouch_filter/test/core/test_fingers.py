@@ -39,18 +39,19 @@ def gates():
 
 
 @pytest.fixture
-def fingers(parts, gates):
+def make_finger(parts, gates):
     lookup, surface, model, workers = parts
-
-    def make(name: str) -> Finger:
-        return Finger(name, lookup, surface, model.for_another_sensor(), CONFIG, workers, gates)
-
-    return Fingers(make, None, gates)
+    return lambda name: Finger(name, lookup, surface, model.for_another_sensor(), CONFIG, workers, gates)
 
 
-def measured(fingers, motion=None, **touches):
+@pytest.fixture
+def fingers(make_finger, gates):
+    return Fingers(make_finger, None, gates)
+
+
+def measured(fingers, motion=None, explained=(), **touches):
     """Those that measure something new after the first one moved by `motion` (4, 4)."""
-    return fingers.measure(touches, None if motion is None else Odometry.from_matrix(motion))
+    return fingers.measure(touches, None if motion is None else Odometry.from_matrix(motion), explained)
 
 
 def touch(T_gel_finger, code=None, **changes):
@@ -177,14 +178,18 @@ def test_what_is_measured_again_is_not_counted_again(fingers, world):
     assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
 
 
-def test_a_touch_whose_map_is_compared_counts_in_full(fingers, world):
+def test_a_touch_counts_in_full_while_nothing_explains_its_maps(make_finger, gates, world):
     codes = world.encode(world.poses[:3])
     pose, penetration = se3.make(np.eye(3), np.array([0, 0, -0.04])), np.ones((160, 120), np.float32)
+    fingers = Fingers(make_finger, penetration.shape, gates)
     count(measured(fingers, other=touch(pose, codes[0], penetration=penetration)))
-    (mapped,) = measured(fingers, MOVED, other=touch(pose, codes[1], penetration=penetration))
-    assert mapped.tempering == 1.0
-    count([mapped])
-    (code_only,) = measured(fingers, MOVED, other=touch(pose, codes[2]))
+    (unexplained,) = measured(fingers, MOVED, other=touch(pose, codes[1], penetration=penetration))
+    assert unexplained.tempering == 1.0
+    count([unexplained])
+    (explained,) = measured(fingers, MOVED, explained={"other"}, other=touch(pose, codes[2], penetration=penetration))
+    assert explained.tempering < 0.3
+    count([explained])
+    (code_only,) = measured(fingers, MOVED, other=touch(pose, codes[0]))
     assert code_only.tempering < 0.3
 
 
