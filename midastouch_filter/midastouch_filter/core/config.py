@@ -56,7 +56,7 @@ class FilterConfig:
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "fraction of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.02, 1e-5, 0.1, "m", "touches nearer than this count in part only, unless a map fits nothing; 1 rad counts as 10 mm"
+        0.02, 1e-5, 0.1, "m", "touches nearer count in part only, unless a map fits nothing; 1 rad counts as 10 mm"
     )
 
     # --- surface constraint (paper appendix C, pruning)
