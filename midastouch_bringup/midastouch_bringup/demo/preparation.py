@@ -7,7 +7,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.nodes.object_source import resolve
+from midastouch_common.ros.addresses import load_mesh, resolve
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
@@ -40,7 +40,7 @@ def prepare_codebooks(codebooks: Mapping[str, str]) -> None:
 
     Raises InputError for a mesh that cannot be used, before the first one is built.
     """
-    meshes = {codebook: ObjectMesh.load(resolve(mesh, "mesh")) for codebook, mesh in codebooks.items()}
+    meshes = {codebook: load_mesh(mesh) for codebook, mesh in codebooks.items()}
     sensor = SensorModel.load("digit_tacto")
     tcn = load_tcn("fast", sensor)
     for codebook, mesh in meshes.items():

@@ -12,12 +12,11 @@ from std_msgs.msg import Header
 from digit_driver.camera_info import Intrinsics
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.addresses import load_mesh, resolve
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
-from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
 from midastouch_filter.transforms.queue import Wait
@@ -84,9 +83,7 @@ class DigitSim(ManagedNode):
         self._calibration = _calibration(sensor)
 
     def _looking_at(self, mesh: str) -> SimulatedDigit:
-        return SimulatedDigit(
-            ObjectMesh.load(resolve(mesh, "mesh")), self._sensor, self._background, self.parameters["seed"]
-        )
+        return SimulatedDigit(load_mesh(mesh), self._sensor, self._background, self.parameters["seed"])
 
     def unload(self) -> None:
         """Forget both."""

@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import spin
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
@@ -31,7 +32,7 @@ from .explorer_parameters import PARAMETERS
 from .explorer_reach import ReachClient
 from .explorer_report import ExplorerReport
 from .explorer_services import ObjectChange, Push, QuestionClient, advice_of
-from .explorer_sight import Sight, load_mesh
+from .explorer_sight import Sight
 
 _SUGGESTIONS = 24  # asked for: all that are offered
 _RATE = 30.0  # Hz, at which it looks whether something is overdue

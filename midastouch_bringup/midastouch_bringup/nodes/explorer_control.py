@@ -12,12 +12,13 @@ from std_srvs.srv import Trigger
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import point_from_msg
 from midastouch_common.ros import qos
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
 
 from ..explore.acts import Plan
 from ..explore.exploration import Exploration, Motion
-from .explorer_sight import Sight, load_mesh
+from .explorer_sight import Sight
 
 Order = Callable[[], Plan]
 _LONGEST_MOTION_M = 1.0

@@ -13,17 +13,12 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import pose_from_msg, poses_from_msgs, stamp_ns
 from midastouch_common.ros import qos
-from midastouch_filter.nodes.object_source import resolve
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import TransformError
 from midastouch_msgs.msg import PoseModes
 
 from ..explore.surroundings import Surroundings
-
-
-def load_mesh(address: str) -> ObjectMesh:
-    """The mesh at a path or package://NAME/...; InputError if there is none."""
-    return ObjectMesh.load(resolve(address, "mesh"))
 
 
 class Sight:

@@ -17,14 +17,13 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
-from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
@@ -65,7 +64,7 @@ class Finger(PipelineNode):
         super().__init__("finger", **node_options)
         settings = self._settings = Parameters(self, PARAMETERS)
         sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
-        self._world = World(_load(settings["mesh"]), sensor, rng, settings["speed"] / settings["fps"])
+        self._world = World(load_mesh(settings["mesh"]), sensor, rng, settings["speed"] / settings["fps"])
         self._motions: deque[_Motion] = deque()
         self._untouched, self._ended = 0, ""
         frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
@@ -180,15 +179,11 @@ class Finger(PipelineNode):
         try:
             if self._motions:
                 raise InputError("the finger is moving")
-            self._world.put(_load(request.mesh_path))
+            self._world.put(load_mesh(request.mesh_path))
             response.success = True
         except InputError as error:
             response.message = str(error)
         return response
-
-
-def _load(mesh: str) -> ObjectMesh:
-    return ObjectMesh.load(resolve(mesh, "mesh"))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -18,7 +18,6 @@ from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import (
     covariance_from_msg,
     points_from_msg,
@@ -29,9 +28,9 @@ from midastouch_common.message_arrays import (
     transform_from_msg,
 )
 from midastouch_common.ros import qos
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
-from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
 from ..bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
@@ -127,7 +126,7 @@ class View(PipelineNode):
     def _mesh(self, msg: MarkerArray) -> None:
         for marker in msg.markers:
             if marker.type == Marker.MESH_RESOURCE and marker.action == Marker.ADD:
-                mesh = ObjectMesh.load(resolve(marker.mesh_resource, "object_mesh"))
+                mesh = load_mesh(marker.mesh_resource, "object_mesh")
                 self._scene.mesh(mesh.vertices, mesh.faces, mesh.vertex_normals)
 
     def _status(self, msg: FilterStatus) -> None:

@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import probabilities_from_msg, stamp_ns
 from midastouch_common.ros import qos
-from midastouch_filter.nodes.object_source import resolve
+from midastouch_common.ros.addresses import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -20,3 +21,14 @@ def hasty(monkeypatch):
 
     monkeypatch.setattr(finger, "AT_REST_S", 0.1)
     monkeypatch.setattr(diagnostics, "PERIOD_S", 0.1)
+
+
+@pytest.fixture
+def patience_clock(monkeypatch):
+    """The seconds `now` by which patience runs out, which the test moves."""
+    from midastouch_bringup.nodes import arm_client, explorer, explorer_filter
+
+    clock = types.SimpleNamespace(now=0.0)
+    for module in (arm_client, explorer, explorer_filter):
+        monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: clock.now))
+    return clock

@@ -17,10 +17,10 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos, spin
+from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
-from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.transforms import SECOND
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.sensor_model import SensorModel
@@ -71,7 +71,7 @@ class MujocoArmNode(PipelineNode):
     def __init__(self, **node_options):
         super().__init__("mujoco_arm", **node_options)
         self._settings = p = Parameters(self, PARAMETERS)
-        mesh, sensor = ObjectMesh.load(resolve(p["mesh"], "mesh")), SensorModel.load(p["sensor_model"])
+        mesh, sensor = load_mesh(p["mesh"]), SensorModel.load(p["sensor_model"])
         base_from_object = se3.from_xyzquat(np.array(p["object_pose"]))
         self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, _over(mesh, base_from_object, p["above"])))
         self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # those of the joints
