@@ -48,8 +48,8 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits:
-    """speed in contact and air_speed, m/s; turn_speed, rad/s; acceleration, m/s^2; depth, m, beyond which the gel is
-    pulled back. Raises InputError for what is not positive."""
+    """speed in contact and air_speed, m/s; turn_speed, rad/s; acceleration, m/s^2, which turns are free of, as late
+    ones cost depth; depth, m, beyond which the gel is pulled back. Raises InputError for what is not positive."""
 
     speed: float = 0.01
     air_speed: float = 0.02

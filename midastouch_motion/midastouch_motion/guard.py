@@ -51,11 +51,11 @@ class Guard:
             raise InputError(f"the box from {_in_mm(self.low)} to {_in_mm(self.high)} mm is empty")
 
     def problem(self, now: float, seen: Seen) -> str:
-        """Why a motion has to end, in words; empty if it may go on."""
-        return self.stop(now, seen) or self.too_deep(seen)
+        """What is in the way of a motion, in words; empty if nothing is."""
+        return self.stop(now, seen) or self.too_deep(seen) or self.too_strong(seen) or self.outside(seen)
 
     def stop(self, now: float, seen: Seen) -> str:
-        """Why the arm has to stop, in words; empty if it may move."""
+        """Why no motion may go on, wherever it leads, in words; empty if one may."""
         if abs(now - seen.enabled) > self.hold:  # where the clock was set back, nobody knows how long ago that was
             return "not enabled: ~/enable has to be repeated while the arm may move"
         if seen.listeners == 0:
@@ -70,14 +70,7 @@ class Guard:
                 return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
             if early := self.early(what, now, stamp):
                 return early
-        if seen.force > self.force:
-            return f"a force of {seen.force:.1f} N, more than {self.force:.1f}"
-        if seen.lost:
-            return "the filter is lost"
-        position = seen.gel[:3, 3]
-        if not ((self.low <= position) & (position <= self.high)).all():
-            return f"the gel is at {_in_mm(position)} mm, outside of the box"
-        return ""
+        return "the filter is lost" if seen.lost else ""
 
     def early(self, what: str, now: float, stamp: float) -> str:
         """Why a stamp [s] that is ahead of `now` says nothing of how old something is, in words; empty if it is not."""
@@ -89,6 +82,22 @@ class Guard:
         if seen.depth > self.depth:
             return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}"
         return ""
+
+    def too_strong(self, seen: Seen) -> str:
+        """Why the gel may only lead off the surface, in words; empty if it may go anywhere."""
+        return f"a force of {seen.force:.1f} N, more than {self.force:.1f}" if seen.force > self.force else ""
+
+    def outside(self, seen: Seen, twist: np.ndarray | None = None) -> str:
+        """That the gel is outside of the box, in words, empty if it is not, or if a twist (6,) leads it back."""
+        position = seen.gel[:3, 3]
+        out = (position > self.high).astype(int) - (position < self.low)
+        if not out.any():
+            return ""
+        if twist is not None:
+            outwards = out * (seen.gel[:3, :3] @ twist[:3])
+            if not twist.any() or ((outwards <= 0).all() and (outwards < 0).any()):
+                return ""
+        return f"the gel is at {_in_mm(position)} mm, outside of the box"
 
 
 def _in_mm(position: np.ndarray) -> str:

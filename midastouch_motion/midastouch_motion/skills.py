@@ -14,6 +14,7 @@ from midastouch_common import se3
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
+_UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 _THICK = 5e-3  # m, of a gel
@@ -28,9 +29,12 @@ class Ended(NamedTuple):
 
 
 class Skill(Protocol):
-    """Attribute: path, m gone so far."""
+    """Attributes: path, m gone so far; leaves, whether it leads straight off the surface."""
 
     path: float
+
+    @property
+    def leaves(self) -> bool: ...
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         """The twist (6,) at `now` [s] of a gel that is at a pose (4, 4) in the base frame; or how it ended."""
@@ -38,6 +42,8 @@ class Skill(Protocol):
 
 class _Moving:
     """Counts the path, in steps that are larger than the noise of an arm's poses."""
+
+    leaves = False
 
     def __init__(self) -> None:
         self.path, self._at = 0.0, None
@@ -54,23 +60,27 @@ class _Moving:
 
 class Touch(_Moving):
     """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, and hold
-    `depth` m. What touches is followed no farther than a gel is thick."""
+    `depth` m. What touches is followed no farther than a gel is thick, and not for ever."""
 
     def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
         super().__init__()
         self._depth, self._distance = depth, distance
         self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
-        self._settled: float | None = None
+        self._touched: float | None = None  # s, since when it has touched
+        self._settled: float | None = None  # s, since when at that depth
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
         if servo.touching and gone > self._distance + _THICK:
             return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
         if not servo.touching:
-            self._settled = None
+            self._touched = self._settled = None
             if gone > self._distance:
                 return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
+        self._touched = now if self._touched is None else self._touched
+        if now - self._touched > _UNSETTLED_FOR:
+            return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")
         if abs(servo.depth - self._depth) > _SETTLED:
             self._settled = None
         elif self._settled is None:
@@ -115,6 +125,8 @@ class Slide(_Moving):
 class Lift(_Moving):
     """Straight off the surface, by a height [m]."""
 
+    leaves = True
+
     def __init__(self, height: float):
         super().__init__()
         self._height = height
@@ -128,6 +140,8 @@ class Lift(_Moving):
 class BackOff(_Moving):
     """Straight back until the depth is half of what is allowed, or if it is to be `clear` until nothing touches; at
     most as far as a gel is thick."""
+
+    leaves = True
 
     def __init__(self, clear: bool = False):
         super().__init__()
@@ -152,11 +166,16 @@ class Approach(_Moving):
         self._back: BackOff | None = None
         self._touched = Ended(False, "")
 
+    @property
+    def leaves(self) -> bool:
+        return self._back is not None
+
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
         if self._back is None and servo.touching:
             self._back = BackOff(clear=True)
             self._touched = Ended(False, f"touched on the way after {1e3 * gone:.0f} mm")
+            return np.zeros(6)
         if self._back is not None:
             answer = self._back.step(servo, now, pose)
             return self._touched if isinstance(answer, Ended) else answer

@@ -1,17 +1,184 @@
 import numpy as np
+import pytest
 
-from midastouch_motion.contact_servo import ContactServo, Limits
+from midastouch_common import se3
+from midastouch_motion.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard, Seen
-from midastouch_motion.skills import Lift
+from midastouch_motion.skills import Approach, Lift, Slide, Touch
+
+LIMITS, DEPTH, PERIOD = Limits(), 5e-4, 0.01
+
+
+class Driver:
+    """A controller, stepped as by the node, an image and a pose in each period.
+
+    What the gel feels is set by `depth`; where it is by `gel`; `changes`, of what else is seen.
+    """
+
+    def __init__(self, skill, depth=0.0):
+        guard = Guard(np.full(3, -0.1), np.full(3, 0.1), LIMITS.depth, force=10.0)
+        self.controller = Controller(ContactServo(LIMITS, 0.05), guard)
+        self.now, self.depth, self.gel, self.changes = 0.0, depth, np.eye(4), {}
+        self.begin(skill)
+
+    def begin(self, skill):
+        self.controller.begin(skill)
+
+    def step(self):
+        self.now += PERIOD
+        flat = np.zeros(2)
+        self.controller.servo.measure(self.now, Measured(self.now - 0.02, self.depth, flat, flat))
+        well = {"enabled": self.now, "image": self.now, "pose": self.now, "wrench": self.now}
+        well |= {"listeners": 1, "commanders": 1, "gel": self.gel}
+        twist, ended = self.controller.step(self.now, Seen(**well | self.changes))
+        self.gel = self.gel @ se3.exp(PERIOD * twist)
+        return twist, ended
+
+    def run(self, periods):
+        return [self.step()[0] for _ in range(periods)]
+
+    def ended(self):
+        """How the motion ends, and the twist then."""
+        for _ in range(3000):
+            twist, ended = self.step()
+            if ended is not None:
+                return ended, twist
+        raise AssertionError("no end within 30 s")
+
+
+MOTIONS = {
+    "lift": (lambda: Lift(0.09), 0.0),
+    "approach": (lambda: Approach(se3.exp(np.array([0.0, 0.08, 0.0, 0.0, 0.0, 1.0]))), 0.0),
+    "touch": (lambda: Touch(DEPTH, 0.09), 0.0),
+    "slide": (lambda: Slide(0.3, 0.09, DEPTH), DEPTH),
+}
+"""How each is made, and how deep the gel is meanwhile."""
+
+
+def driver_of(motion):
+    make, depth = MOTIONS[motion]
+    return Driver(make(), depth)
+
+
+FAULTS = [
+    ("enabled", -np.inf, "not enabled"),
+    ("image", -1.0, "the newest image is"),
+    ("pose", -1.0, "the newest transform of the gel is"),
+    ("wrench", -1.0, "the newest force"),
+    ("listeners", 0, "nobody follows"),
+    ("commanders", 2, "another node commands"),
+    ("lost", True, "the filter is lost"),
+    ("force", 12.0, "a force of 12.0 N"),
+]
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize(("what", "value", "reason"), FAULTS)
+def test_a_fault_stops_each_motion_in_the_next_period(motion, what, value, reason):
+    driver = driver_of(motion)
+    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    driver.changes = {what: value}
+    twist, ended = driver.step()
+    assert not twist.any()
+    assert not ended.success
+    assert ended.message.startswith(reason)
+
+
+@pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
+def test_what_is_too_deep_stops_in_the_next_period_and_is_then_pulled_back(motion):
+    driver = driver_of(motion)
+    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    driver.depth = 1.6e-3
+    twist, ended = driver.step()
+    assert not twist.any()
+    assert ended is None
+    back = np.array(driver.run(10))
+    assert (back[:, 2] > 0).all()
+    assert not np.delete(back, 2, axis=1).any(), "straight back"
+    driver.depth = 1e-4
+    assert "mm deep, more than 1.00" in driver.ended()[0].message
+
+
+def test_a_gel_that_meets_something_on_its_way_stops_before_it_turns_back():
+    driver = driver_of("approach")
+    driver.run(20)
+    driver.depth = 3e-4
+    assert not driver.step()[0].any()
+    assert driver.step()[0][2] > 0
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_each_motion_gets_faster_from_rest_however_long_the_last_one_is_ago(motion):
+    driver = driver_of(motion)
+    driver.run(20)
+    driver.now += 3.0
+    driver.begin(MOTIONS[motion][0]())
+    twists = np.array([np.zeros(6), *driver.run(20)])
+    changes = np.linalg.norm(np.diff(twists, axis=0)[:, :3], axis=1)
+    assert 0 < changes.max() <= LIMITS.acceleration * PERIOD + 1e-9
+
+
+def test_a_gel_that_is_pressed_too_strongly_may_be_lifted_but_not_into_something_else():
+    driver = Driver(Lift(0.05), depth=1.6e-3)
+    driver.changes = {"force": 31.0}
+    assert driver.run(20)[-1][2] > 0
+    driver.changes, driver.depth = {}, 0.0
+    driver.run(20)
+    driver.changes = {"force": 12.0}
+    twist, ended = driver.step()
+    assert not twist.any()
+    assert ended.message == "a force of 12.0 N, more than 10.0"
+
+
+def test_what_presses_deep_and_strongly_is_pulled_back():
+    driver = driver_of("slide")
+    driver.run(20)
+    driver.depth, driver.changes = 1.6e-3, {"force": 31.0}
+    assert driver.run(5)[-1][2] > 0
+    driver.depth, driver.changes = 1e-4, {}
+    assert "deep, more than" in driver.ended()[0].message
+
+
+def test_out_of_the_box_only_ways_back_are_gone():
+    driver = Driver(Lift(0.2))
+    driver.gel = se3.translation([0.0, 0.0, 0.08])
+    ended, twist = driver.ended()
+    assert not twist.any()
+    assert "outside of the box" in ended.message
+    assert driver.gel[2, 3] < 0.101
+    driver.begin(Approach(np.eye(4)))
+    assert driver.ended()[0].success
+    assert driver.gel[2, 3] < 0.002
 
 
 def test_a_pause_of_the_controller_is_no_fault_of_the_arm():
     """Which stops by itself meanwhile."""
-    controller = Controller(ContactServo(Limits(), 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), 1e-3))
-    controller.begin(Lift(0.1))
-    for now in (0.0, 0.01, 1.0):
-        seen = Seen(enabled=now, image=now, pose=now, listeners=1, commanders=1)
-        twist, ended = controller.step(now, seen)
-        assert ended is None, ended.message
+    driver = Driver(Lift(0.1))
+    driver.run(2)
+    driver.now += 1.0
+    twist, ended = driver.step()
+    assert ended is None, ended.message
     assert twist[2] > 0
+
+
+def test_corrections_to_and_fro_are_followed_and_a_touch_that_never_settles_ends():
+    rng = np.random.default_rng(0)
+    driver = driver_of("touch")
+    driver.run(5)
+    for _ in range(3000):
+        driver.depth = DEPTH + rng.choice([-2e-4, 2e-4])
+        _, ended = driver.step()
+        if ended is not None:
+            break
+    assert ended.message.startswith("the depth does not settle")
+
+
+def test_an_arm_that_stays_where_it_is_is_not_pushed_on():
+    driver = driver_of("approach")
+    for _ in range(3000):
+        driver.gel = np.eye(4)
+        _, ended = driver.step()
+        if ended is not None:
+            break
+    assert ended.message.startswith("the arm does not follow: it stays where it is over 10 mm")

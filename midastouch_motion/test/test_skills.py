@@ -125,6 +125,7 @@ def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
     through = start @ se3.make(np.eye(3), np.array([0, 0, -0.06]))
     run = there.run(start, [Approach(through)])
     assert not run.ended[0].success
+    assert max(run.depths) < 3e-3
     assert "touched on the way after" in run.ended[0].message
     assert there.depth(run.pose) == 0
     assert there.run(run.pose, [Approach(start)]).ended[0].success, "the way back is free"
@@ -133,7 +134,7 @@ def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
 def test_the_guard_ends_an_approach_too(world):
     there = world("ball")
     far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.make(np.eye(3), np.array([0, 0, 2.0]))
-    run = there.run(far, [Approach(far)])
+    run = there.run(far, [Approach(far @ se3.translation([0.0, 0.0, 0.01]))])
     assert "outside of the box" in run.ended[0].message
 
 

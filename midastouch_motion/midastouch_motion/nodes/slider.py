@@ -32,6 +32,8 @@ from .slider_parameters import PARAMETERS
 from .touch_images import TouchImages
 from .twist_topic import vectors
 
+_NO_ARMS = "recorder", "rosbag2_recorder", "_ros2cli"
+"""How the names of nodes begin that read twists and follow none: those of bags, and of `ros2 topic echo`."""
 _SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
 
 
@@ -39,7 +41,7 @@ class Slider(ManagedNode):
     """While active, carries out goals of `touch`, `slide`, `lift` and `approach`, as long as `~/enable` is repeated.
 
     Twists of the gel, in its own frame, are on `delta_twist_cmds` while a goal is carried out, and two of zero after
-    it.
+    it, one where the node itself ends.
     """
 
     _goal: tuple[ServerGoalHandle, type] | None = None
@@ -153,6 +155,10 @@ class Slider(ManagedNode):
 
     def _look(self) -> None:
         """Where the gel is, and who is on the topic of the twists."""
+        topic = self._twists.topic_name
+        readers = self.get_subscriptions_info_by_topic(topic)
+        self._seen.listeners = sum(not info.node_name.startswith(_NO_ARMS) for info in readers)
+        self._seen.commanders = self.count_publishers(topic)
         try:
             newest = self._transforms.latest_stamp(*self._frames)
             stamp = self.get_clock().now().nanoseconds if newest is None else newest
@@ -161,8 +167,6 @@ class Slider(ManagedNode):
             return
         if not isinstance(pose, Wait):
             self._seen.pose, self._seen.gel = stamp / SECOND, pose
-        topic = self._twists.topic_name
-        self._seen.listeners, self._seen.commanders = self.count_subscribers(topic), self.count_publishers(topic)
 
     # --- goals
 

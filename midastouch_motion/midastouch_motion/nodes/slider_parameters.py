@@ -20,7 +20,12 @@ PARAMETERS = (
     Parameter("air_speed", 0.02, "Fastest motion in the air", unit="m/s", minimum=1e-4, maximum=0.25),
     Parameter("turn_speed", 0.5, "Fastest turn", unit="rad/s", minimum=0.01, maximum=2.0),
     Parameter(
-        "acceleration", 0.2, "Fastest change of speed; a stop is at once", unit="m/s^2", minimum=0.01, maximum=5.0
+        "acceleration",
+        0.2,
+        "Fastest change of speed; turns change at once, and a stop is at once",
+        unit="m/s^2",
+        minimum=0.01,
+        maximum=5.0,
     ),
     Parameter(
         "max_force",
@@ -36,7 +41,7 @@ PARAMETERS = (
     Parameter("box_low", [-1.0, -1.0, -1.0], "Corner of the box in the base frame that the gel keeps to", unit="m"),
     Parameter("box_high", [1.0, 1.0, 1.5], "Its opposite corner", unit="m"),
     Parameter("rate", 100.0, "Twists per second", unit="Hz", minimum=20.0, maximum=1000.0, at_start=True),
-    Parameter("arm_latency", 0.05, "From a twist to the motion of the arm", unit="s", minimum=0.0, maximum=0.5),
+    Parameter("arm_latency", 0.05, "From a twist to the motion of the arm", unit="s", minimum=1e-3, maximum=0.5),
     Parameter("hold", 0.1, "How long an `enable` holds", unit="s", minimum=0.02, maximum=10.0),
     Parameter(
         "stale_after",

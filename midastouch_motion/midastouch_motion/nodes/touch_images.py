@@ -15,6 +15,7 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileContact
 
+_LARGEST_GEL = 0.1  # m
 _HALVES = 8  # contacts whose points are still to come, or the other way round
 
 
@@ -49,8 +50,8 @@ class TouchImages:
             del self._halves[stamp]
             try:
                 points = points_from_msg(halves[PointCloud2])
-                if not np.isfinite(points).all():
-                    raise InputError("points that are not finite")
+                if np.abs(points).max(initial=0.0) > _LARGEST_GEL:
+                    raise InputError(f"points more than {_LARGEST_GEL:g} m from the gel's apex")
                 self._on_image(halves[TactileContact], points)
             except InputError as error:
                 self._problem("bad_clouds", f"tactile/points: {error}")

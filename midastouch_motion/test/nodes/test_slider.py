@@ -11,6 +11,7 @@ from geometry_msgs.msg import (
 )
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
+from rclpy.node import Node
 from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
@@ -84,6 +85,28 @@ def test_without_a_limit_of_force_nobody_has_to_measure_one(graph):
     rig = Rig(graph)
     rig.forces = False
     rig.ask(Lift, height=0.2).moves()
+
+
+def in_the_way(rig):
+    return rig.node.describe()[2]["in_the_way"]
+
+
+@pytest.mark.parametrize("reader", ["recorder", "rosbag2_recorder"])
+def test_who_records_twists_follows_none(graph, reader):
+    rig = Rig(graph)
+    rig.until(lambda: in_the_way(rig) == "nothing", "all to be seen")
+    recorder = graph.add(Node, node_name=reader)
+    recorder.create_subscription(TwistStamped, "delta_twist_cmds", lambda _: None, qos.stream_subscriber())
+    for each in [*graph.companion.subscriptions]:
+        if each.topic_name == "/delta_twist_cmds":
+            graph.companion.destroy_subscription(each)
+    rig.until(lambda: in_the_way(rig).startswith("nobody follows the twists"), "the arm to be missed")
+
+
+def test_without_transforms_these_are_missed_and_not_the_arm(graph):
+    rig = Rig(graph)
+    rig.poses = False
+    rig.until(lambda: in_the_way(rig) == "no transform of the gel came yet", "transforms to be missed")
 
 
 def no_enable(rig, graph):
