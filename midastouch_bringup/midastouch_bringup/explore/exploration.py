@@ -127,7 +127,9 @@ class Exploration:
 
     def judge(self, state: str, why: str, measured: bool) -> None:
         """Look at the filter's state after a motion, its reason, and whether it has `measured` what the finger
-        touches."""
+        touches; a verdict that there is stays."""
+        if self.verdict is not None:
+            return
         self._unmeasured = 0 if measured or not self.touching else self._unmeasured + 1
         self._sure = self._sure + 1 if state == "converged" else 0
         if self._sure >= _SURE:

@@ -56,6 +56,8 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
     height, left = 0.0, [*ways]
     for clearance in CLEARANCES:
         lifted = yield Lift(clearance - height)
+        if not lifted.success:
+            break
         height = clearance
         while left:
             passed = yield from _fly(left[0] @ se3.translation([0.0, 0.0, clearance]))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import Vector3
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg
@@ -23,8 +25,9 @@ _FARTHEST = 2.0  # m
 def goal_of(act: Act, base: str) -> Any:
     """The goal that asks for an act; base: name of the arm's base frame."""
     match act:
-        case Touch(distance):
-            return action.Touch.Goal(distance=distance)
+        case Touch(distance, direction):
+            x, y, z = map(float, direction)
+            return action.Touch.Goal(distance=distance, direction=Vector3(x=x, y=y, z=z))
         case Slide(heading, length):
             return action.Slide.Goal(heading=heading, length=length)
         case Lift(height):
@@ -47,16 +50,17 @@ def act_of(goal: Any, base: str) -> Act:
             return Approach(pose_in(goal.pose, base))
 
 
-def done_of(result: Any | None, touching: bool, seen: np.ndarray) -> Done:
+def done_of(result: Any | None, base: str, touching: bool, seen: np.ndarray) -> Done:
     """How an act ended, by the action's result, None if the goal was not accepted.
 
     touching, whether the gel did before; seen, its newest pose T_base_gel (4, 4) on TF, which may come later than the
-    result, and counts where that has none.
+    result, and counts where that has none in the base frame.
     """
     if result is None:
         return Done(False, "the arm refuses its goal", 0.0, touching, seen)
     try:
-        pose = pose_from_msg(result.pose.pose) if result.pose.header.frame_id else seen
+        pose = pose_from_msg(result.pose.pose) if result.pose.header.frame_id == base else seen
     except InputError:
         pose = seen
-    return Done(result.success, result.message, result.path, result.depth > 0, pose)
+    path = result.path if math.isfinite(result.path) else 0.0
+    return Done(result.success, result.message, path, result.depth > 0, pose)

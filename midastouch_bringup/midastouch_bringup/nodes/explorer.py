@@ -17,8 +17,8 @@ from midastouch_common.ros import spin
 from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
+from midastouch_filter.active_touch.suggestion import Advice
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
-from midastouch_msgs.srv import SuggestMotion
 
 from ..explore.acts import CheckReach, Done, Plan
 from ..explore.exploration import Exploration
@@ -31,10 +31,9 @@ from .explorer_marker import FingerMarker
 from .explorer_parameters import PARAMETERS
 from .explorer_reach import ReachClient
 from .explorer_report import ExplorerReport
-from .explorer_services import ObjectChange, Push, QuestionClient, advice_of
+from .explorer_services import AdviceClient, ObjectChange, Push
 from .explorer_sight import Sight
 
-_SUGGESTIONS = 24  # asked for: all that are offered
 _RATE = 30.0  # Hz, at which it looks whether something is overdue
 
 
@@ -59,6 +58,7 @@ class Explorer(PipelineNode):
         self._on_end, self._progressed_at = on_end, time.monotonic()
         self.gave_up, self._begun, self._held = False, False, p["start_paused"]
         self._plan: Plan | None = None
+        self._unjudged = False  # whether the arm has done anything since what came of it was judged
         self._moved_until = 0  # ns: what the filter says of earlier images is not of where the gel is now
         self._orders: deque[Order] = deque()
 
@@ -69,7 +69,7 @@ class Explorer(PipelineNode):
         self._arm = ArmClient(self, frames["base"], self._on_done)
         self._sight = Sight(self, frames, self._on_jump, problem)
         self._filter = FilterAnswers(self, lambda: self._sight.stamp, self._on_filter)
-        self._suggestions = QuestionClient(self, SuggestMotion, "suggest_motion", self._on_suggestions)
+        self._suggestions = AdviceClient(self, p["max_motion"], self._on_advice)
         self._change = ObjectChange(self, self._on_object_changed)
         did, sight, push = self._exploration, self._sight, Push(self, problem)
         control = ExplorerControl(self, did, sight, self._take, self._resume, push, self._change)
@@ -96,16 +96,16 @@ class Explorer(PipelineNode):
             whose = "of set_object" if self._change.pending else "on filter_status"
             self._end(False, f"no answer {whose} for {silent:.0f} s: do sensor, arm and localisation run?")
             return
-        working = self._report.state in (ExplorerStatus.STATE_WAITING, ExplorerStatus.STATE_EXPLORING)
-        if not working or self._change.pending or not self._filter.state:
+        by_itself = self._report.state in (ExplorerStatus.STATE_WAITING, ExplorerStatus.STATE_EXPLORING)
+        if not (by_itself or self._plan) or self._change.pending or not self._filter.state:
             self._progressed_at = now
         if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["patience"]:
             filter_says = f"the filter says {self._filter.state}: {self._filter.reason}"
             whys = filter(None, (self._arm.trouble, self._reach.trouble, filter_says))
             self._end(False, f"the finger could not go on for {stuck:.0f} s; {'; '.join(whys)}")
             return
-        self._suggestions.look()
-        self._reach.look()
+        for service in (self._suggestions, self._reach, self._change):
+            service.look()
 
     def _on_filter(self) -> None:
         if self._report.over:
@@ -154,7 +154,8 @@ class Explorer(PipelineNode):
         self._advance(Done(reached, why_not, 0.0, self._exploration.touching, self._sight.gel))
 
     def _on_done(self, result: Any | None) -> None:
-        done = done_of(result, self._exploration.touching, self._sight.gel)
+        done = done_of(result, self._sight.base, self._exploration.touching, self._sight.gel)
+        self._unjudged = True
         if result is not None:
             self._moved_until = stamp_ns(result.pose.header.stamp)
         if not done.success:
@@ -168,28 +169,26 @@ class Explorer(PipelineNode):
         if self._orders:
             self._carry_out(self._orders.popleft()())
         elif self._report.state == ExplorerStatus.STATE_EXPLORING and self._begun:
-            self._exploration.judge(self._filter.state, self._filter.reason, self._filter.measured)
-            self._filter.measured = False
+            if self._unjudged:
+                self._exploration.judge(self._filter.state, self._filter.reason, self._filter.measured)
+                self._unjudged = self._filter.measured = False
             if self._ended():
                 return
             if self._suggestions.ready and self._filter.state != FilterStatus.STATE_UNINITIALISED:
-                longest = self._settings["max_motion"]
-                self._suggestions.ask(SuggestMotion.Request(max_length=longest, lifts=True, count=_SUGGESTIONS))
+                self._suggestions.ask_where()
             else:
                 self._decide(None)
 
-    def _on_suggestions(self, response: SuggestMotion.Response) -> None:
+    def _on_advice(self, advice: Advice | None, why_not: str) -> None:
         if self._report.state != ExplorerStatus.STATE_EXPLORING:  # it is over, or a person has the finger by now
             self._go_on()
-        elif response.success:
-            self._decide(response)
-        else:
-            self._report.problem("refused_suggestions", f"suggest_motion: {response.message}")
-            self._exploration.refused(response.message)
-            self._decide(None)
+            return
+        if why_not:
+            self._report.problem("refused_suggestions", f"suggest_motion: {why_not}")
+            self._exploration.refused(why_not)
+        self._decide(advice)
 
-    def _decide(self, response: SuggestMotion.Response | None) -> None:
-        advice = None if response is None else advice_of(response)
+    def _decide(self, advice: Advice | None) -> None:
         reason, plan = self._exploration.decide(advice, self._sight.of_filter())
         if self._ended():
             return

@@ -18,10 +18,10 @@ from midastouch_msgs.srv import SetObject
 
 from ..explore.acts import Plan
 from ..explore.exploration import Exploration, Motion
+from .explorer_services import LONGEST_M
 from .explorer_sight import Sight
 
 Order = Callable[[], Plan]
-_LONGEST_MOTION_M = 1.0
 
 
 class ExplorerControl:
@@ -67,11 +67,11 @@ class ExplorerControl:
 
     def _on_move(self, order: Suggestion) -> None:
         numbers = order.heading, order.length
-        if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST_MOTION_M:
+        if np.isfinite(numbers).all() and 0 <= order.length <= LONGEST_M:
             motion = Motion(order.heading, order.length, order.lift)
             self._take(lambda: self._did.obey(motion, self._sight.of_filter()), "a person moves the finger")
         else:
-            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST_MOTION_M:g} m")
+            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {LONGEST_M:g} m")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:

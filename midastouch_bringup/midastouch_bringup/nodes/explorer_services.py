@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from midastouch_common.errors import InputError
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
@@ -18,11 +19,23 @@ from ..explore.acts import Plan
 
 TIMEOUT_S = 10.0
 """s until an answer, which takes a tenth of one, is given up."""
+OBJECT_TIMEOUT_S = 120.0
+"""s until a change of the object is given up; a codebook may have to be built for it."""
+_SUGGESTIONS = 24  # asked for: all that are offered
+LONGEST_M = 1.0
+"""m of a motion that somebody asks for."""
 
 
 def advice_of(response: SuggestMotion.Response) -> Advice:
-    """What a response of `suggest_motion` says, but for the paths."""
+    """What a response of `suggest_motion` says, but for the paths; InputError for none, and for numbers that are no
+    motion's."""
+    if not response.success:
+        raise InputError(response.message)
     names = "heading", "length", "lift", "information", "cost", "reason"
+    for each in response.suggestions:
+        numbers = each.heading, each.length, each.information
+        if not (np.isfinite(numbers).all() and 0 <= each.length <= LONGEST_M):
+            raise InputError(f"heading, length and information of a suggestion are {numbers}")
     suggestions = [
         Suggestion(**{name: getattr(each, name) for name in names}, path=np.zeros((0, 4, 4)))
         for each in response.suggestions
@@ -31,12 +44,19 @@ def advice_of(response: SuggestMotion.Response) -> Advice:
 
 
 class QuestionClient:
-    """Asks a service one question at a time. on_answer: called with each response; in place of one that is overdue with
-    one that says so in its `message`, and nothing else."""
+    """Asks a service one question at a time. on_answer: called with each response; in place of one that is overdue,
+    after timeout() [s], with one that says so in its `message`, and nothing else."""
 
-    def __init__(self, node: Node, kind: type, name: str, on_answer: Callable[[Any], None]):
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        on_answer: Callable[[Any], None],
+        timeout: Callable[[], float] = lambda: TIMEOUT_S,
+    ):
         self._client, self._kind = node.create_client(kind, name), kind
-        self._on_answer = on_answer
+        self._on_answer, self._timeout = on_answer, timeout
         self._asked_at, self._future = 0.0, None
 
     @property
@@ -57,15 +77,35 @@ class QuestionClient:
 
     def look(self) -> None:
         """Give up waiting for an answer that is overdue; call this regularly."""
-        if self.pending and time.monotonic() - self._asked_at > TIMEOUT_S:
+        if self.pending and time.monotonic() - self._asked_at > self._timeout():
             self._client.remove_pending_request(self._future)
             self._future = None
-            self._on_answer(self._kind.Response(message=f"no answer for {TIMEOUT_S:g} s"))
+            self._on_answer(self._kind.Response(message=f"no answer for {self._timeout():g} s"))
 
     def _on_done(self, future: Future) -> None:
         if future is self._future:  # else it comes too late
             self._future = None
             self._on_answer(future.result())
+
+
+class AdviceClient(QuestionClient):
+    """Asks `suggest_motion`. longest [m] of a motion; on_advice(advice, why_not): called with each answer, with None
+    and words where there is none."""
+
+    def __init__(self, node: Node, longest: float, on_advice: Callable[[Advice | None, str], None]):
+        super().__init__(node, SuggestMotion, "suggest_motion", self._on_response)
+        self._longest, self._on_advice = longest, on_advice
+
+    def ask_where(self) -> None:
+        """Send the question where to touch next."""
+        self.ask(SuggestMotion.Request(max_length=self._longest, lifts=True, count=_SUGGESTIONS))
+
+    def _on_response(self, response: SuggestMotion.Response) -> None:
+        try:
+            advice, why_not = advice_of(response), ""
+        except InputError as error:
+            advice, why_not = None, str(error)
+        self._on_advice(advice, why_not)
 
 
 class ObjectChange:
@@ -78,34 +118,40 @@ class ObjectChange:
     def __init__(self, node: Node, on_end: Callable[[str, str], None]):
         self._on_end, self.pending = on_end, False
         # the filter last: it begins anew with images of the new object
-        names = "finger/set_object", "digit_sim/set_object", "set_object"
-        self._services = [node.create_client(SetObject, name) for name in names]
+        self._names = "finger/set_object", "digit_sim/set_object", "set_object"
+        self._services = [
+            QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in self._names
+        ]
 
     def __call__(self, request: SetObject.Request) -> Plan[None]:
         """Change the object to the mesh of a request."""
-        self.pending = True
-        self._call(request, 0)
+        self.pending, self._request, self._number = True, request, -1
+        self._next()
         yield from ()
 
-    def _call(self, request: SetObject.Request, number: int) -> None:
-        service = self._services[number]
-        if not service.service_is_ready():
-            self._end(request, f"nobody offers {service.srv_name}")
-            return
-        service.call_async(request).add_done_callback(lambda future: self._on_answer(request, number, future))
+    def look(self) -> None:
+        """As of `QuestionClient`."""
+        for service in self._services:
+            service.look()
 
-    def _on_answer(self, request: SetObject.Request, number: int, future: Future) -> None:
-        response: SetObject.Response = future.result()
-        if not response.success:
-            self._end(request, response.message)
-        elif number + 1 < len(self._services):
-            self._call(request, number + 1)
+    def _next(self) -> None:
+        self._number += 1
+        if self._number == len(self._services):
+            self._end("")
+        elif self._services[self._number].ready:
+            self._services[self._number].ask(self._request)
         else:
-            self._end(request, "")
+            self._end(f"nobody offers {self._names[self._number]}")
 
-    def _end(self, request: SetObject.Request, why_not: str) -> None:
+    def _on_answer(self, response: SetObject.Response) -> None:
+        if response.success:
+            self._next()
+        else:
+            self._end(f"{self._names[self._number]}: {response.message}")
+
+    def _end(self, why_not: str) -> None:
         self.pending = False
-        self._on_end(request.mesh_path, why_not)
+        self._on_end(self._request.mesh_path, why_not)
 
 
 class Push:

@@ -239,3 +239,12 @@ def test_another_object_begins_anew(world, exploration):
     exploration.judge("converged", "", measured=True)
     assert (exploration.path, exploration.slides, exploration.lifts) == (0.0, 0, 0)
     assert exploration.verdict is None
+
+
+def test_a_verdict_stays_however_the_last_touch_is_judged_again():
+    exploration = Exploration(np.random.default_rng(0), 1.0)
+    exploration.judge("converged", "one mode is left", measured=True)
+    Scripted(refusing).follow(exploration.go([], Surroundings(np.eye(4))))
+    assert "not enabled" in exploration.verdict.words
+    exploration.judge("converged", "one mode is left", measured=True)
+    assert not exploration.verdict.known

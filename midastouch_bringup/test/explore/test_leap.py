@@ -83,3 +83,9 @@ def test_next_to_a_position_others_are_on_the_way_back_from_it(world):
     far = [np.linalg.norm(way[-1][:3, 3] - around.gel[:3, 3]) for way in ways]
     assert len(ways) == 3
     assert far == sorted(far, reverse=True)
+
+
+def test_where_it_cannot_be_lifted_it_touches_on():
+    arm = Air(lambda act: isinstance(act, Lift))
+    assert not arm.follow(leap([THERE, BEYOND]))
+    assert arm.kinds == [Lift, Touch]

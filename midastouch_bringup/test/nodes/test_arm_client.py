@@ -1,12 +1,15 @@
 """Whoever moves an arm by its actions, and goes, has it stop."""
 
+import numpy as np
 import pytest
 from rclpy.node import Node
 
 from midastouch_bringup.bags.messages import BASE_FRAME
-from midastouch_bringup.explore.acts import Slide
-from midastouch_bringup.nodes.arm_actions import KINDS
+from midastouch_bringup.explore.acts import Approach, Lift, Slide, Touch
+from midastouch_bringup.nodes.arm_actions import KINDS, act_of, done_of, goal_of
 from midastouch_bringup.nodes.arm_client import ArmClient
+from midastouch_common import se3
+from midastouch_common.ros.conversions import stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 
 pytestmark = pytest.mark.dds
@@ -44,3 +47,22 @@ def test_a_goal_in_flight_is_cancelled(graph, arm, begun):
     client.close()
     graph.remove(node)
     graph.spin_until(lambda: arm.cancelled, "the goal to be cancelled")
+
+
+@pytest.mark.parametrize("act", [Touch(0.05, (0.0, 1.0, -1.0)), Slide(0.3, 0.02), Lift(0.01)])
+def test_the_goal_of_an_act_asks_for_that_act(act):
+    assert act_of(goal_of(act, BASE_FRAME), BASE_FRAME) == act
+
+
+def test_the_goal_of_an_approach_asks_for_its_pose():
+    pose = se3.exp(np.array([0.1, 0.2, 0.3, 0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(act_of(goal_of(Approach(pose), BASE_FRAME), BASE_FRAME).pose, pose)
+
+
+@pytest.mark.parametrize(("frame", "counts"), [(BASE_FRAME, True), ("map", False), ("", False)])
+def test_where_an_act_ended_counts_in_the_base_frame_only(frame, counts):
+    there, seen = se3.translation([0.1, 0.0, 0.0]), np.eye(4)
+    result = KINDS[Slide].Result(success=True, path=np.nan, pose=stamped_pose(frame, there))
+    done = done_of(result, BASE_FRAME, True, seen)
+    np.testing.assert_allclose(done.pose, there if counts else seen)
+    assert done.path == 0.0

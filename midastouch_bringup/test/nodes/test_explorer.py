@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from explorer_rig import BALL, TOOL, TOUCHING, Rig
 from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -108,6 +109,32 @@ def test_refused_suggestions_end_it_and_say_so(rig):
     assert rig.until("gave_up").reason.endswith("nothing was felt yet")
     assert rig.node.gave_up
     assert len(rig.asked) == 3
+
+
+@pytest.mark.parametrize(("length", "heading"), [(np.nan, 0.0), (np.inf, 0.0), (50.0, 0.0), (0.02, np.nan)])
+def test_suggestions_that_are_no_motions_are_refused(rig, length, heading):
+    def advise(response):
+        response.success = True
+        response.suggestions = [Suggestion(heading=heading, length=length, information=0.4)]
+
+    rig.advise(advise)
+    assert "heading, length and information of a suggestion are" in rig.until("gave_up").reason
+
+
+def test_a_motion_is_judged_once_though_a_person_had_the_finger_after_it(rig, monkeypatch):
+    mute = Node("mute")  # which nobody spins
+    mute.create_service(SuggestMotion, "suggest_motion", lambda _, response: response)
+    rig.state = "converged"
+    rig.until("exploring")
+    rig.graph.spin_until(lambda: rig.statuses[-1].lifts == 1, "the first touch")
+    assert rig.call("pause").success
+    monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
+    seen = len(rig.poses)
+    rig.graph.spin_until(lambda: len(rig.poses) > seen + 3, "images at rest")
+    assert rig.call("resume").success
+    status = rig.until("known")
+    assert status.slides + status.lifts > 1
+    mute.destroy_node()
 
 
 def test_an_answer_that_is_overdue_moves_no_finger_that_a_person_has(rig, monkeypatch):
@@ -262,7 +289,16 @@ class TestAnotherObject:
         self.offer(rig, "set_object", "no codebook fits")
         rig.until("exploring", "somewhere")
         assert self.ask(rig, TOOL).success
-        rig.until("paused", "not changed: no codebook fits")
+        rig.until("paused", "not changed: set_object: no codebook fits")
+
+    def test_one_that_nobody_answers_for_leaves_the_finger_to_the_person(self, rig, monkeypatch):
+        monkeypatch.setattr(explorer_services, "OBJECT_TIMEOUT_S", 0.0)
+        rig.until("exploring", "somewhere")
+        assert self.ask(rig, TOOL).success
+        rig.until("paused", "not changed: finger/set_object: no answer for 0 s")
+        assert rig.call("resume").success
+        slides = rig.statuses[-1].slides
+        rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides, "it to go on")
 
     def test_one_that_is_no_mesh_is_refused_at_once(self, rig):
         rig.until("exploring", "somewhere")
