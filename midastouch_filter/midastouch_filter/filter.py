@@ -110,6 +110,7 @@ class ParticleFilter:
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered, self._untouched = None, False
+        self._reporter.nothing()  # what the state was before says nothing of this start
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder, self._object.symmetry.exact)
         self._policies.restart(prior)
 

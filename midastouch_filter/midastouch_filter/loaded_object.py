@@ -183,4 +183,4 @@ def dense_codebook(
     # the runtime of networks is needed for this alone
     from midastouch_perception.codebook_build import CodebookBuild
 
-    return CodebookBuild(mesh, tcn, sensor, DENSE).run(pause=pause)
+    return CodebookBuild(mesh, tcn, sensor, DENSE).run(pause=pause, tried=pause)

@@ -162,8 +162,8 @@ def coded_slide(world) -> SimpleNamespace:
 
 @pytest.fixture(scope="session")
 def mapped_slide(world) -> SimpleNamespace:
-    """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them;
-    make_filter(**settings)."""
+    """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them; codebook;
+    make_filter(codebook, **settings)."""
     book = make_codebook(world.poses, world.codebook.codes, world.codebook.derived)
     book.meta["sensor"] = "digit_tacto"
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
@@ -174,7 +174,10 @@ def mapped_slide(world) -> SimpleNamespace:
         poses=poses,
         odometry=[*se3.odometry(poses)],
         touches=[Measurement(True, c, 1e-4, penetration=m) for c, m in zip(world.encode(poses), maps, strict=True)],
-        make_filter=lambda **settings: ParticleFilter(world.mesh, book, FilterConfig(**few, **settings), 0),
+        codebook=book,
+        make_filter=lambda codebook=book, **settings: ParticleFilter(
+            world.mesh, codebook, FilterConfig(**few, **settings), 0
+        ),
     )
 
 

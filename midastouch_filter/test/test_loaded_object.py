@@ -10,6 +10,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
@@ -133,6 +134,20 @@ def test_it_is_the_same_whenever_it_was_prepared(world, slide):
             running.step(odometry[k], touches[k], others[k])
         bits.append(running.poses.tobytes() + running.weights.tobytes())
     assert bits[0] == bits[1]
+
+
+def test_hypotheses_are_compared_over_a_denser_codebook(world, mapped_slide):
+    coarse = world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500]), world.of_surface)
+    coarse.meta["sensor"] = "digit_tacto"
+    running = mapped_slide.make_filter(coarse)
+    running.initialise_gaussian(mapped_slide.poses[0], 0.03, 0.3)
+    prepared, states = running.object.with_codebook(mapped_slide.codebook), []
+    for k, (motion, touch) in enumerate(zip(mapped_slide.odometry, mapped_slide.touches, strict=True)):
+        if k == 20:
+            running.take(prepared)
+        states.append(running.step(motion, touch).status.state)
+        running.deferred_update()
+    assert states[-1] == CONVERGED
 
 
 def test_it_may_be_taken_before_a_start(world, slide):

@@ -1,7 +1,7 @@
 """Compiled inner loops over NumPy arrays. What each does is said where it is bound, in `src/`.
 
 The arrays must have the very type and layout that a kernel asks for (C order, float32 or float64, ...): nothing is
-converted on the way, so that what a kernel writes arrives. Kernels release the GIL.
+converted on the way, so that what a kernel writes arrives. Those that take long release the GIL.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -24,7 +25,11 @@ void parallel_for(std::size_t n, std::size_t piece, Body&& body) {
         for (std::size_t k; (k = next.fetch_add(1)) < pieces;) body(k * piece, std::min(n, (k + 1) * piece));
     };
     std::vector<std::thread> helpers;
-    for (std::size_t k = 1; k < threads; ++k) helpers.emplace_back(work);
+    try {
+        for (std::size_t k = 1; k < threads; ++k) helpers.emplace_back(work);
+    } catch (const std::system_error&) {
+        // a container may allow no more: fewer do it, too
+    }
     work();
     for (std::thread& helper : helpers) helper.join();
 }

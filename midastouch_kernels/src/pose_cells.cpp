@@ -15,6 +15,7 @@ class PoseCells {
 public:
     explicit PoseCells(In<float, -1, kRecord> records) : size_(records.shape(0)) {
         if (!size_ || size_ > INT32_MAX) throw nb::value_error("cells need at least one entry, and at most 2^31");
+        nb::gil_scoped_release released;
         float low[3], high[3];
         for (int a = 0; a < 3; ++a) low[a] = INFINITY, high[a] = -INFINITY;
         for (std::size_t i = 0; i < size_; ++i)

@@ -25,6 +25,7 @@ public:
         : size_(records.shape(0)), links_(padded(links.shape(1))) {
         const std::size_t count = links.shape(1);
         if (links.shape(0) != size_) throw nb::value_error("records and links of different sizes");
+        nb::gil_scoped_release released;
         keep_records(records.data());
         link_.resize(size_ * links_), reach_.resize(size_ * batches());
         std::vector<std::pair<float, int32_t>> sorted(count);

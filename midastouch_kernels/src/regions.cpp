@@ -15,22 +15,27 @@ nb::tuple cover_regions(In<float, -1, kRecord> records, In<int32_t, -1, -1> neig
     auto of_entry = make_array<int32_t>({n});
     int32_t* region = of_entry.data();
     std::fill_n(region, n, -1);
-    std::vector<int32_t> centres, stack;
-    for (std::size_t i = 0; i < n; ++i) {
-        if (region[i] >= 0) continue;
-        const float* c = records.data() + kRecord * i;
-        const int32_t number = static_cast<int32_t>(centres.size());
-        region[i] = number;
-        centres.push_back(static_cast<int32_t>(i));
-        stack.assign(1, static_cast<int32_t>(i));
-        while (!stack.empty()) {
-            const int32_t* around = neighbours.data() + k * stack.back();
-            stack.pop_back();
-            for (std::size_t j = 0; j < k; ++j) {
-                if (region[around[j]] >= 0) continue;
-                if (squared_pose_distance(c, c + 4, records.data() + kRecord * around[j]) > squared_radius) continue;
-                region[around[j]] = number;
-                stack.push_back(around[j]);
+    std::vector<int32_t> centres;
+    {
+        nb::gil_scoped_release released;
+        std::vector<int32_t> stack;
+        for (std::size_t i = 0; i < n; ++i) {
+            if (region[i] >= 0) continue;
+            const float* c = records.data() + kRecord * i;
+            const int32_t number = static_cast<int32_t>(centres.size());
+            region[i] = number;
+            centres.push_back(static_cast<int32_t>(i));
+            stack.assign(1, static_cast<int32_t>(i));
+            while (!stack.empty()) {
+                const int32_t* around = neighbours.data() + k * stack.back();
+                stack.pop_back();
+                for (std::size_t j = 0; j < k; ++j) {
+                    if (region[around[j]] >= 0) continue;
+                    const float* there = records.data() + kRecord * around[j];
+                    if (squared_pose_distance(c, c + 4, there) > squared_radius) continue;
+                    region[around[j]] = number;
+                    stack.push_back(around[j]);
+                }
             }
         }
     }

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 from ..active_touch.hypotheses import MOST, Hypothesis
@@ -108,8 +109,11 @@ class CatalogueLocaliser(Localiser):
         self._last, self._last_stamp = T_base_gel, stamp
         if anew:
             identity = self._identification.identity
-            self._follow(identity)
             self._on_identity(identity, T_base_gel, stamp)
+            try:
+                self._follow(identity)
+            except InputError as error:  # its file is gone, or another one by now
+                raise InputError(f"objects: {error}") from error
         estimate = super().process(T_base_gel, measurement, others, stamp)
         if estimate is not None:
             self.estimate = self._qualified(estimate, self._identification.found)

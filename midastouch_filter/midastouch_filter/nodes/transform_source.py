@@ -181,7 +181,8 @@ class TransformSource:
         for each in self._links.values():
             was_kept, each.on_the_way = each.on_the_way, not common or each.child in self._between
             if each.on_the_way and not was_kept and each.last is not None:
-                self._insert(each, each.last)
+                with contextlib.suppress(InvalidTransformError):  # its next one counts
+                    self._insert(each, each.last)
         if common:
             self._buffer.keep(self._between)
 

@@ -57,7 +57,6 @@ class CompetitorSearch:
         pace: Pace | None = None,
     ):
         self._lookup, self._symmetry = lookup, symmetry
-        self._around = lookup.neighbours[:, :ENTRIES_AROUND] if isinstance(lookup, PoseLookup) else None
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or Pace(effort)
 
@@ -164,7 +163,9 @@ class CompetitorSearch:
     def _nearby(self, poses: np.ndarray) -> np.ndarray:
         """(C, 1 + neighbours) entries nearest to poses (C, 4, 4), the very nearest first."""
         entries = self._lookup.exact(poses)
-        return entries[:, None] if self._around is None else np.column_stack([entries, self._around[entries]])
+        if isinstance(self._lookup, PoseLookup):
+            return self._lookup.around(entries, 1 + ENTRIES_AROUND)
+        return entries[:, None]
 
     def _worth_following(
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]

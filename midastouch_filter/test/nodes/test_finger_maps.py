@@ -50,6 +50,7 @@ def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
     for stamp in (stamps[0], stamps[-1]):
         bench.tf.publish(tf_msg(stamp, T_BASE_OBJ))
     graph.spin_until(lambda: len(bench.statuses) == len(stamps))
+    assert len(bench.filter.measurements) == len(stamps)
     assert all(measurement.penetration is not None for measurement in bench.filter.measurements)
 
 

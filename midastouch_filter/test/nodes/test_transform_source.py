@@ -213,3 +213,15 @@ def test_a_frame_between_that_gets_another_parent_is_found_again(tree):
     np.testing.assert_allclose(listening.until(54 * SECOND), translation(0.3))
     with pytest.raises(PastExtrapolationError):
         listening.lookup(51 * SECOND)
+
+
+def test_a_bad_link_on_a_new_way_keeps_no_other_from_it(tree):
+    """Two frames between the arms' tools, of one of which the last transform before was no transform."""
+    listening, send = tree
+    send(51, ("base_link", "other_arm"), ("other_arm", "other_flange"), x=0.2)
+    send(52, ("base_link", "other_arm"), x=math.nan)
+    for stamp in (53, 54):
+        send(stamp, ("other_flange", "tool"), x=0.1)
+        send(stamp, ("base_link", "other_arm"), x=0.3)
+        send(stamp, ("other_arm", "other_flange"), x=0.2)
+    np.testing.assert_allclose(listening.until(54 * SECOND), translation(0.6))
