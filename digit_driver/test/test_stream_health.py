@@ -9,8 +9,8 @@ from digit_driver.frames import Frame, MonotonicClock, ReaderState, ReaderStatus
 from digit_driver.stream_health import Level, StreamEvidence, StreamMonitor, assess
 from digit_driver.stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
 from midastouch_common.clock_offset import ClockOffset
+from midastouch_common.message_arrays import SECOND
 
-SECOND = 1_000_000_000
 PERIOD = 16_666_667  # ns, of the stamps
 INFO = SourceInfo("/dev/video0", "D20001", 240, 320, 60.0)
 STREAMING = ReaderStatus(ReaderState.STREAMING, INFO)

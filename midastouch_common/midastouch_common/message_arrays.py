@@ -16,6 +16,9 @@ import numpy as np
 from . import se3
 from .errors import InputError
 
+SECOND = 1_000_000_000
+"""ns"""
+
 _LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's points are larger
 _ROUNDING = 1e-6  # of a probability
 _FLOAT32 = 7  # sensor_msgs/PointField
@@ -25,7 +28,7 @@ ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1
 
 def stamp_ns(stamp: Any) -> int:
     """A message's time stamp in nanoseconds."""
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
+    return stamp.sec * SECOND + stamp.nanosec
 
 
 def image_from_msg(msg: Any) -> np.ndarray:

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from midastouch_common.clock_offset import PAIRS, ClockOffset
+from midastouch_common.message_arrays import SECOND
 
-SECOND = 1_000_000_000
 offsets = st.integers(-(10**18), 2 * 10**18)
 delays = st.lists(st.integers(0, 20_000_000), min_size=2 * PAIRS, max_size=60)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter, Parameters
 
@@ -10,7 +11,6 @@ from ..reader import ReaderTiming
 from ..v4l2_device import MAX_LED_LEVEL, V4l2Settings
 
 _DAY_S = 86400.0
-_SECOND_NS = 1_000_000_000
 
 PARAMETERS = (
     Parameter("camera_model", "digit", "Kind of sensor: digit, gelsight_mini, or a YAML file of your own"),
@@ -58,9 +58,7 @@ PARAMETERS = (
         maximum=60.0,
     ),
     Parameter("use_buffer_timestamps", True, "Stamp with the kernel's acquisition time, not that of reading"),
-    Parameter(
-        "timestamp_offset", 0, "Added to every stamp", "ns", minimum=-_SECOND_NS, maximum=_SECOND_NS, read_only=False
-    ),
+    Parameter("timestamp_offset", 0, "Added to every stamp", "ns", minimum=-SECOND, maximum=SECOND, read_only=False),
     Parameter(
         "stamp_jitter_limit",
         0.005,

@@ -21,6 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_perception.sensor_model import SensorModel
 
 from ..datasets import Sequence
@@ -44,8 +45,6 @@ TF_TYPE = "tf2_msgs/msg/TFMessage"
 
 BASE_FROM_OBJECT = se3.translation([0.4, -0.15, 0.25])
 """Where the object of a sequence stands, T_base_obj (4, 4), metres."""
-
-_SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def header_stamp_ns(data: bytes) -> int:
     """Stamp [ns] of a serialised message that starts with a header, without deserialising it."""
     order = "<" if data[1] & 1 else ">"
     seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, 4)
-    return seconds * _SECOND + nanoseconds
+    return seconds * SECOND + nanoseconds
 
 
 def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Message]:
@@ -154,7 +153,7 @@ def _message(store: Typestore, topic: str, content: object, stamp: int, latched:
 
 
 def _header(store: Typestore, stamp: int, frame: str) -> object:
-    time = store.types["builtin_interfaces/msg/Time"](sec=stamp // _SECOND, nanosec=stamp % _SECOND)
+    time = store.types["builtin_interfaces/msg/Time"](sec=stamp // SECOND, nanosec=stamp % SECOND)
     return store.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 

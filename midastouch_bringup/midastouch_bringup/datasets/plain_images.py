@@ -12,12 +12,12 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import read_image_file
+from midastouch_common.message_arrays import SECOND
 
 from .sequence import IMAGE_SHAPE
 
 _SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp"}
 _OF_YCB_SLIDE = ("tactile_images", "frames")
-_SECOND = 1_000_000_000
 _FOLDER_FPS, _VIDEO_FPS = 60.0, 30.0  # of a DIGIT; of a video that does not say its own
 
 
@@ -54,9 +54,9 @@ class PlainImages:
     def frames(self, offset_ns: int = 0) -> Iterator[tuple[int, np.ndarray]]:
         """Stamp [ns], from 1 s on, and image (320, 240, 3) uint8 RGB of each frame; none of the first `offset_ns`."""
         for i, (name, image) in enumerate(self._decoded()):
-            since = round(i * _SECOND / self.fps)
+            since = round(i * SECOND / self.fps)
             if since >= offset_ns:
-                yield _SECOND + since, _portrait(image, name)
+                yield SECOND + since, _portrait(image, name)
 
     def _decoded(self) -> Iterator[tuple[str, np.ndarray]]:
         if self._files:

@@ -18,12 +18,12 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_file
+from midastouch_common.message_arrays import SECOND
 
 from . import restricted_pickle
 from .sequence import VideoSequence, portrait
 
 VIDEO_FILE, POSE_FILE, BACKGROUND_FILE = "gelsight.avi", "true_start_T_currs.npy", "background.png"
-_SECOND = 1_000_000_000
 _RATE_RANGE = (1.0, 240.0)  # Hz a recording can have
 _ROTATION_TOLERANCE = 1e-3
 _LARGEST_DISTANCE = 1.0  # m from the start: objects are some centimetres
@@ -52,7 +52,7 @@ def load_trial(path: Path) -> VideoSequence:
         layout="tactile_tracking",
         sensor="gelsight_mini",
         image_paths=(),
-        stamps_ns=_SECOND + np.round(np.arange(len(poses)) * (_SECOND / rate)).astype(np.int64),
+        stamps_ns=SECOND + np.round(np.arange(len(poses)) * (SECOND / rate)).astype(np.int64),
         poses_true=poses,
         poses_measured=poses,
         images=images,

@@ -19,14 +19,14 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_file
 from midastouch_common.images import read_image_file
+from midastouch_common.message_arrays import SECOND
 from midastouch_perception.sensor_model import SensorModel
 
 from . import restricted_pickle
 from .sequence import Sequence
 
-_SECOND = 1_000_000_000
-_SIMULATED_PERIOD = _SECOND // 10  # the paper's loop plays simulated slides at 10 Hz; they carry no stamps
-_FIRST_STAMP = _SECOND
+_SIMULATED_PERIOD = SECOND // 10  # the paper's loop plays simulated slides at 10 Hz; they carry no stamps
+_FIRST_STAMP = SECOND
 
 HEIGHT_UNIT = 3e-5
 """m per grey level of gt_heightmaps."""
@@ -168,7 +168,7 @@ def load_real(path: Path) -> Sequence:
         layout="real",
         sensor=_REAL_SENSOR,
         image_paths=_existing([path / "frames" / names[i] for i in kept]),
-        stamps_ns=_FIRST_STAMP + np.round(times[kept] * _SECOND).astype(np.int64),
+        stamps_ns=_FIRST_STAMP + np.round(times[kept] * SECOND).astype(np.int64),
         poses_true=poses,
         poses_measured=poses,
         background_path=_background(path),

@@ -12,13 +12,14 @@ from std_msgs.msg import Header
 from digit_driver.camera_info import Intrinsics
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import load_mesh, resolve
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
 from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import SECOND, TransformError
+from midastouch_filter.transforms import TransformError
 from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-_SECOND = 1_000_000_000
+from midastouch_common.message_arrays import SECOND
 
 
 class Pace:
@@ -31,14 +31,14 @@ class Pace:
         if self._anchor is None:
             self._anchor = (self._now(), stamp_ns)
         since, first = self._anchor
-        return (stamp_ns - first) / _SECOND / self._rate - (self._now() - since)
+        return (stamp_ns - first) / SECOND / self._rate - (self._now() - since)
 
     def reached(self) -> int | None:
         """The stamp [ns] that is due now; None after a restart."""
         if self._anchor is None:
             return None
         since, first = self._anchor
-        return first + round((self._now() - since) * self._rate * _SECOND)
+        return first + round((self._now() - since) * self._rate * SECOND)
 
 
 _SOON_S = 1e-6  # a wait shorter than this only spins

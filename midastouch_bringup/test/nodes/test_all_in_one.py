@@ -30,7 +30,7 @@ from midastouch_bringup.nodes.all_in_one import main, make_nodes
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_common.ros import spin
 from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus, TactileCode
@@ -44,7 +44,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.slide import simulate_slide
 
 pytestmark = pytest.mark.dds
-SECOND = 1_000_000_000
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))
 
 

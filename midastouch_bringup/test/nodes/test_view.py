@@ -17,6 +17,7 @@ from visualization_msgs.msg import MarkerArray
 from midastouch_bringup.bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_bringup.nodes.view import View
 from midastouch_common import se3
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import image_to_msg, points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.nodes import markers
@@ -24,7 +25,6 @@ from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
 from midastouch_perception.objects import bundled_objects
 
 pytestmark = pytest.mark.dds
-SECOND = 1_000_000_000
 POSE = se3.exp(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.3]))
 
 

@@ -27,7 +27,6 @@ from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tcn import load_tcn
 
-SECOND = 1_000_000_000
 PATIENT = {"input_timeout": 1000.0}
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))
 

@@ -12,7 +12,7 @@ from filter_bench import is_answer
 from filter_fakes import all_finite, loader_of
 from perception_fakes import FakeDepthStage, FakeTcn
 from sensor_msgs.msg import Image
-from slide import PATIENT, SECOND, filter_parameters, image_at, tdn_parameters, transform_msg
+from slide import PATIENT, filter_parameters, image_at, tdn_parameters, transform_msg
 from tf2_msgs.msg import TFMessage
 
 from digit_driver.discovery import find_cameras
@@ -20,7 +20,7 @@ from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
 from midastouch_bringup.nodes.all_in_one import make_nodes
 from midastouch_bringup.nodes.replay import Replay
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.nodes.tcn import TcnNode

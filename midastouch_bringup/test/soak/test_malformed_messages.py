@@ -9,14 +9,14 @@ import pytest
 from filter_fakes import all_finite, cloud_msg, code_msg, pose_msg
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
-from slide import PATIENT, SECOND, Slide, filter_parameters, image_at, tdn_parameters, transform_msg
+from slide import PATIENT, Slide, filter_parameters, image_at, tdn_parameters, transform_msg
 from spoil import spoil
 from std_msgs.msg import Header
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 
 from midastouch_bringup.nodes.detection_prior import DetectionPrior
 from midastouch_bringup.nodes.replay import Replay
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_filter.core.state import STATES
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode

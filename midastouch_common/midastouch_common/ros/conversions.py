@@ -16,13 +16,13 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from .. import se3
-from ..message_arrays import ENCODINGS
+from ..message_arrays import ENCODINGS, SECOND
 
 
 def stamp_from_ns(nanoseconds: int) -> Time:
     """Nanoseconds as a message's time stamp; the nearest one that a message can hold (up to the year 2038)."""
-    sec = min(max(nanoseconds // 1_000_000_000, -(2**31)), 2**31 - 1)
-    return Time(sec=sec, nanosec=nanoseconds % 1_000_000_000)
+    sec = min(max(nanoseconds // SECOND, -(2**31)), 2**31 - 1)
+    return Time(sec=sec, nanosec=nanoseconds % SECOND)
 
 
 def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:

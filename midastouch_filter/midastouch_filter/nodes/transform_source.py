@@ -12,11 +12,11 @@ from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 
 from ..transforms import (
     JUMP_S,
-    SECOND,
     Insertion,
     InvalidTransformError,
     PastExtrapolationError,

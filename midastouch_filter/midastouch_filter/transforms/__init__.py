@@ -1,6 +1,6 @@
 """Where frames are over time: the tree of their transforms, and what waits for one."""
 
-from .buffer import JUMP_S, SECOND, Insertion, TransformBuffer, ancestors
+from .buffer import JUMP_S, Insertion, TransformBuffer, ancestors
 from .rigid import (
     DisconnectedError,
     FutureExtrapolationError,
@@ -12,7 +12,6 @@ from .rigid import (
 
 __all__ = [
     "JUMP_S",
-    "SECOND",
     "DisconnectedError",
     "FutureExtrapolationError",
     "Insertion",

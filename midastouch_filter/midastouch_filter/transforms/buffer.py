@@ -15,6 +15,8 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
+from midastouch_common.message_arrays import SECOND
+
 from .rigid import (
     IDENTITY,
     DisconnectedError,
@@ -30,7 +32,6 @@ from .rigid import (
     to_matrix,
 )
 
-SECOND = 1_000_000_000
 HISTORY_S = 10.0
 JUMP_S = 1.0
 

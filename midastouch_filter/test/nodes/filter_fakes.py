@@ -25,7 +25,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.search import ObjectSymmetry
 
 DIAGONAL = 0.3
-SECOND = 1_000_000_000
 MAP_SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
 
 

@@ -7,7 +7,7 @@ import array
 import numpy as np
 import pytest
 from filter_bench import is_answer
-from filter_fakes import SECOND, all_finite, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import all_finite, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
@@ -15,7 +15,7 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_filter.core.state import STATES
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.loaded_object import LoadedObject

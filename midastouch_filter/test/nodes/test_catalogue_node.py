@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filter_bench import REPLAY, is_answer
-from filter_fakes import SECOND, tf_msg
+from filter_fakes import tf_msg
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
@@ -15,7 +15,7 @@ from visualization_msgs.msg import MarkerArray
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.codebook import FORMAT, Codebook

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import SECOND, translation
+from filter_fakes import translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_common.message_arrays import stamp_ns, transform_from_msg
+from midastouch_common.message_arrays import SECOND, stamp_ns, transform_from_msg
 from midastouch_filter.core.estimate import Calibration
 from midastouch_filter.core.state import CONVERGED
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 import trimesh
 from filter_bench import is_answer
-from filter_fakes import SECOND, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import FORMAT, Codebook

@@ -7,9 +7,10 @@ import types
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import SECOND, cloud_msg, code_msg, loader_of, tf_msg
+from filter_fakes import cloud_msg, code_msg, loader_of, tf_msg
 from sensor_msgs.msg import PointCloud2
 
+from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.nodes import finger_topics
 from midastouch_filter.nodes.finger_topics import MapSource

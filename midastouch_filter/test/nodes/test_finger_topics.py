@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 from filter_bench import OBJECT, Bench, skipped
-from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, loader_of, tf_msg, translation
+from filter_fakes import DIAGONAL, MAP_SENSOR, cloud_msg, code_msg, loader_of, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.loaded_object import LoadedObject

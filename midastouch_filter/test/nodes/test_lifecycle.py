@@ -10,7 +10,7 @@ import sys
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench
-from filter_fakes import SECOND, code_msg, loader_of, translation
+from filter_fakes import code_msg, loader_of, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
@@ -22,6 +22,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode

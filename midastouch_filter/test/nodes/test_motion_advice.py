@@ -7,11 +7,11 @@ import math
 import pytest
 from action_msgs.msg import GoalStatus
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import SECOND, all_finite, translation
+from filter_fakes import all_finite, translation
 from rclpy.action import ActionClient
 from visualization_msgs.msg import Marker, MarkerArray
 
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_msgs import action
 from midastouch_msgs.srv import SuggestMotion
 

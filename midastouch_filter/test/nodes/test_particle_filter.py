@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, is_answer, skipped
-from filter_fakes import SECOND, FakeFilter, loader_of, tf_msg, translation
+from filter_fakes import FakeFilter, loader_of, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher

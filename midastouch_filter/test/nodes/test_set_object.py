@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import SECOND, FakeFilter, StubGrowth, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import FakeFilter, StubGrowth, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import FilterStatus

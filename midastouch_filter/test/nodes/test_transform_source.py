@@ -6,10 +6,11 @@ import time
 
 import numpy as np
 import pytest
-from filter_fakes import SECOND, tf_msg, translation
+from filter_fakes import tf_msg, translation
 from tf2_msgs.msg import TFMessage
 from transform_rig import FRAMES, Listening, stamped
 
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 from midastouch_filter.transforms import PastExtrapolationError, TransformError
 from midastouch_filter.transforms.queue import Wait

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import SECOND, code_msg, tf_msg, translation
+from filter_fakes import code_msg, tf_msg, translation
 from rosgraph_msgs.msg import Clock
 
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 
 pytestmark = pytest.mark.dds
 

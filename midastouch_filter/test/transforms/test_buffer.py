@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from midastouch_common import se3
+from midastouch_common.message_arrays import SECOND
 from midastouch_filter.transforms import (
     DisconnectedError,
     FutureExtrapolationError,
@@ -19,7 +20,6 @@ from midastouch_filter.transforms import (
     UnknownFrameError,
 )
 
-SECOND = 1_000_000_000
 IDENTITY = np.eye(4)
 
 

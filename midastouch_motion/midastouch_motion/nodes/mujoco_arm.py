@@ -15,13 +15,12 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import qos, spin
 from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
-from midastouch_filter.transforms import SECOND
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.sensor_model import SensorModel
 

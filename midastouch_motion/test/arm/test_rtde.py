@@ -10,6 +10,7 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import SECOND
 from midastouch_motion.arm import rtde
 from midastouch_motion.arm.rtde import (
     BASE_LINK_FROM_BASE,
@@ -273,7 +274,6 @@ def test_bad_poses_are_refused(pose, message):
         transform_from_rtde(pose)
 
 
-SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 
 

@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tdn_rig import REPLAY
 
+from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, stamp_from_ns
 from midastouch_msgs.msg import TactileCode, TactileContact
@@ -21,7 +22,6 @@ from midastouch_perception.nodes.tdn import TdnNode
 
 pytestmark = pytest.mark.dds
 WAITING = {**REPLAY, "autostart": False}
-SECOND = 1_000_000_000
 
 
 def set_parameter(graph, node: str, name: str, value: str) -> None:
