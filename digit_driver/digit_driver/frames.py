@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -55,14 +54,6 @@ class SourceInfo:
     def __str__(self) -> str:
         serial = f" (serial {self.serial})" if self.serial else ""
         return f"{self.name}{serial}, {self.width}x{self.height} at {self.fps:g} frames/s"
-
-
-class MonotonicClock:
-    """The host's ``CLOCK_MONOTONIC``; tests put their own in its place."""
-
-    def now_ns(self) -> int:
-        """Nanoseconds."""
-        return time.monotonic_ns()
 
 
 class ReaderState(Enum):

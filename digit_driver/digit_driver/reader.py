@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,6 @@ from .frames import (
     DeviceError,
     Frame,
     FrameSlot,
-    MonotonicClock,
     ReaderState,
     ReaderStatus,
     SourceInfo,
@@ -46,7 +46,6 @@ class FrameReader:
         camera: used by the thread alone, except for ``set_leds``.
         on_event: called in the thread after every frame and every change of state; must return quickly.
         timing: see there.
-        clock: the host's monotonic clock.
     """
 
     def __init__(
@@ -54,12 +53,10 @@ class FrameReader:
         camera: V4l2Camera,
         on_event: Callable[[], None],
         timing: ReaderTiming | None = None,
-        clock: MonotonicClock | None = None,
     ) -> None:
         self._camera = camera
         self._on_event = on_event
         self._timing = timing or ReaderTiming()
-        self._clock = clock or MonotonicClock()
         self._slot = FrameSlot(ReaderState.STOPPED)
         self._alive_ns = 0
         self._stopping = threading.Event()
@@ -79,7 +76,7 @@ class FrameReader:
         self._stopping.clear()
         self._settled.clear()
         self._slot = FrameSlot(ReaderState.CONNECTING)
-        self._alive_ns = self._clock.now_ns()
+        self._alive_ns = time.monotonic_ns()
         self._thread = threading.Thread(target=self._run, name="digit_reader", daemon=True)
         self._thread.start()
 
@@ -108,7 +105,7 @@ class FrameReader:
     def status(self) -> ReaderStatus:
         """The counters now."""
         running = self._thread is not None and self._thread.is_alive()
-        silent_s = (self._clock.now_ns() - self._alive_ns) * 1e-9 if running else 0.0
+        silent_s = (time.monotonic_ns() - self._alive_ns) * 1e-9 if running else 0.0
         return replace(self._slot.status, silent_s=silent_s)
 
     def _run(self) -> None:
@@ -133,7 +130,7 @@ class FrameReader:
             InputError: the camera can never be opened with these settings.
             DeviceError: the camera never appeared within the time given for it.
         """
-        started_ns = self._clock.now_ns()
+        started_ns = time.monotonic_ns()
         opened_before = False
         while not self._stopping.is_set():
             self._sign_of_life()
@@ -156,7 +153,7 @@ class FrameReader:
     def _stream(self, info: SourceInfo) -> None:
         """Reads until stopped. Raises what ``read`` raises, and DeviceError when good frames cease."""
         stall = max(self._timing.stall, _STALL_FRAMES / info.fps)
-        last_good_ns = self._clock.now_ns()
+        last_good_ns = time.monotonic_ns()
         previous: int | None = None
         corrupt_since = 0
         while not self._stopping.is_set():
@@ -170,15 +167,15 @@ class FrameReader:
             if frame is not None:
                 gap = 0 if previous is None else max(0, frame.sequence - previous - 1 - corrupt_since)
                 previous, corrupt_since = frame.sequence, 0
-                last_good_ns = self._clock.now_ns()
+                last_good_ns = time.monotonic_ns()
                 self._slot.put(frame, gap)
                 self._notify()
-            elif (self._clock.now_ns() - last_good_ns) * 1e-9 > stall:
+            elif (time.monotonic_ns() - last_good_ns) * 1e-9 > stall:
                 raise DeviceError(f"{info.name}: no good frame for {stall:g} s")
 
     def _waited_too_long(self, started_ns: int) -> bool:
         limit = self._timing.wait_for_device
-        return 0.0 <= limit <= (self._clock.now_ns() - started_ns) * 1e-9
+        return 0.0 <= limit <= (time.monotonic_ns() - started_ns) * 1e-9
 
     def _pause(self) -> None:
         """Sleeps before the next attempt, waking up often enough to show that the thread lives."""
@@ -188,7 +185,7 @@ class FrameReader:
             self._sign_of_life()
 
     def _sign_of_life(self) -> None:
-        self._alive_ns = self._clock.now_ns()
+        self._alive_ns = time.monotonic_ns()
 
     def _connected(self, info: SourceInfo, again: bool) -> None:
         self._slot.update(state=ReaderState.STREAMING, info=info, reconnects=self._slot.status.reconnects + again)

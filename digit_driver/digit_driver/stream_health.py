@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 
 from midastouch_common.clock_offset import ClockOffset
 
-from .frames import Frame, MonotonicClock, ReaderState, ReaderStatus, SourceInfo
+from .frames import Frame, ReaderState, ReaderStatus, SourceInfo
 from .stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
 
 _SLOW_RATE_FRACTION = 0.9
@@ -137,12 +139,12 @@ class StreamMonitor:
     """Watches one stream; used by one thread.
 
     Args:
-        clock: the host's monotonic clock.
+        monotonic_ns: the host's monotonic clock.
         offset: its distance to wall time.
     """
 
-    def __init__(self, clock: MonotonicClock | None = None, offset: ClockOffset | None = None) -> None:
-        self._clock = clock or MonotonicClock()
+    def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns, offset: ClockOffset | None = None) -> None:
+        self._monotonic_ns = monotonic_ns
         self._offset = offset or ClockOffset()
         self._rate: RateMonitor | None = None
         self._health: ImageHealth | None = None
@@ -151,7 +153,7 @@ class StreamMonitor:
 
     def opened(self, info: SourceInfo) -> None:
         """The camera was opened (again): what was measured before is forgotten."""
-        self._rate = RateMonitor(info.fps, self._clock.now_ns())
+        self._rate = RateMonitor(info.fps, self._monotonic_ns())
         self._health = ImageHealth(round(_FROZEN_AFTER_S * info.fps))
         self._image = None
         self._jitter = JitterMonitor()
@@ -167,7 +169,7 @@ class StreamMonitor:
 
     def report(self, reader: ReaderStatus, jitter_limit: float) -> HealthReport:
         """The verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
-        rate = self._rate.rate(self._clock.now_ns()) if self._rate else None
+        rate = self._rate.rate(self._monotonic_ns()) if self._rate else None
         backward = self._rate.backward if self._rate else 0
         evidence = StreamEvidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)
         return assess(evidence, self._offset)

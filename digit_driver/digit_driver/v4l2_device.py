@@ -12,7 +12,7 @@ from midastouch_common.errors import InputError
 from . import videodev2 as v4l2
 from .camera_model import CameraMode, CameraModel, decode
 from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
-from .frames import CorruptFrameError, DeviceError, Frame, MonotonicClock, SourceInfo
+from .frames import CorruptFrameError, DeviceError, Frame, SourceInfo
 from .v4l2_stream import FilledBuffer, V4l2Stream
 
 MAX_LED_LEVEL = 15
@@ -66,7 +66,6 @@ class V4l2Camera:
         settings: see there.
         system: the kernel.
         find: lists the sensors of a model present. Every ``open`` calls it, since replugging renumbers the nodes.
-        clock: the host's monotonic clock.
     """
 
     def __init__(
@@ -74,13 +73,11 @@ class V4l2Camera:
         settings: V4l2Settings,
         system: v4l2.SystemCalls | None = None,
         find: Callable[[CameraModel], list[UsbCamera]] = find_cameras,
-        clock: MonotonicClock | None = None,
     ) -> None:
         self._settings, self._camera, self._mode = settings, settings.camera, settings.mode
         self._rate = settings.fps or self._mode.fps[0]
         self._system = system or v4l2.SystemCalls()
         self._find = find
-        self._clock = clock or MonotonicClock()
         self._serial = settings.serial
         self._opened_serial = ""  # of the sensor that was open last
         self._leds = settings.leds
@@ -100,7 +97,7 @@ class V4l2Camera:
         self.close()
         digit, nodes = self._locate()
         self._firmware = digit.firmware if digit else None
-        stream = V4l2Stream(nodes, self._system, self._clock)
+        stream = V4l2Stream(nodes, self._system)
         with self._lock:
             self._stream = stream
         try:

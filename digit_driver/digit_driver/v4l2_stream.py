@@ -11,13 +11,14 @@ import ctypes
 import errno
 import mmap
 import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from . import videodev2 as v4l2
 from .camera_model import CameraMode
-from .frames import DeviceError, MonotonicClock
+from .frames import DeviceError
 
 _BUFFERS = 4
 
@@ -47,7 +48,6 @@ class V4l2Stream:
     Args:
         nodes: of the camera.
         system: the kernel.
-        clock: the host's monotonic clock.
 
     Attributes:
         name: the node that is open.
@@ -56,8 +56,8 @@ class V4l2Stream:
         DeviceError: none can be opened or gives images; from the methods: what failed and why.
     """
 
-    def __init__(self, nodes: Sequence[Path], system: v4l2.SystemCalls, clock: MonotonicClock) -> None:
-        self._system, self._clock = system, clock
+    def __init__(self, nodes: Sequence[Path], system: v4l2.SystemCalls) -> None:
+        self._system = system
         self._buffers: list[mmap.mmap] = []
         refusals = []
         for node in nodes:
@@ -127,7 +127,7 @@ class V4l2Stream:
         except OSError as error:
             raise self._failure("fetching a frame", error) from error
         filled = FilledBuffer(
-            fetched_ns=self._clock.now_ns(),
+            fetched_ns=time.monotonic_ns(),
             # Copied before the buffer goes back: from then on the camera may overwrite it.
             data=self._buffers[buffer.index][: buffer.bytesused],
             sequence=buffer.sequence,

@@ -1,11 +1,12 @@
 """What is measured of a stream, and the verdict for /diagnostics."""
 
+import types
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from digit_driver.frames import Frame, MonotonicClock, ReaderState, ReaderStatus, SourceInfo
+from digit_driver.frames import Frame, ReaderState, ReaderStatus, SourceInfo
 from digit_driver.stream_health import Level, StreamEvidence, StreamMonitor, assess
 from digit_driver.stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
 from midastouch_common.clock_offset import ClockOffset
@@ -120,15 +121,9 @@ def test_verdicts(changes, level, words) -> None:
 
 
 def test_monitor_stamps_in_wall_time_and_forgets_at_reconnection() -> None:
-    class Clock(MonotonicClock):
-        now = 10 * SECOND
-
-        def now_ns(self) -> int:
-            return self.now
-
-    clock = Clock()
-    offset = ClockOffset(monotonic_ns=clock.now_ns, wall_ns=lambda: clock.now + 1234 * SECOND)
-    monitor = StreamMonitor(clock, offset)
+    clock = types.SimpleNamespace(now=10 * SECOND)
+    offset = ClockOffset(monotonic_ns=lambda: clock.now, wall_ns=lambda: clock.now + 1234 * SECOND)
+    monitor = StreamMonitor(lambda: clock.now, offset)
     assert monitor.report(ReaderStatus(), 0.005).level == Level.OK
     monitor.opened(INFO)
     rng = np.random.default_rng(4)

@@ -7,7 +7,7 @@ moving frame (right perturbation): `T @ exp(xi)`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -111,12 +111,9 @@ def random_rotations(n: int, rng: np.random.Generator) -> np.ndarray:
 
 def _matrices(quaternions: np.ndarray) -> np.ndarray:
     """Rotation matrices (N, 3, 3) of quaternions (N, 4) of any length."""
-    return _each(lambda some: Rotation.from_quat(some).as_matrix(), quaternions, 3, 3)
-
-
-def _each(convert: Callable[[np.ndarray], np.ndarray], rotations: np.ndarray, *shape: int) -> np.ndarray:
-    """What SciPy makes of N rotations, (N, *shape); that of Ubuntu 24.04 (1.11) refuses N = 0."""
-    return convert(rotations) if len(rotations) else np.empty((0, *shape))
+    if not len(quaternions):  # which SciPy of Ubuntu 24.04 (1.11) refuses
+        return np.empty((0, 3, 3))
+    return Rotation.from_quat(quaternions).as_matrix()
 
 
 def frame_from_normal(normals: np.ndarray, yaw: np.ndarray) -> np.ndarray:

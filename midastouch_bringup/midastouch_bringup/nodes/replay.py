@@ -7,10 +7,8 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
-
 from midastouch_common.errors import InputError
-from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
+from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics, RCLError
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run, stop
@@ -22,8 +20,6 @@ from ..replay.player import Player
 from ..replay.source import ReplaySource
 from .replay_control import KEYS_HELP, ReplayControl
 from .replay_listeners import FilterAnswers, Listeners, ReplayOutput
-
-RCLError = rclpy_implementation.RCLError
 
 PARAMETERS = (
     Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 
 from lifecycle_msgs.srv import ChangeState
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from ..errors import InputError
@@ -22,7 +21,6 @@ from .parameters import Parameter, Parameters
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
 """Parameter of every lifecycle node."""
 
-RCLError = rclpy_implementation.RCLError
 """What rclpy raises when the layer below refuses; it has no public name."""
 
 INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
@@ -234,7 +232,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
     ) -> ChangeState.Response:
         try:
             return self._change_state(request, response)
-        except RCLError:
+        except diagnostics.RCLError:
             wanted = request.transition.label or f"transition {request.transition.id}"
             self.get_logger().warning(f"{wanted} is not possible while {self.lifecycle_state}")
             response.success = False

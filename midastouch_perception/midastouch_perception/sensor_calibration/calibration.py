@@ -18,6 +18,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
+from ..arrays import finite_array
 from ..gel_texture import CLEAR, gel_texture, likeness
 from ..sensor_model import SensorModel, given_as
 from .response import ColourResponse
@@ -191,12 +192,4 @@ def _kept(path: Path) -> SensorCalibration:
 def _texture(values: np.ndarray) -> np.ndarray:
     if values.ndim != 2 or values.dtype != np.int8:
         raise ValueError(f"texture of shape {values.shape}, type {values.dtype}")
-    return values
-
-
-def finite_array(values: object, shape: tuple[int, ...]) -> np.ndarray:
-    """What a file has, as float (*shape); ValueError where it has another shape or is not finite."""
-    values = np.asarray(values, float)
-    if values.shape != shape or not np.isfinite(values).all():
-        raise ValueError(f"shape {values.shape}, need finite {shape}")
     return values

@@ -21,8 +21,8 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
+from ..arrays import finite_array
 from ..rendering.renderer import GelShape
-from ..sensor_calibration.calibration import finite_array
 from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
 
