@@ -3,25 +3,20 @@
 It moves only while `slider/enable` is repeated, and explores once `explorer/resume` is called. Each run is recorded.
 """
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration
+from launch.actions import OpaqueFunction
 
 from midastouch_bringup.ros.launch_parts import (
+    arm_is,
     check_arguments,
     declared,
     ending_node,
+    included,
     lasting_node,
     lifecycle_node,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
 OF_EXPLORER = ["use_sim_time", "object", "mesh", "seed", "tf_prefix", "sensor_prefix"]
 ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices)
 
@@ -35,12 +30,12 @@ def generate_launch_description() -> LaunchDescription:
         [
             *ARGUMENTS,
             OpaqueFunction(function=check_arguments),
-            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "live_ur.launch.py"))),
+            included("live_ur"),
             lifecycle_node(
                 "midastouch_motion",
                 "ur_speed",
                 ["autostart", "arm", "robot_ip", "tf_prefix", "sensor_prefix"],
-                condition=IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde")),
+                condition=arm_is("rtde"),
             ),
             lifecycle_node(
                 "midastouch_motion",

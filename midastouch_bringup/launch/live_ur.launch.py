@@ -1,26 +1,24 @@
 """A DIGIT on a UR arm: driver, mount, localisation, RViz."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import IncludeLaunchDescription, LogInfo, OpaqueFunction
-from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
 from midastouch_bringup.ros.launch_parts import (
+    arm_is,
     check_arguments,
     check_mount,
     check_package,
     check_rviz,
     declared,
+    included,
     lasting_node,
+    wanted,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
 ARGUMENTS = declared(SETUPS["live_ur"].values(), SETUPS["live_ur"].choices)
 
 
@@ -29,28 +27,23 @@ def generate_launch_description() -> LaunchDescription:
 
     Launch files that are included get these arguments by their names.
     """
-    arm_by_ur_driver = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver"))
-    arm_by_rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
     return LaunchDescription(
         [
             *ARGUMENTS,
             OpaqueFunction(function=check_arguments),
             OpaqueFunction(function=check_mount),
-            OpaqueFunction(function=check_rviz, condition=IfCondition(LaunchConfiguration("use_rviz"))),
+            OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
             OpaqueFunction(
                 function=check_package,
                 args=["ur_robot_driver", "or start the arm yourself (arm:=running)"],
-                condition=arm_by_ur_driver,
+                condition=arm_is("ur_driver"),
             ),
-            OpaqueFunction(function=ur_driver, condition=arm_by_ur_driver),
-            lasting_node("midastouch_bringup", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_by_rtde),
-            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "mount.launch.py"))),
-            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "driver.launch.py"))),
-            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "localization.launch.py"))),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(SHARE / "launch" / "rviz.launch.py")),
-                condition=IfCondition(LaunchConfiguration("use_rviz")),
-            ),
+            OpaqueFunction(function=ur_driver, condition=arm_is("ur_driver")),
+            lasting_node("midastouch_bringup", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_is("rtde")),
+            included("mount"),
+            included("driver"),
+            included("localization"),
+            included("rviz", condition=wanted("use_rviz")),
         ]
     )
 

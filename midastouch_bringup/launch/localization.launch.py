@@ -1,24 +1,21 @@
 """Perception and filter: in processes of their own, or in one."""
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription, OpaqueFunction
-from launch.conditions import IfCondition, UnlessCondition
-from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.actions import OpaqueFunction
+from launch.conditions import UnlessCondition
 from launch.substitutions import LaunchConfiguration
 
 from midastouch_bringup.ros.launch_arguments import OF_OBJECT
 from midastouch_bringup.ros.launch_parts import (
     check_arguments,
     declared,
+    included,
     lasting_node,
     say_if_no_object,
+    wanted,
 )
 from midastouch_bringup.ros.setups import SETUPS
 
-SHARE = Path(get_package_share_directory("midastouch_bringup"))
 ARGUMENTS = declared(SETUPS["localization"].values())
 
 
@@ -28,15 +25,9 @@ def generate_launch_description() -> LaunchDescription:
         [
             *ARGUMENTS,
             OpaqueFunction(function=check_arguments),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(SHARE / "launch" / "perception.launch.py")),
-                condition=UnlessCondition(LaunchConfiguration("composed")),
-            ),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(SHARE / "launch" / "filter.launch.py")),
-                condition=UnlessCondition(LaunchConfiguration("composed")),
-            ),
-            OpaqueFunction(function=say_if_no_object, condition=IfCondition(LaunchConfiguration("composed"))),
+            included("perception", condition=UnlessCondition(LaunchConfiguration("composed"))),
+            included("filter", condition=UnlessCondition(LaunchConfiguration("composed"))),
+            OpaqueFunction(function=say_if_no_object, condition=wanted("composed")),
             # a name given to this process would be the name of all three nodes
             lasting_node(
                 "midastouch_bringup",
@@ -46,7 +37,7 @@ def generate_launch_description() -> LaunchDescription:
                     *("autostart", "use_sim_time", "serial", "background", "bag", "sensor_model"),
                     *(*OF_OBJECT, "tf_prefix", "sensor_prefix"),
                 ],
-                condition=IfCondition(LaunchConfiguration("composed")),
+                condition=wanted("composed"),
             ),
         ]
     )

@@ -14,10 +14,25 @@ from types import MappingProxyType
 import launch.logging
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescriptionEntity, Substitution
-from launch.actions import DeclareLaunchArgument, LogInfo
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    LogInfo,
+    SetEnvironmentVariable,
+)
+from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
-from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import (
+    Command,
+    EnvironmentVariable,
+    EqualsSubstitution,
+    LaunchConfiguration,
+    PathJoinSubstitution,
+)
 from launch_ros.actions import LifecycleNode, Node
+from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 
@@ -92,6 +107,23 @@ class UseRespawn(LaunchConfiguration):
         """
         if not context.is_shutdown and (self._value != "true" or event.returncode == EXIT_BAD_INPUT):
             raise _died(event)
+
+
+def included(name: str, **options) -> IncludeLaunchDescription:
+    """Another of our launch files, which gets the arguments of the including one by their names; options, of the
+    action, such as a condition."""
+    source = PythonLaunchDescriptionSource(str(SHARE / "launch" / f"{name}.launch.py"))
+    return IncludeLaunchDescription(source, **options)
+
+
+def wanted(argument: str) -> IfCondition:
+    """Only if the launch argument is true."""
+    return IfCondition(LaunchConfiguration(argument))
+
+
+def arm_is(name: str) -> IfCondition:
+    """Only for arm:=`name`."""
+    return IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), name))
 
 
 def lifecycle_node(package: str, executable: str, takes: Sequence[str], **options) -> LifecycleNode:
@@ -189,6 +221,24 @@ def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInf
     if event.returncode != 0:
         raise _died(event)
     return LogInfo(msg=f"{event.process_name} has finished; Ctrl-C ends the others")
+
+
+def to_ourselves() -> SetEnvironmentVariable:
+    """Nobody else on the network sees the nodes, unless the user has said so."""
+    reach = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    return SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST"))
+
+
+def prepared(
+    setup: str, takes: Sequence[str], following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]
+) -> ExecuteProcess:
+    """Make what a set-up needs of files, then start what is `following`; takes, names of launch arguments."""
+    # a process of its own: the libraries for it may be missing in the Python of launch
+    midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")
+    given = [[f"{name}:=", LaunchConfiguration(name)] for name in takes]
+    return ExecuteProcess(
+        cmd=[midastouch, "run", setup, *given, "--prepare"], output="screen", on_exit=once_done(following)
+    )
 
 
 def once_done(following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]) -> Callable:
