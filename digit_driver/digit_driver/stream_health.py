@@ -151,6 +151,11 @@ class StreamMonitor:
         self._image: ImageReport | None = None
         self._jitter = JitterMonitor()
 
+    @property
+    def frozen(self) -> bool:
+        """Whether the camera repeats one image."""
+        return self._health is not None and self._health.frozen
+
     def opened(self, info: SourceInfo) -> None:
         """The camera was opened (again): what was measured before is forgotten."""
         self._rate = RateMonitor(info.fps, self._monotonic_ns())

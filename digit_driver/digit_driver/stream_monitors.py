@@ -109,6 +109,11 @@ class ImageHealth:
         self._previous: np.ndarray | None = None
         self._repeats = 0
 
+    @property
+    def frozen(self) -> bool:
+        """Whether the last images were equal."""
+        return self._repeats >= self._frozen_after
+
     def update(self, image: np.ndarray) -> ImageReport:
         """Judges one (H, W, 3) uint8 image."""
         sample = np.ascontiguousarray(image[::_PIXEL_STRIDE, ::_PIXEL_STRIDE])
@@ -120,8 +125,8 @@ class ImageHealth:
         return ImageReport(mean, saturated, self._repeats, self._problem(mean, saturated))
 
     def _problem(self, mean: float, saturated: float) -> str:
-        if self._repeats >= self._frozen_after:
-            return f"image frozen: {self._repeats} equal images in a row; replug the sensor"
+        if self.frozen:
+            return f"image frozen: {self._repeats} equal images in a row, not published; replug the sensor"
         if mean < _BLACK_MEAN_LEVEL:
             return f"image black (mean {mean:.1f} of 255): check `intensity` and the LEDs"
         if saturated > _SATURATED_FRACTION:

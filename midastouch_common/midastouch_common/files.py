@@ -84,7 +84,7 @@ def _holds_nothing(folder: Path) -> bool:
 
 def require_place(path: str | os.PathLike) -> Path:
     """`path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
-    path = Path(path).expanduser()
+    path = expanded(path, "file")
     above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
         raise InputError(f"{path}: no file can be written there; name another")

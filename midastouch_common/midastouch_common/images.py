@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Collection
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from .errors import InputError
 from .files import require_file
 
+SUFFIXES = ".png", ".jpg", ".jpeg"
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", 0xD9
 # Within the compressed pixels 0xff is followed by 0 or by the number of a restart, which are no markers of a segment.
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
@@ -46,6 +49,12 @@ def read_image_file(path: str | os.PathLike, flags: int = cv2.IMREAD_COLOR) -> n
         raise InputError(f"{path}: {error.strerror}; check the image file") from error
     except BrokenImageError as error:
         raise BrokenImageError(f"{path}: {error}; get the file again") from error
+
+
+def image_files(folder: str | os.PathLike, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
+    """The images of a folder, by their names; hidden files are none: what a Mac adds, what is being written."""
+    files = sorted(Path(folder).iterdir())
+    return [file for file in files if file.suffix.lower() in suffixes and not file.name.startswith(".")]
 
 
 def _has_end(jpeg: bytes) -> bool:

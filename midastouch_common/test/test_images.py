@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_common.images import BrokenImageError, decode_image, read_image_file
+from midastouch_common.images import BrokenImageError, decode_image, image_files, read_image_file
 
 PICTURE = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (320, 240, 3), np.uint8), (0, 0), 4)
 
@@ -52,6 +52,12 @@ def test_other_formats_are_refused_as_their_decoder_does(ending):
 def test_what_is_no_image_is_refused(data):
     with pytest.raises(BrokenImageError):
         decode_image(data)
+
+
+def test_hidden_files_of_a_folder_are_no_images(tmp_path):
+    for name in ("b.PNG", "a.jpg", "._a.jpg", ".press_03.1a2b.png", "notes.txt"):
+        (tmp_path / name).touch()
+    assert [path.name for path in image_files(tmp_path)] == ["a.jpg", "b.PNG"]
 
 
 def test_a_missing_file_is_named(tmp_path):

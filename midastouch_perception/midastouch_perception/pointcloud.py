@@ -9,6 +9,8 @@ from midastouch_common.errors import InputError
 from .contact import in_steps
 from .sensor_model import SensorModel
 
+_OFF_PIXELS = 0.05  # of a pixel; rounding puts a point off its own by a thousandth of that
+
 
 def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
     """Contact points (K, 3) float32 m, gel frame, of the pixels of mask (H, W) in penetration (H, W) m."""
@@ -21,7 +23,8 @@ def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: Se
 def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
     """Penetration map (H, W) float32 m of contact points (K, 3), the inverse of `cloud_from_penetration`, in steps.
 
-    Points outside the image are dropped. Raises InputError for other shapes and non-finite points.
+    Points outside the image are dropped. Raises InputError for other shapes, for points that are not finite, and for
+    those of another sensor's pixels.
     """
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -32,9 +35,15 @@ def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarra
     depth = sensor.gel_distance - points[:, 2]
     ahead = depth > 1e-6
     depth = np.where(ahead, depth, 1.0)
-    u = np.rint(points[:, 0] / depth * sensor.focal + sensor.width / 2 - 0.5).astype(int)
-    v = np.rint(-points[:, 1] / depth * sensor.focal + sensor.height / 2 - 0.5).astype(int)
+    at = np.stack([points[:, 0], -points[:, 1]]) / depth * sensor.focal
+    at += np.array([[sensor.width], [sensor.height]]) / 2 - 0.5
+    u, v = np.rint(at).astype(int)
     inside = ahead & (u >= 0) & (u < sensor.width) & (v >= 0) & (v < sensor.height)
-    u, v = u[inside], v[inside]
+    at, u, v = at[:, inside], u[inside], v[inside]
+    if np.abs(at - (u, v)).max(initial=0.0) > _OFF_PIXELS:
+        raise InputError(
+            f"contact cloud: its points are not at pixels of {sensor.name}; start tdn, tcn and particle_filter with "
+            "the same sensor_model"
+        )
     penetration[v, u] = np.maximum(sensor.gel_depth[v, u] - depth[inside], 0)
     return in_steps(penetration)

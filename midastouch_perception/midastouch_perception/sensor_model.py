@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import read_yaml
+from midastouch_common.files import expanded, read_yaml
 
 MAP_SCALE = 0.5
 """Resolution of penetration maps as a fraction of the image's: that of the depth network."""
 
 LIGHTS = ("relative", "additive")
 DIGIT_LAMPS = "digit"
+_IMAGE = 240, 320  # px, of all networks
 _KEYS = "width", "height", "focal", "gel_distance", "dome", "light", "lamps"
 _DOME = {"radius_x", "radius_y", "semi_axis_z"}
 _PIXEL = 0.005e-3, 0.5e-3  # m: from a microscope's to a finger's
@@ -56,7 +57,7 @@ class SensorModel:
         """A shipped model by name (`digit_tacto`, `digit_real`) or a YAML file of the same form by path."""
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
-            path = Path(name_or_path)
+            path = expanded(name_or_path, "sensor_model")
             if path.suffix != ".yaml":
                 known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
                 raise InputError(f"sensor model '{name_or_path}' is not known; use {known} or a .yaml file")
@@ -81,6 +82,11 @@ class SensorModel:
         lengths = (model.width, model.height, model.focal, model.gel_distance, *dict(model.dome).values())
         if not all(0 < length < math.inf for length in lengths):
             raise InputError(f"{path}: width, height, focal, gel_distance and those of dome must be positive numbers")
+        if (model.width, model.height) != _IMAGE:
+            raise InputError(
+                f"{path}: {model.width} x {model.height} px, but the networks take {_IMAGE[0]} x {_IMAGE[1]}: let the "
+                "driver's camera_model scale its output to that, and give focal for it"
+            )
         if model.light not in LIGHTS:
             raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
         if model.lamps not in ("", DIGIT_LAMPS):

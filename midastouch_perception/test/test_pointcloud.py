@@ -35,6 +35,18 @@ def test_empty_cloud_is_no_contact(sensor):
     assert not penetration_from_cloud(np.empty((0, 3)), sensor).any()
 
 
+@pytest.mark.parametrize(
+    ("made", "read"),
+    [("digit_real", "digit_tacto"), ("gelsight_mini", "digit_tacto"), ("digit_tacto", "gelsight_mini")],
+)
+def test_the_cloud_of_another_sensor_is_refused(made, read):
+    made, read = (SensorModel.load(name).for_maps for name in (made, read))
+    penetration = np.zeros((160, 120), np.float32)
+    penetration[70:90, 50:70] = 3e-4
+    with pytest.raises(InputError, match=f"not at pixels of {read.name}; start tdn, tcn and particle_filter with"):
+        penetration_from_cloud(cloud_from_penetration(penetration, penetration > 0, made), read)
+
+
 def test_points_outside_the_view_are_dropped(sensor):
     assert not penetration_from_cloud(np.array([[0.1, 0, 0], [0, 0, 0.03]]), sensor).any()
 

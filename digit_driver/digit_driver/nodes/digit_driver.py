@@ -120,6 +120,8 @@ class DigitDriver(ManagedNode):
         self._log_changes(self._reader.status())
         if frame is not None:
             stamp = stamp_from_ns(self._monitor.stamp(frame) + self.parameters["timestamp_offset"])
+            if self._monitor.frozen:
+                return  # it shows what was: an arm must not go on by it
             header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
             self._images.publish(frame.image, header, self._intrinsics, self.parameters["jpeg_quality"])
 

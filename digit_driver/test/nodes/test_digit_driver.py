@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from fake_kernel import FakeDigit
+from fake_kernel import FakeDigit, picture
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Log
@@ -148,6 +148,22 @@ def test_uneven_stamps_are_a_warning_in_diagnostics_and_log(peer, camera) -> Non
     assert it.set_parameter("stamp_jitter_limit", 1.0).successful
     it.wait("/diagnostics", lambda got: "uneven" not in got[-1].status[0].message)
     assert sum("uneven" in entry.msg for entry in it.received["/rosout"]) == 1
+
+
+def test_an_image_that_stays_the_same_is_not_published_on(peer, camera) -> None:
+    """With fresh stamps it would say that the sensor touches what it touched before."""
+    it = peer(diagnostics_period=0.1)
+    it.subscribe(DiagnosticArray, "/diagnostics")
+    it.subscribe(Image, "image_raw", qos_profile_sensor_data)
+    it.wait("image_raw")
+    camera.picture = picture(3)
+    it.wait("/diagnostics", lambda got: got and "image frozen" in got[-1].status[0].message)
+    frozen = len(it.received["image_raw"])
+    more = len(it.received["/diagnostics"]) + 3
+    it.wait("/diagnostics", lambda got: len(got) > more)
+    assert len(it.received["image_raw"]) <= frozen + 1, "one may have been under way"
+    camera.picture = None
+    it.wait("image_raw", lambda got: len(got) > frozen + 2)
 
 
 def test_late_sensor_is_waited_for(peer, camera, kernel) -> None:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_common.images import image_files
 from midastouch_perception.tdn import estimate_background
 
 from .sequence import read_image
@@ -84,7 +85,7 @@ def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name a folder of images of presses")
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    paths = image_files(folder)
     for path in paths:
         if path.stem.lower() == Path(BACKGROUND).stem and path.name != BACKGROUND:
             raise InputError(f"{path}: save the no-contact image as {BACKGROUND} (PNG, as JPEG changes colours)")

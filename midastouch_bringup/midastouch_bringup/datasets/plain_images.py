@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.images import read_image_file
+from midastouch_common.images import image_files, read_image_file
 from midastouch_common.message_arrays import SECOND
 
 from .sequence import IMAGE_SHAPE
@@ -69,7 +69,7 @@ class PlainImages:
 
 
 def _numbered(folder: Path) -> list[Path]:
-    files = [path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES and path.is_file()]
+    files = [path for path in image_files(folder, _SUFFIXES) if path.is_file()]
     return sorted(files, key=lambda path: [(int(p) if p.isdecimal() else -1, p) for p in re.split(r"(\d+)", path.name)])
 
 

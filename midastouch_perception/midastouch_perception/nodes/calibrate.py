@@ -12,7 +12,7 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, next_new_folder
+from midastouch_common.files import atomic_path, expanded, next_new_folder, require_place
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.node import PipelineNode
@@ -46,7 +46,7 @@ PARAMETERS = (
 _MOST_REASONS = 5  # presses thrown away of which the reason is published
 
 SILENT_S = 5.0
-"""Without a first image for so long, it asks for the driver."""
+"""Without an image for so long, it asks for the driver."""
 
 
 class CalibrateNode(PipelineNode):
@@ -75,7 +75,7 @@ class CalibrateNode(PipelineNode):
         self._arrived, self._silent = False, ""
         self._begin()
         self._topic = self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber()).topic_name
-        self._listening = self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "~/calibrate", self._on_calibrate)
         self.create_service(Trigger, "~/restart", self._on_restart)
 
@@ -96,7 +96,7 @@ class CalibrateNode(PipelineNode):
                 f"{store.path}: no no-contact image of this sensor; start tdn with serial:={self._serial}, lift the "
                 "finger and call capture_background"
             )
-        return background, Path(self._settings["out"] or store.calibration_path).expanduser()
+        return background, require_place(self._settings["out"] or store.calibration_path)
 
     def _begin(self) -> None:
         """From no presses on, with the no-contact image as it is kept now. Raises InputError, and nothing is lost."""
@@ -113,7 +113,7 @@ class CalibrateNode(PipelineNode):
         """Where images go from now on, with the no-contact image in it; None for nowhere."""
         if not self._settings["presses_folder"]:
             return None
-        named = Path(self._settings["presses_folder"]).expanduser()
+        named = expanded(self._settings["presses_folder"], "presses_folder")
         try:
             folder = next_new_folder(named)
             self._keep_image(folder / "background.png", self._background)
@@ -123,11 +123,11 @@ class CalibrateNode(PipelineNode):
         return folder
 
     def _listen(self) -> None:
-        """Say, once, if no image has come yet."""
-        self._listening.cancel()
-        if not self._arrived:
+        """Say, once, if no image has come of late."""
+        if not (self._arrived or self._silent or self._collector.done):
             self._silent = f"no images on {self._topic}; is the driver running?"
             self._announce(self._silent)
+        self._arrived = False
 
     def _on_image(self, msg: Image) -> None:
         self._arrived, self._silent = True, ""

@@ -12,6 +12,7 @@ from std_msgs.msg import Header
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.addresses import resolve
 from midastouch_common.ros.conversions import image_to_msg, points_to_msg
 from midastouch_common.ros.graph_watch import OnlyPublisher
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
@@ -32,6 +33,7 @@ from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
 from .capture_service import CaptureService
 
+_SILENT_S = 5.0  # without an image, after which that is said
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
 PARAMETERS = (
@@ -104,7 +106,7 @@ class TdnNode(ManagedNode):
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
         self._captures = CaptureService(self, self._contact_in, lambda image: self._background.replace(image))
         self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
-        self._unseen_clouds = 0
+        self._unseen_clouds, self._heard = 0, time.monotonic()
         self.autostart()
 
     def configure(self) -> None:
@@ -125,7 +127,8 @@ class TdnNode(ManagedNode):
         self._stage = self._given or DepthStage(tdn, self._fit, self._touched, self._gel)
         self.say(f"backend: {self._backend}; loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
-        self._background = SensorBackground(self._sensor, self.parameters["background"], store, frames)
+        given = self.parameters["background"]
+        self._background = SensorBackground(self._sensor, given and resolve(given, "background"), store, frames)
         if self._background.image is not None:
             self._calibration.check(self._background.image)
 
@@ -135,6 +138,7 @@ class TdnNode(ManagedNode):
 
     def connect(self) -> None:
         """Subscribe the images."""
+        self._heard = time.monotonic()
         profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
         self.create_subscription(Image, "image_raw", self._on_image, profile)
 
@@ -143,7 +147,7 @@ class TdnNode(ManagedNode):
         self._captures.refuse("the node was deactivated")
 
     def _on_image(self, msg: Image) -> None:
-        started = time.perf_counter()
+        started, self._heard = time.perf_counter(), time.monotonic()
         try:
             image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
             # the network would measure a contact in it; every fourth pixel is enough to see that
@@ -217,6 +221,9 @@ class TdnNode(ManagedNode):
                 "capture_background, or set the parameter background",
                 values,
             )
+        if (silent := time.monotonic() - self._heard) > _SILENT_S:
+            topic = self.resolve_topic_name("image_raw")
+            return diagnostics.WARN, f"no image on {topic} for {silent:.0f} s; is the driver running?", values
         return diagnostics.OK, "", values
 
 

@@ -180,7 +180,8 @@ class SensorCalibration:
                 )
         except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen kinds, by which byte is wrong
             raise InputError(
-                f"{path}: not a calibration ({error}); make it again from its presses with midastouch calibrate"
+                f"{path}: not a calibration ({error}); make it again from its presses with midastouch calibrate, or "
+                "remove it to go on without"
             ) from error
 
 

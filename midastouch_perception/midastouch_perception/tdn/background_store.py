@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path
-from midastouch_common.images import read_image_file
+from midastouch_common.files import atomic_path, expanded
+from midastouch_common.images import image_files, read_image_file
 
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import DIGIT_LAMPS, SensorModel
@@ -30,7 +30,7 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     path = Path(path)
     if not path.is_dir():
         return _read_image(path, height, width)
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    files = image_files(path)
     if not files:
         raise InputError(f"{path}: no PNG or JPEG images in this folder to estimate a background from")
     chosen = files[:: -(-len(files) // _MOST_FILES)]
@@ -56,12 +56,14 @@ def _read_image(path: Path, height: int, width: int) -> np.ndarray:
 
 def default_folder() -> Path:
     """Where ROS keeps what nodes remember: below $ROS_HOME, or ~/.ros."""
-    return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "midastouch" / "backgrounds"
+    return expanded(os.environ.get("ROS_HOME") or "~/.ros", "ROS_HOME") / "midastouch" / "backgrounds"
 
 
 def store_of(folder: str, serial: str) -> BackgroundStore | None:
     """The store that a node's parameters name ("": the default folder); None without a serial number."""
-    return BackgroundStore(Path(folder).expanduser() if folder else default_folder(), serial) if serial else None
+    if not serial:
+        return None
+    return BackgroundStore(expanded(folder, "background_folder") if folder else default_folder(), serial)
 
 
 class BackgroundStore:
@@ -79,7 +81,12 @@ class BackgroundStore:
 
     def load(self, height: int, width: int) -> np.ndarray | None:
         """RGB image (height, width, 3) uint8; None if none was kept. InputError as `read_background`."""
-        return read_background(self.path, height, width) if self.path.exists() else None
+        if not self.path.exists():
+            return None
+        try:
+            return read_background(self.path, height, width)
+        except InputError as error:
+            raise InputError(f"{error}; or remove it, and call capture_background once the node runs") from error
 
     def load_calibration(self, sensor: SensorModel) -> SensorCalibration | None:
         """The sensor's calibration, of any scale; None if none was kept. InputError if it is broken or another

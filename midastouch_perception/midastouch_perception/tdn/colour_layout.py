@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.files import atomic_path
-from midastouch_common.images import read_image_file
+from midastouch_common.images import image_files, read_image_file
 
 _FILE = Path(__file__).parent / "no_contact_layout.npz"
 _GRID = (16, 12)  # rows, columns
@@ -121,7 +121,7 @@ def _driver_fix(wrong: str) -> str:
 def main() -> None:
     """Write the mean layout of the no-contact images in a folder, the one argument, beside this file."""
     folder = Path(sys.argv[1])
-    images = [read_image_file(p)[:, :, ::-1] for p in sorted(folder.iterdir()) if p.suffix in (".jpg", ".png")]
+    images = [read_image_file(p)[:, :, ::-1] for p in image_files(folder)]
     with atomic_path(_FILE) as path:
         np.savez_compressed(path, layout=mean_layout(images).astype(np.float32), images=len(images))
     print(f"{_FILE}: {len(images)} images")

@@ -15,7 +15,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.images import read_image_file
+from midastouch_common.images import image_files, read_image_file
 from midastouch_common.mesh import ObjectMesh
 
 from ..onnx_network import network_path
@@ -68,7 +68,7 @@ def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.nd
 
     Raises InputError if there are fewer than 8, or one is no whole image.
     """
-    paths = [p for p in sorted(Path(folder).glob("*")) if p.suffix.lower() in (".jpg", ".png")]
+    paths = image_files(folder)
     if len(paths) < 8:
         raise InputError(f"{folder}: {len(paths)} no-contact images (PNG or JPEG); training needs at least 8")
     images = [read_image_file(path) for path in paths]

@@ -141,6 +141,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
     assert camera.status.level == DiagnosticStatus.WARN
     assert said[-1] == asked
     camera.hold(digit.background, lambda: camera.status.level == DiagnosticStatus.OK)
+    graph.spin_until(lambda: camera.status.message == asked, "the question, once the cable is out")
 
 
 @pytest.mark.parametrize(
@@ -152,6 +153,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
         ({"sensor_model": "no_such"}, "no_such"),
         ({"presses": 4}, "presses"),
         ({"px_per_mm": 19.5}, "sensor model of your own"),
+        ({"out": "/dev/null/mine.npz"}, "no file can be written there"),
     ],
 )
 def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):

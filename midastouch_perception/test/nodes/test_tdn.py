@@ -77,6 +77,15 @@ def test_clouds_are_not_built_for_nobody(graph, depth, background):
     )
 
 
+def test_images_that_stay_away_are_asked_for(graph, depth, background, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.nodes.tdn._SILENT_S", 0.0)
+    monkeypatch.setattr("midastouch_common.ros.diagnostics.PERIOD_S", 0.1)
+    start(graph, depth, background=background)
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    said = lambda: [one.message for message in statuses for one in message.status]  # noqa: E731
+    graph.spin_until(lambda: any("no image on /image_raw for" in each for each in said()), "the question")
+
+
 @pytest.mark.parametrize(
     "parameters", [{"background": "/nowhere.png"}, {"sensor_model": "gelsight"}, {"still_treshold": 1.0}]
 )
