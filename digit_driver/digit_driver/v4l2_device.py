@@ -100,6 +100,7 @@ class V4l2Camera:
         stream = V4l2Stream(nodes, self._system)
         with self._lock:
             self._stream = stream
+        self._clock_is_good = False  # whether the kernel's stamps have been credible
         try:
             self._pixel_format = self._agree_on_format(stream)
             fps = stream.set_rate(self._rate)
@@ -119,7 +120,7 @@ class V4l2Camera:
         """Waits at most ``timeout`` seconds for the next frame; None when none came.
 
         Raises:
-            CorruptFrameError: a frame came, but damaged.
+            CorruptFrameError: a frame came, but damaged, or too late.
             DeviceError: the sensor is gone; close it, and perhaps open it again.
         """
         stream = self._stream
@@ -195,8 +196,17 @@ class V4l2Camera:
         return []
 
     def _stamp(self, filled: FilledBuffer) -> int:
-        """Monotonic time of the frame; the time of fetching it where the kernel's is of no use."""
+        """Monotonic time of the frame; the time of fetching it where the kernel's is of no use.
+
+        Raises:
+            CorruptFrameError: it waited too long to be fetched: this process was halted.
+        """
         if not self._settings.use_buffer_timestamps or filled.stamp_ns is None:
             return filled.fetched_ns
-        credible = 0 <= filled.fetched_ns - filled.stamp_ns <= _OLDEST_CREDIBLE_STAMP_NS
-        return filled.stamp_ns if credible else filled.fetched_ns
+        age = filled.fetched_ns - filled.stamp_ns
+        if 0 <= age <= _OLDEST_CREDIBLE_STAMP_NS:
+            self._clock_is_good = True
+            return filled.stamp_ns
+        if self._clock_is_good and age > 0:
+            raise CorruptFrameError(f"frame {filled.sequence}: {age * 1e-9:.1f} s old when it was read")
+        return filled.fetched_ns

@@ -253,6 +253,19 @@ def test_incredible_time_stamps_are_replaced_by_the_time_of_reading(kernel, devi
     assert 3_000_000 <= stamp - camera.last_stamp_ns < 1_000_000_000
 
 
+def test_a_frame_that_waited_while_the_process_was_halted_is_dropped(kernel, device) -> None:
+    """It shows what was; stamped as new, the next one would be older."""
+    camera = kernel.plug(FakeDigit())
+    digit = device()
+    digit.open()
+    first = digit.read(1.0).stamp_monotonic_ns
+    camera.stamp_shift_ns = -3_000_000_000
+    with pytest.raises(CorruptFrameError, match=r"3\.\d s old when it was read"):
+        digit.read(1.0)
+    camera.stamp_shift_ns = 0
+    assert digit.read(1.0).stamp_monotonic_ns > first
+
+
 def test_buffer_time_stamps_can_be_switched_off(kernel, device) -> None:
     camera = kernel.plug(FakeDigit())
     digit = device(use_buffer_timestamps=False)
