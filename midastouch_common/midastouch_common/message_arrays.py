@@ -58,8 +58,8 @@ def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
         raise InputError(f"image encoding '{msg.encoding}' is neither rgb8 nor bgr8; publish one of these")
     pixels = image_from_msg(msg)
     if pixels.shape[:2] != (height, width):
-        mend = "rotate it to portrait" if pixels.shape[:2] == (width, height) else "let the driver scale its output"
-        raise InputError(f"image is {msg.width} x {msg.height} pixels, expected {width} x {height}; {mend}")
+        fix = "rotate it to portrait" if pixels.shape[:2] == (width, height) else "let the driver scale its output"
+        raise InputError(f"image is {msg.width} x {msg.height} pixels, expected {width} x {height}; {fix}")
     return np.ascontiguousarray(pixels[:, :, ::-1]) if msg.encoding == "bgr8" else pixels
 
 
