@@ -52,8 +52,9 @@ def read_image_file(path: str | os.PathLike, flags: int = cv2.IMREAD_COLOR) -> n
 
 
 def image_files(folder: str | os.PathLike, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
-    """The images of a folder, by their names; hidden files are none: what a Mac adds, what is being written."""
-    files = sorted(Path(folder).iterdir())
+    """The images of a folder, by their names; hidden files are none: what a Mac adds, what is being written. No such
+    folder has none."""
+    files = sorted(Path(folder).glob("*"))
     return [file for file in files if file.suffix.lower() in suffixes and not file.name.startswith(".")]
 
 

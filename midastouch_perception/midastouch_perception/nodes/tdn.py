@@ -33,8 +33,10 @@ from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
 from .capture_service import CaptureService
 
-_SILENT_S = 5.0  # without an image, after which that is said
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
+
+SILENT_S = 5.0
+"""Without an image for so long, that is said."""
 
 PARAMETERS = (
     Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
@@ -221,7 +223,7 @@ class TdnNode(ManagedNode):
                 "capture_background, or set the parameter background",
                 values,
             )
-        if (silent := time.monotonic() - self._heard) > _SILENT_S:
+        if (silent := time.monotonic() - self._heard) > SILENT_S:
             topic = self.resolve_topic_name("image_raw")
             return diagnostics.WARN, f"no image on {topic} for {silent:.0f} s; is the driver running?", values
         return diagnostics.OK, "", values

@@ -78,7 +78,7 @@ def test_clouds_are_not_built_for_nobody(graph, depth, background):
 
 
 def test_images_that_stay_away_are_asked_for(graph, depth, background, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.nodes.tdn._SILENT_S", 0.0)
+    monkeypatch.setattr("midastouch_perception.nodes.tdn.SILENT_S", 0.0)
     monkeypatch.setattr("midastouch_common.ros.diagnostics.PERIOD_S", 0.1)
     start(graph, depth, background=background)
     statuses = graph.listen(DiagnosticArray, "/diagnostics")
