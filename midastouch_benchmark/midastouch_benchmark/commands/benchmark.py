@@ -107,7 +107,8 @@ def run(args: argparse.Namespace) -> int:
             for mesh in meshes
         ],
         "variants": {name: VARIANTS[name].describe() for name in plan.variants},
-        "skipped_variants": skipped,
+        # without the command that brings it, which names folders of this machine
+        "skipped_variants": {name: reason.partition(":")[0] for name, reason in skipped.items()},
         "levels": LEVELS,
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),

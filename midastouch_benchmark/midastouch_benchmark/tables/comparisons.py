@@ -115,7 +115,7 @@ def baselines() -> pd.DataFrame:
     (init,) = content["summary"][DEFAULT]
     table = methods_table(content, init)
     for name, why in content["skipped_variants"].items():
-        table.loc[len(table)] = [name, "-", f"skipped: {why}", *["-"] * (len(METHODS) - 1)]
+        table.loc[len(table)] = [name, "-", f"skipped: {why.partition(':')[0]}", *["-"] * (len(METHODS) - 1)]
     return table
 
 
