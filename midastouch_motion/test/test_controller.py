@@ -38,9 +38,10 @@ class Driver:
     def run(self, periods):
         return [self.step()[0] for _ in range(periods)]
 
-    def ended(self):
-        """How the motion ends, and the twist then."""
+    def ended(self, before=lambda: None):
+        """How the motion ends, and the twist then; `before` each step something happens."""
         for _ in range(3000):
+            before()
             twist, ended = self.step()
             if ended is not None:
                 return ended, twist
@@ -166,19 +167,15 @@ def test_corrections_to_and_fro_are_followed_and_a_touch_that_never_settles_ends
     rng = np.random.default_rng(0)
     driver = driver_of("touch")
     driver.run(5)
-    for _ in range(3000):
+
+    def jitter():
         driver.depth = DEPTH + rng.choice([-2e-4, 2e-4])
-        _, ended = driver.step()
-        if ended is not None:
-            break
+
+    ended, _ = driver.ended(jitter)
     assert ended.message.startswith("the depth does not settle")
 
 
 def test_an_arm_that_stays_where_it_is_is_not_pushed_on():
     driver = driver_of("approach")
-    for _ in range(3000):
-        driver.gel = np.eye(4)
-        _, ended = driver.step()
-        if ended is not None:
-            break
+    ended, _ = driver.ended(lambda: setattr(driver, "gel", np.eye(4)))
     assert ended.message.startswith("the arm does not follow: it stays where it is over 10 mm")

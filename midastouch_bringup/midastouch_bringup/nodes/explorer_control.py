@@ -17,8 +17,8 @@ from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
 
 from ..explore.acts import Plan
-from ..explore.exploration import Exploration, Motion
-from .explorer_services import LONGEST_M
+from ..explore.exploration import Exploration
+from .explorer_services import motion_of
 from .explorer_sight import Sight
 
 Order = Callable[[], Plan]
@@ -66,12 +66,12 @@ class ExplorerControl:
         return self._take(lambda: self._did.leap(self._sight.of_filter()), "a person has lifted the finger")
 
     def _on_move(self, order: Suggestion) -> None:
-        numbers = order.heading, order.length
-        if np.isfinite(numbers).all() and 0 <= order.length <= LONGEST_M:
-            motion = Motion(order.heading, order.length, order.lift)
-            self._take(lambda: self._did.obey(motion, self._sight.of_filter()), "a person moves the finger")
-        else:
-            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {LONGEST_M:g} m")
+        try:
+            motion = motion_of(order)
+        except InputError as error:
+            self._log.warning(f"~/move: {error}")
+            return
+        self._take(lambda: self._did.obey(motion, self._sight.of_filter()), "a person moves the finger")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:

@@ -13,29 +13,37 @@ from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion
+from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
 from ..explore.acts import Plan
+from ..explore.exploration import Motion
 
 TIMEOUT_S = 10.0
 """s until an answer, which takes a tenth of one, is given up."""
 OBJECT_TIMEOUT_S = 120.0
 """s until a change of the object is given up; a codebook may have to be built for it."""
 _SUGGESTIONS = 24  # asked for: all that are offered
-LONGEST_M = 1.0
-"""m of a motion that somebody asks for."""
+_LONGEST_M = 1.0  # m of a motion that somebody asks for
+
+
+def motion_of(message: SuggestionMsg) -> Motion:
+    """The motion of a suggestion or an order; InputError for numbers that are none."""
+    numbers = message.heading, message.length
+    if not (np.isfinite(numbers).all() and 0 <= message.length <= _LONGEST_M):
+        raise InputError(f"heading and length are {numbers}; give rad, and 0 to {_LONGEST_M:g} m")
+    return Motion(message.heading, message.length, message.lift)
 
 
 def advice_of(response: SuggestMotion.Response) -> Advice:
-    """What a response of `suggest_motion` says, but for the paths; InputError for none, and for numbers that are no
-    motion's."""
+    """What a response of `suggest_motion` says, but for the paths; InputError for none, and for what is no motion."""
     if not response.success:
         raise InputError(response.message)
     names = "heading", "length", "lift", "information", "cost", "reason"
     for each in response.suggestions:
-        numbers = each.heading, each.length, each.information
-        if not (np.isfinite(numbers).all() and 0 <= each.length <= LONGEST_M):
-            raise InputError(f"heading, length and information of a suggestion are {numbers}")
+        motion_of(each)
+        if not np.isfinite(each.information):
+            raise InputError(f"a suggestion's information is {each.information}")
     suggestions = [
         Suggestion(**{name: getattr(each, name) for name in names}, path=np.zeros((0, 4, 4)))
         for each in response.suggestions

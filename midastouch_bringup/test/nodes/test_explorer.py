@@ -118,7 +118,9 @@ def test_suggestions_that_are_no_motions_are_refused(rig, length, heading):
         response.suggestions = [Suggestion(heading=heading, length=length, information=0.4)]
 
     rig.advise(advise)
-    assert "heading, length and information of a suggestion are" in rig.until("gave_up").reason
+    reason = rig.until("gave_up").reason
+    assert "no suggestion where to touch next: heading and length are" in reason
+    assert "give rad, and 0 to 1 m" in reason
 
 
 def test_a_motion_is_judged_once_though_a_person_had_the_finger_after_it(rig, monkeypatch):
