@@ -53,7 +53,7 @@ def advice_of(response: SuggestMotion.Response) -> Advice:
 
 class QuestionClient:
     """Asks a service one question at a time. on_answer: called with each response; in place of one that is overdue,
-    after timeout() [s], with one that says so in its `message`, and nothing else."""
+    after timeout() [s], with one that says so in its `message`, and nothing else. Attribute: name of the service."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class QuestionClient:
         on_answer: Callable[[Any], None],
         timeout: Callable[[], float] = lambda: TIMEOUT_S,
     ):
-        self._client, self._kind = node.create_client(kind, name), kind
+        self.name, self._client, self._kind = name, node.create_client(kind, name), kind
         self._on_answer, self._timeout = on_answer, timeout
         self._asked_at, self._future = 0.0, None
 
@@ -126,9 +126,9 @@ class ObjectChange:
     def __init__(self, node: Node, on_end: Callable[[str, str], None]):
         self._on_end, self.pending = on_end, False
         # the filter last: it begins anew with images of the new object
-        self._names = "finger/set_object", "digit_sim/set_object", "set_object"
+        names = "finger/set_object", "digit_sim/set_object", "set_object"
         self._services = [
-            QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in self._names
+            QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in names
         ]
 
     def __call__(self, request: SetObject.Request) -> Plan[None]:
@@ -149,13 +149,13 @@ class ObjectChange:
         elif self._services[self._number].ready:
             self._services[self._number].ask(self._request)
         else:
-            self._end(f"nobody offers {self._names[self._number]}")
+            self._end(f"nobody offers {self._services[self._number].name}")
 
     def _on_answer(self, response: SetObject.Response) -> None:
         if response.success:
             self._next()
         else:
-            self._end(f"{self._names[self._number]}: {response.message}")
+            self._end(f"{self._services[self._number].name}: {response.message}")
 
     def _end(self, why_not: str) -> None:
         self.pending = False

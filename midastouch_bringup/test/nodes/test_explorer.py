@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from explorer_rig import BALL, TOOL, TOUCHING, Rig
+from explorer_rig import BALL, TOUCHING, Rig
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from std_msgs.msg import Header
@@ -13,7 +13,7 @@ from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseModes, Suggestion
-from midastouch_msgs.srv import SetObject, SuggestMotion
+from midastouch_msgs.srv import SuggestMotion
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
@@ -257,57 +257,6 @@ def test_a_person_takes_the_finger_pushes_the_object_and_gives_it_back(rig):
     assert rig.call("resume").success
     rig.until("known")
     assert not rig.call("lift").success
-
-
-class TestAnotherObject:
-    """Put there by a person: the simulator has to take it, and the filter."""
-
-    @staticmethod
-    def offer(rig, name, message=""):
-        taken = []
-
-        def on_request(request, response):
-            taken.append(request.mesh_path)
-            response.success, response.message = not message, message
-            return response
-
-        rig.graph.companion.create_service(SetObject, name, on_request)
-        return taken
-
-    @staticmethod
-    def ask(rig, path):
-        return rig.graph.call(SetObject, "explorer/set_object", SetObject.Request(mesh_path=path))
-
-    def test_both_get_it_and_it_is_explored(self, rig):
-        taken = [self.offer(rig, name) for name in ("digit_sim/set_object", "set_object")]
-        rig.until("exploring", "somewhere")
-        assert self.ask(rig, TOOL).success
-        status = rig.until("exploring", "another object: handle_tool")
-        assert taken == [[TOOL], [TOOL]]
-        assert status.path_length == 0
-
-    def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(self, rig):
-        self.offer(rig, "digit_sim/set_object")
-        self.offer(rig, "set_object", "no codebook fits")
-        rig.until("exploring", "somewhere")
-        assert self.ask(rig, TOOL).success
-        rig.until("paused", "not changed: set_object: no codebook fits")
-
-    def test_one_that_nobody_answers_for_leaves_the_finger_to_the_person(self, rig, monkeypatch):
-        monkeypatch.setattr(explorer_services, "OBJECT_TIMEOUT_S", 0.0)
-        rig.until("exploring", "somewhere")
-        assert self.ask(rig, TOOL).success
-        rig.until("paused", "not changed: finger/set_object: no answer for 0 s")
-        assert rig.call("resume").success
-        slides = rig.statuses[-1].slides
-        rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides, "it to go on")
-
-    def test_one_that_is_no_mesh_is_refused_at_once(self, rig):
-        rig.until("exploring", "somewhere")
-        response = self.ask(rig, "/nowhere/cup.ply")
-        assert not response.success
-        assert "/nowhere/cup.ply" in response.message
-        assert rig.statuses[-1].state == "exploring"
 
 
 def test_without_an_arm_it_ends_and_says_what_is_missing(graph, patience_clock):

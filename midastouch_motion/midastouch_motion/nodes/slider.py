@@ -32,16 +32,15 @@ from .slider_parameters import PARAMETERS
 from .touch_images import TouchImages
 from .twist_topic import vectors
 
-_NO_ARMS = "recorder", "rosbag2_recorder", "_ros2cli"
-"""How the names of nodes begin that read twists and follow none: those of bags, and of `ros2 topic echo`."""
+_NO_ARMS = "recorder", "rosbag2_recorder", "_ros2cli"  # how nodes are named that read twists and follow none
 _SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
 
 
 class Slider(ManagedNode):
     """While active, carries out goals of `touch`, `slide`, `lift` and `approach`, as long as `~/enable` is repeated.
 
-    Twists of the gel, in its own frame, are on `delta_twist_cmds` while a goal is carried out, and two of zero after
-    it, one where the node itself ends.
+    Twists of the gel, in its own frame, are on `delta_twist_cmds` while a goal is carried out; then two of zero, or one
+    where the node ends.
     """
 
     _goal: tuple[ServerGoalHandle, type] | None = None
@@ -156,8 +155,8 @@ class Slider(ManagedNode):
     def _look(self) -> None:
         """Where the gel is, and who is on the topic of the twists."""
         topic = self._twists.topic_name
-        readers = self.get_subscriptions_info_by_topic(topic)
-        self._seen.listeners = sum(not info.node_name.startswith(_NO_ARMS) for info in readers)
+        readers = (info.node_name for info in self.get_subscriptions_info_by_topic(topic))
+        self._seen.listeners = sum(not reader.startswith(_NO_ARMS) for reader in readers)
         self._seen.commanders = self.count_publishers(topic)
         try:
             newest = self._transforms.latest_stamp(*self._frames)

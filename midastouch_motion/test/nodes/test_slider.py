@@ -7,7 +7,6 @@ from geometry_msgs.msg import (
     Quaternion,
     TwistStamped,
     Vector3,
-    WrenchStamped,
 )
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
@@ -18,7 +17,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_motion.nodes.slider import Slider
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
-from midastouch_msgs.msg import FilterStatus, TactileContact
+from midastouch_msgs.msg import TactileContact
 
 from .rig import Rig, moving
 
@@ -107,87 +106,6 @@ def test_without_transforms_these_are_missed_and_not_the_arm(graph):
     rig = Rig(graph)
     rig.poses = False
     rig.until(lambda: in_the_way(rig) == "no transform of the gel came yet", "transforms to be missed")
-
-
-def no_enable(rig, graph):
-    rig.enabled = False
-
-
-def no_images(rig, graph):
-    rig.images = False
-
-
-def no_poses(rig, graph):
-    rig.poses = False
-
-
-def outside(rig, graph):
-    rig.position = np.array([5.0, 0, 0])
-
-
-def lost(rig, graph):
-    graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(state="lost"))
-
-
-def a_force(rig, graph):
-    rig.force = 12.0
-
-
-def no_forces(rig, graph):
-    rig.forces = False
-
-
-def a_force_of_the_future(rig, graph):
-    rig.forces = False
-    ahead = graph.companion.get_clock().now() + Duration(seconds=1000.0)
-    message = WrenchStamped(header=Header(stamp=ahead.to_msg()))
-    graph.publisher(WrenchStamped, "wrench", qos.stream_publisher()).publish(message)
-
-
-def another_commander(rig, graph):
-    graph.companion.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
-
-
-def held_up(rig, graph):
-    rig.follows = False
-
-
-@pytest.mark.parametrize(
-    ("fault", "reason", "parameters"),
-    [
-        (held_up, "the arm does not follow", {}),
-        (no_enable, "not enabled", {"hold": 2.0}),
-        (no_images, "the newest image is", {"stale_after": 2.0}),
-        (no_poses, "the newest transform of the gel is", {"stale_after": 2.0}),
-        (outside, "outside of the box", {}),
-        (lost, "the filter is lost", {}),
-        (a_force, "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
-        (no_forces, "the newest force on the topic wrench", {"max_force": 10.0, "stale_after": 2.0}),
-        (a_force_of_the_future, "ahead of the clock", {"max_force": 10.0}),
-        (another_commander, "another node commands twists", {}),
-    ],
-)
-def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parameters):
-    rig = Rig(graph, **parameters)
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
-    fault(rig, graph)
-    result = asked.ended()
-    assert not result.success
-    assert reason in result.message
-    rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
-
-
-def test_a_simulator_that_starts_again_stops_the_arm(graph):
-    rig = Rig(graph)
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
-    rig.late = 100.0
-    result = asked.ended()
-    assert result.message == "time ran back"
-    assert result.pose.header.frame_id == "", "where it was before says nothing"
-    rig.late = 0.0
-    rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
 
 
 @pytest.mark.parametrize("bad", ["depth", "points"])

@@ -108,7 +108,7 @@ class TdnNode(ManagedNode):
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
         self._captures = CaptureService(self, self._contact_in, lambda image: self._background.replace(image))
         self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
-        self._unseen_clouds, self._heard = 0, time.monotonic()
+        self._unseen_clouds = 0
         self.autostart()
 
     def configure(self) -> None:
