@@ -69,15 +69,28 @@ class Reachability:
         """Poses (N, 4, 4) pulled back to at most 2 mm of penetration; which (N,) can be reached and touch."""
         deepest = self.deepest(poses)
         reachable = deepest - press <= MAX_EXCESS
+        poses, deepest = self._pulled_back(poses, deepest, np.where(reachable, MAX_PENETRATION, np.inf))
+        return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
+
+    def pressed(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (N, 4, 4) moved along their own axes until their deepest point is `press` (N,) m deep; which (N,) of
+        them are. What is 2 mm off the surface, or farther, is not."""
+        poses = poses @ se3.translation([0.0, 0.0, -MAX_PENETRATION])
+        poses, deepest = self._pulled_back(poses, self.deepest(poses), press)
+        return poses, (deepest > 0) & (np.abs(deepest - press) <= _TOLERANCE)
+
+    def _pulled_back(self, poses: np.ndarray, deepest: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (N, 4, 4), `deepest` (N,) m deep, out of the object along their own axes where they are deeper than
+        `most` (N,) m; and how deep they are then."""
         poses = poses.copy()
         # on a flank, pulling back by the excess does not take all of it away: the deepest point moves along
         for _ in range(_PULLS):
-            deep = np.flatnonzero(reachable & (deepest > MAX_PENETRATION))
+            deep = np.flatnonzero(deepest > most)
             if not len(deep):
                 break
-            poses[deep, :3, 3] += (deepest[deep] - MAX_PENETRATION)[:, None] * poses[deep, :3, 2]
+            poses[deep, :3, 3] += (deepest[deep] - most[deep])[:, None] * poses[deep, :3, 2]
             deepest[deep] = self.deepest(poses[deep])
-        return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
+        return poses, deepest
 
     def free(self, poses: np.ndarray) -> np.ndarray:
         """Which (N,) of the poses (N, 4, 4) touch nothing: away from one wall may be into another."""

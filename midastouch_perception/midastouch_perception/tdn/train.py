@@ -25,6 +25,8 @@ _BATCH = 32
 _RESERVOIR = 768
 _CHECKS = 10  # batches to validate with
 _SOFTENING = 0.03  # mm: below it the loss is quadratic
+_LIGHT = 0.05  # mm: errors of a lighter touch count as of one so deep
+_RELATIVE_WEIGHT, _CONTACT_WEIGHT = 0.2, 0.15  # of the loss's terms beside the RMSE
 CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 
@@ -123,15 +125,20 @@ class _Batches(torch.utils.data.IterableDataset):
 
 
 def loss_function(output: torch.Tensor, penetration: torch.Tensor) -> torch.Tensor:
-    """RMSE of each map's penetration [mm] and cross-entropy of the contact mask.
+    """RMSE of each map's penetration [mm], the same within the contact over the contact's own depth, and cross-entropy
+    of the contact mask.
 
-    Root per map, not mean of squares: the blurriest of sensors would take nearly all of the gradient.
+    Root per map, not mean of squares: the blurriest of sensors would take nearly all of the gradient. Relative to the
+    depth, or a light touch would count for nothing.
     """
     contact = (penetration > CONTACT * 1e3).float()
-    squared = ((output[:, 0] - penetration) ** 2).mean(dim=(1, 2))
-    return (squared + _SOFTENING**2).sqrt().mean() + 0.15 * nn.functional.binary_cross_entropy_with_logits(
-        output[:, 1], contact
-    )
+    off, touched = (output[:, 0] - penetration) ** 2, contact.sum(dim=(1, 2)).clamp(min=1)
+    rmse = (off.mean(dim=(1, 2)) + _SOFTENING**2).sqrt()
+    inside = ((off * contact).sum(dim=(1, 2)) / touched + 1e-6).sqrt()
+    depth = ((penetration**2 * contact).sum(dim=(1, 2)) / touched).sqrt()
+    relative = inside / (depth + _LIGHT)
+    in_contact = nn.functional.binary_cross_entropy_with_logits(output[:, 1], contact)
+    return rmse.mean() + _RELATIVE_WEIGHT * relative.mean() + _CONTACT_WEIGHT * in_contact
 
 
 @torch.no_grad()
@@ -161,7 +168,7 @@ def train(options: TrainingOptions) -> Path:
     if options.start and not options.resume:
         batch = next(iter(_Batches(data.meshes, data.backgrounds, data.ranges, options.light, options.seed)))
         unfold(model, network_path("tdn", options.start), *batch[:2])
-    run = TrainingRun(model, options, 2e-4 if options.start else 3e-3)
+    run = TrainingRun(model, options, 6e-4 if options.start else 3e-3)
     validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.light, options.seed + 1000)
     checks = list(itertools.islice(iter(validation), _CHECKS))
     seed = options.seed + 7919 * run.step

@@ -13,9 +13,10 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 
-from ..rendering.contact_poses import ContactSampling, sample_contact_poses
+from ..rendering.contact_poses import ContactSampling, Reachability, sample_contact_poses
 from ..rendering.renderer import PenetrationRenderer
 from ..sensor_calibration.ball import ball_centre, ball_penetration
 from ..sensor_calibration.calibration import standard_colours
@@ -28,6 +29,8 @@ _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8
 # wider than the paper's: small presses too, or light touches are missed
 _SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_fraction=0.04)
+_ASIDE_FRACTION = 0.5  # of the touches: an arm also touches lightly, and with the gel's rim
+_ASIDE_PRESS = (0.05e-3, 1.5e-3)  # m
 _CALIBRATED_FRACTION = 0.4  # of the sensors whose light is relative
 _BALL_FRACTION = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
 _BALL_PRESSES = (5, 15)  # for a calibration
@@ -67,6 +70,7 @@ def touches(
             renderers[which] = PenetrationRenderer(meshes[which[0]], sensors[which[1]])
         renderer, sensor = renderers[which], sensors[which[1]]
         poses = sample_contact_poses(meshes[which[0]], _POSES_PER_OBJECT, rng, sensor, _SAMPLING)
+        poses = pressed_aside(poses, Reachability(meshes[which[0]], sensor), sensor, rng)
         penetration, normals = renderer.render_with_normals(poses)
         for part in np.array_split(np.arange(len(poses)), _SENSORS_PER_OBJECT):
             imaginary = RandomSensor(sensor, backgrounds, rng, ranges)
@@ -84,6 +88,22 @@ def touches(
                 difference = light.difference(image)
                 seen = standard_colours(response.slopes(difference)) if response else difference
                 yield TrainingTouch(seen, depth, sensor)
+
+
+def pressed_aside(
+    poses: np.ndarray, reachability: Reachability, sensor: SensorModel, rng: np.random.Generator
+) -> np.ndarray:
+    """Poses T_obj_gel (N, 4, 4), half of them moved in the gel's plane so that what they touch is anywhere in the view,
+    and pressed by 0.05 to 1.5 mm, log-uniform; those with which that comes to nothing stay as they were."""
+    aside = np.flatnonzero(rng.random(len(poses)) < _ASIDE_FRACTION)
+    view = 0.5 * sensor.pixel_size * np.array([sensor.width, sensor.height])
+    moves = np.zeros((len(aside), 3))
+    moves[:, :2] = rng.uniform(-view, view, (len(aside), 2))
+    press = np.exp(rng.uniform(*np.log(_ASIDE_PRESS), len(aside)))
+    moved, touching = reachability.pressed(poses[aside] @ se3.translation(moves), press)
+    out = poses.copy()
+    out[aside[touching]] = moved[touching]
+    return out
 
 
 def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:

@@ -72,3 +72,22 @@ def test_hovering_poses_touch_nothing_even_inside_a_cup(sensor):
     sampling = ContactSampling(free_fraction=1.0)
     poses = sample_contact_poses(ring, 60, np.random.default_rng(0), sensor, sampling)
     assert not PenetrationRenderer(ring, sensor.scaled(0.5)).render(poses).any()
+
+
+def test_poses_are_pressed_as_deep_as_asked_for_wherever_they_touch(tool, sensor, poses):
+    rng = np.random.default_rng(3)
+    press = np.exp(rng.uniform(np.log(0.1e-3), np.log(1.5e-3), len(poses)))
+    pressed, touching = Reachability(tool, sensor).pressed(poses, press)
+    assert touching.mean() > 0.8
+    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(pressed[touching]).max(axis=(1, 2))
+    assert np.abs(deepest - press[touching]).max() < 1.1e-4
+    np.testing.assert_allclose(pressed[:, :3, :3], poses[:, :3, :3])  # along their own axes
+    aside = np.einsum("nij,ni->nj", poses[:, :3, :3], pressed[:, :3, 3] - poses[:, :3, 3])[:, :2]
+    assert np.abs(aside).max() < 1e-9
+
+
+def test_poses_far_from_the_surface_are_not_pressed_on(tool, sensor, poses):
+    away = poses[:20].copy()
+    away[:, :3, 3] += 0.5
+    _, touching = Reachability(tool, sensor).pressed(away, np.full(20, 1e-3))
+    assert not touching.any()

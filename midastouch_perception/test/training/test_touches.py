@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import ContactSampling, Reachability, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.training.touches import misread
+from midastouch_perception.training.touches import misread, pressed_aside
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +41,21 @@ def test_given_maps_are_left_as_they_are(presses):
     before = presses.copy()
     misread(presses, np.random.default_rng(0))
     assert np.array_equal(presses, before)
+
+
+def test_half_of_the_touches_are_anywhere_in_the_view_and_as_light_as_firm():
+    mesh, sensor = ObjectMesh.load(bundled_objects()["eyebolt"]), SensorModel.load("digit_tacto").for_maps
+    rng = np.random.default_rng(0)
+    before = sample_contact_poses(mesh, 300, rng, sensor, ContactSampling(free_fraction=0))
+    after = pressed_aside(before, Reachability(mesh, sensor), sensor, rng)
+    moved = np.flatnonzero(np.abs(after - before).max(axis=(1, 2)) > 0)
+    assert 0.25 < len(moved) / len(before) < 0.55  # some of the moved ones touch nothing there
+    maps = PenetrationRenderer(mesh, sensor).render(after[moved])
+    deepest = maps.max(axis=(1, 2))
+    assert (deepest > 0).all()
+    assert deepest.max() < 1.7e-3
+    assert np.median(deepest) == pytest.approx(np.sqrt(0.05e-3 * 1.5e-3), rel=0.5)
+    row, column = np.unravel_index(maps.reshape(len(maps), -1).argmax(axis=1), maps.shape[1:])
+    for at, size in (row, sensor.height), (column, sensor.width):
+        quarters = np.histogram(at, 4, (0, size))[0] / len(at)
+        assert quarters.min() > 0.1, "deepest anywhere, at the borders too"
