@@ -21,6 +21,7 @@ from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SuggestMotion
 
 from ..active_touch.suggestion import Advice, Suggestion, Wanted
+from ..core.estimate import Estimate
 from ..core.state import CONVERGED, NO_CONTACT
 from ..localiser import Localiser
 from . import markers
@@ -33,7 +34,9 @@ class MotionAdvice:
     """Answers for a node's localiser, None while the node is not active.
 
     A goal of the action is not executed until it ends: what it waits for is the next touch, and an executor would ask
-    a coroutine that waits again and again. clock: seconds.
+    a coroutine that waits again and again. Nobody says that a client has died: its goals are kept until something
+    ends them, and cost nothing as long as another asks the same, as each question is answered once a frame. clock:
+    seconds.
     """
 
     def __init__(
@@ -48,6 +51,8 @@ class MotionAdvice:
         self._clock, self._stamp = clock, stamp
         self._goals: list[ServerGoalHandle] = []
         self._last = -math.inf
+        self._of: Estimate | None = None
+        self._answers: dict[Wanted, Advice] = {}  # by that estimate
         self._shown = node.create_publisher(MarkerArray, "suggestions", qos.stream_publisher(parameters["queue_depth"]))
         node.create_service(SuggestMotion, "suggest_motion", self._on_service)
         self._server = GoalServer(node, action.SuggestMotion, "suggest_motion", self._on_goal, self._on_cancel)
@@ -147,7 +152,11 @@ class MotionAdvice:
             raise InputError("the sensor touches nothing: touch the object first")
         if estimate.status.state == CONVERGED:
             return Advice([], False, f"nothing is left to find out: {estimate.status.reason}")
-        return localiser.advise(wanted)
+        if estimate is not self._of:
+            self._of, self._answers = estimate, {}
+        if wanted not in self._answers:
+            self._answers[wanted] = localiser.advise(wanted)
+        return self._answers[wanted]
 
     def _shown_as_messages(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])

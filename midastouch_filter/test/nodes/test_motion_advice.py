@@ -165,3 +165,14 @@ def test_a_node_that_is_deactivated_ends_the_action(graph):
     status, result = follower.result()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
     assert "ros2 lifecycle set" in ask(graph).message
+
+
+def test_who_asks_the_same_at_the_same_frame_costs_nothing(graph):
+    bench = touched(graph, suggestion_rate=0.0)
+    followers = [Follower(graph, count=2) for _ in range(3)]
+    assert ask(graph, count=2).success
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
+    graph.spin_until(lambda: all(len(each.feedback) == 2 for each in followers), "what follows from both touches")
+    assert len(bench.filter.wanted) == 2, "one answer a frame"
+    assert ask(graph, count=1).success
+    assert len(bench.filter.wanted) == 3, "another question is another answer"
