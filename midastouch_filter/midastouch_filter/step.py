@@ -149,7 +149,7 @@ class Reporter:
                 in_contact=outcome.in_contact,
                 support=self._policies.reweigh.trend.support,
                 restarted=outcome.restarted,
-                checked=followed and self._policies.refine.checked,
+                doubt=self._policies.refine.doubt if followed else "its particles follow another hypothesis",
                 listed=published.listed,
                 unknown=self._policies.refine.unknown,
                 mode_mass=first.weight,

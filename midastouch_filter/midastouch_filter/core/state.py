@@ -55,7 +55,8 @@ class Status:
 class StateEvidence:
     """What the state depends on; units as in `Status`.
 
-    support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
+    support: the trend over log(outlier), 1 is worst; doubt: why nobody may rely on the dominant mode, in words, though
+    it may be narrow, empty if one may;
     error_t [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its
     hypothesis is the right one; listed: probability that the truth is among the published modes; unknown: that another
     object is touched; alike: how many poses feel the same as each one, in words, empty if none do.
@@ -65,7 +66,7 @@ class StateEvidence:
     in_contact: bool = False
     support: float = 0.0
     restarted: str = ""
-    checked: bool = True
+    doubt: str = ""
     listed: float = 1.0
     mode_mass: float = 0.0
     spread_t: float = 0.0
@@ -133,6 +134,6 @@ class StateMachine:
             return False, f"the published pose is known to {e.error_r:.2f} rad only"
         if e.unknown > _OWN:
             return False, f"with {e.unknown:.0%} these touches are not of this mesh"
-        if not e.checked:
-            return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other hypotheses yet"
+        if e.doubt:
+            return False, f"one mode holds {e.mode_mass:.0%}, but {e.doubt}"
         return True, ""

@@ -38,11 +38,11 @@ class Published(NamedTuple):
 class CoarseOnly:
     """A step without a fine stage: the belief is that of the codes alone; `FineStage` replaces what maps change.
 
-    Attributes: checked: whether other hypotheses were compared with the dominant mode, as far as that is asked for;
-    unknown: probability that the last touches are of another object, as far as that is.
+    Attributes: doubt: why nobody may rely on the dominant mode, in words, as far as that is asked for, empty if one
+    may; unknown: probability that the last touches are of another object, as far as that is.
     """
 
-    checked = True
+    doubt = ""
     unknown = 0.0
 
     def restart(self, prior: Prior | None) -> None:

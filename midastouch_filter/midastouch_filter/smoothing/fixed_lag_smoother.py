@@ -26,6 +26,7 @@ from .pace import InTime
 from .published_modes import owners_of, published_modes
 from .reevaluation import Comparison, Reevaluation
 
+_NOT_COMPARED = "it was not compared with other hypotheses yet"
 _NEGLIGIBLE_CHANGE = 0.02  # change of a hypothesis' fraction of the belief
 
 
@@ -53,7 +54,7 @@ class FixedLagSmoother(FineStage):
 
     def restart(self, prior: Prior | None) -> None:
         super().restart(prior)
-        self.checked, self.unknown = False, 0.0
+        self.doubt, self.unknown = _NOT_COMPARED, 0.0
         self._in_contact = False
         self.comparison: Comparison | None = None
         self._compared_at = np.eye(4)
@@ -70,13 +71,14 @@ class FixedLagSmoother(FineStage):
             self._reevaluation.moved(np.eye(4), path, in_contact)
         else:
             self._reevaluation.moved(motion.transform, motion.path, in_contact)
-        self.checked = self.checked and not self._reevaluation.lifted
+        if self._reevaluation.lifted:
+            self.doubt = _NOT_COMPARED
         self._in_contact = in_contact
 
     def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
         explained = super().__call__(belief, measured, tempering)
         if mapped_of(measured):
-            self.checked = explained and self._is_trusted(belief)
+            self.doubt = self._doubt_of(belief) if explained else "the last touch does not fit it"
         return explained
 
     def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
@@ -87,9 +89,9 @@ class FixedLagSmoother(FineStage):
                 if not self._gates.skips("unrivalled", self._reevaluation.rests(contradicted)):
                     self._compare(belief, elapsed, in_time)
         elif self._in_contact and not measured and not self._reevaluation.rests(contradicted=False):
-            with self._watch.stage("hindsight"):  # no touch will come that says whether the comparison is trusted
+            with self._watch.stage("hindsight"):  # no touch will come that asks what the comparison leaves in doubt
                 if self._compare(belief, elapsed, in_time):
-                    self.checked = self._is_trusted(belief)
+                    self.doubt = self._doubt_of(belief)
 
     def _keep(self, measured: list[Finger]) -> None:
         """Keep the touch, if it is far enough from the last one that is kept."""
@@ -111,13 +113,18 @@ class FixedLagSmoother(FineStage):
         self.unknown = comparison.unknown
         return True
 
-    def _is_trusted(self, belief: Belief) -> bool:
-        """Whether the last comparison found the dominant mode probable enough, and left no hypothesis out."""
+    def _doubt_of(self, belief: Belief) -> str:
+        """What the last comparison leaves in doubt of the dominant mode, in words; empty if nothing."""
         known, reevaluation = self.comparison, self._reevaluation
-        if known is None or not known.exhaustive or reevaluation.lifted:
-            return False
+        if known is None or reevaluation.lifted:
+            return _NOT_COMPARED
+        if not known.exhaustive:
+            return "not all other hypotheses were compared with it"
         pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._compared_at)
-        return known.probability_at(pose, self._config.converged_error) >= self._config.converged_probability
+        probability = known.probability_at(pose, self._config.converged_error)
+        if probability < self._config.converged_probability:
+            return f"by the last touches it is right with {probability:.1%} only"
+        return ""
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their hypotheses, and competitors that have no particles some of their

@@ -28,7 +28,7 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(alike="6 poses alike"), state.CONVERGED, "modulo symmetry: 6 poses alike"),
         (narrow(mode_mass=0.5), state.AMBIGUOUS, "50%"),
         (narrow(spread_t=0.02), state.AMBIGUOUS, "20.0 mm"),
-        (narrow(checked=False), state.AMBIGUOUS, "not compared with other hypotheses"),
+        (narrow(doubt="the last touch does not fit it"), state.AMBIGUOUS, "but the last touch does not fit it"),
         (narrow(spread_r=1.0), state.AMBIGUOUS, "1.00 rad"),
         (narrow(error_t=0.03), state.AMBIGUOUS, "known to 30.0 mm only"),
         (narrow(error_r=0.4), state.AMBIGUOUS, "known to 0.40 rad only"),
