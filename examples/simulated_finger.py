@@ -25,7 +25,7 @@ from midastouch_msgs.msg import FilterStatus
 from midastouch_perception import ObjectMesh, SensorModel, bundled_objects
 from midastouch_perception.simulation.slide import simulate_slide
 
-BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.5, 0.0, 0.2]))
+BASE_FROM_OBJECT = se3.translation([0.5, 0.0, 0.2])
 SECOND = 1_000_000_000  # ns
 TICK, TIMEOUT = SECOND // 100, SECOND // 5
 SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; m above its start

@@ -75,7 +75,7 @@ def real_sequence_folder(tmp_path: Path):
         object_from_gel = smooth_poses(n, rng)
         alignment = se3.exp(rng.normal(0, 0.02, 6))
         # undo what the reader does: gel -> camera, then the translation that the alignment adds
-        object_from_digit = object_from_gel @ se3.make(np.eye(3), np.array([0, 0, 0.022]))
+        object_from_digit = object_from_gel @ se3.translation([0, 0, 0.022])
         object_from_digit[:, :3, 3] -= alignment[:3, 3]
         world_from_object = np.repeat(se3.exp(rng.normal(0, 1, 6))[None], n, axis=0)
         data = {

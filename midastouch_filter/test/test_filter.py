@@ -49,7 +49,7 @@ def test_starts_spread_out_and_on_the_surface(coded_slide, world):
 
 def test_from_nothing_known_the_way_through_the_air_to_the_first_touch_says_nothing(coded_slide, world):
     """Wherever the sensor was, it touches the surface; from a pose that is known it does not if it goes past it."""
-    down, air = se3.make(np.eye(3), np.array([0.0, 0.0, -5e-3])), Measurement(False, None)
+    down, air = se3.translation([0.0, 0.0, -5e-3]), Measurement(False, None)
     for known in (False, True):
         filter_ = coded_slide.make_filter()
         if known:

@@ -51,7 +51,7 @@ def run(filter_, pair, others, touches=None, frames=40):
 
 
 def test_order_and_absence_of_fingers_change_nothing(filter_, pair):
-    third = touch(se3.make(np.eye(3), np.array([0, 0, 0.05])))
+    third = touch(se3.translation([0, 0, 0.05]))
     one_way = run(filter_, pair, lambda k: {"a": pair[3][k], "b": third}, frames=10)[1]
     assert one_way == run(filter_, pair, lambda k: {"a": pair[3][k], "b": third}, frames=10)[1]
     assert one_way == run(filter_, pair, lambda k: {"b": third, "a": pair[3][k]}, frames=10)[1]
@@ -61,7 +61,7 @@ def test_order_and_absence_of_fingers_change_nothing(filter_, pair):
 
 
 def test_a_free_finger_far_from_the_object_changes_nothing(filter_, pair):
-    aside = touch(se3.make(np.eye(3), np.array([0, 0, 0.4])))
+    aside = touch(se3.translation([0, 0, 0.4]))
     belief = [run(filter_, pair, lambda k, o=o: o, frames=10)[0] for o in ({}, {"free": aside})]
     np.testing.assert_allclose(belief[0].pose, belief[1].pose, atol=1e-9)
 
@@ -77,8 +77,8 @@ def test_refused_fingers_change_nothing_but_the_count(filter_, pair):
 POSES = {
     "here": np.eye(4),
     "opposite": se3.exp(np.array([0, 0, -0.05, np.pi, 0, 0])),
-    "far": se3.make(np.eye(3), np.array([9.0, 0, 0])),
-    "absurd": se3.make(np.eye(3), np.array([1e30, 0, 0])),
+    "far": se3.translation([9.0, 0, 0]),
+    "absurd": se3.translation([1e30, 0, 0]),
     "warped": 2 * np.eye(4),
     "nan": np.full((4, 4), np.nan),
 }
@@ -136,7 +136,7 @@ def test_another_finger_counts_while_the_reference_is_in_the_air(filter_, pair):
 
 def test_the_reference_in_the_air_is_not_inside_the_object(filter_, pair):
     """An arm that errs moves all particles into the object; those that are least so are believed more."""
-    into = se3.make(np.eye(3), np.array([0, 0, -3e-3]))
+    into = se3.translation([0, 0, -3e-3])
     depths = []
     for reference in (Measurement(False), Measurement(True, np.full(64, np.nan))):
         filter_.reset(0)

@@ -57,7 +57,7 @@ def test_modes_of_particles_a_half_turn_apart_are_rotations(filter_, world):
 @settings(max_examples=40)
 def test_absurd_priors_are_refused_and_wide_ones_start_on_the_object(filter_, world, where, sigma_t, sigma_r):
     filter_.reset(0)
-    prior = se3.make(np.eye(3), where)
+    prior = se3.translation(where)
     if max(np.abs(where).max() / 2, sigma_t, sigma_r) > 1e3:
         with pytest.raises(InputError, match="prior pose"):
             filter_.initialise_gaussian(prior, sigma_t, sigma_r)

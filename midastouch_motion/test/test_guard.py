@@ -40,7 +40,7 @@ def test_while_all_is_well_the_arm_may_move():
         ({"force": 12.0}, "a force of 12.0 N, more than 10.0"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
-        ({"gel": se3.make(np.eye(3), np.array([0.0, 0.2, 0.0]))}, r"at \(0, 200, 0\) mm, outside"),
+        ({"gel": se3.translation([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
     ],
 )
 def test_each_fault_stops_it(changes, reason):

@@ -14,12 +14,12 @@ from midastouch_perception.sensor_model import SensorModel
 SENSOR = SensorModel.load("digit_tacto")
 BALL = ObjectMesh.load(bundled_objects()["ball"])
 TOP = float(BALL.bounds[1, 2])
-BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.45, 0.1, 0.2]))
+BASE_FROM_OBJECT = se3.translation([0.45, 0.1, 0.2])
 
 
 def over(height: float) -> np.ndarray:
     """T_obj_gel (4, 4) of a gel over the ball."""
-    return se3.make(np.eye(3), np.array([0.0, 0.0, TOP + height]))
+    return se3.translation([0.0, 0.0, TOP + height])
 
 
 def arm(height: float, **changes) -> MujocoArm:
@@ -40,7 +40,7 @@ def test_it_begins_where_it_is_put():
 
 
 def test_what_it_does_not_reach_is_refused():
-    far = se3.make(np.eye(3), np.array([1.5, 0.0, 0.2]))
+    far = se3.translation([1.5, 0.0, 0.2])
     pytest.importorskip("mujoco", reason="not installed: tools/requirements/mujoco.txt")
     with pytest.raises(InputError, match="does not reach"):
         MujocoArm(BALL, SENSOR, Setting(far, far @ over(0.01)))
@@ -82,7 +82,7 @@ def test_pressing_pushes_back_along_the_gel_and_friction_is_bounded():
 
 
 def test_a_gel_that_is_mounted_elsewhere_touches_elsewhere():
-    off = se3.make(np.eye(3), np.array([0.0, 0.0, -2e-3]))
+    off = se3.translation([0.0, 0.0, -2e-3])
     drawn, mounted = arm(1e-3), arm(1e-3, mount=off)
     for each in (drawn, mounted):
         each.advance(0.02)

@@ -122,7 +122,7 @@ def test_an_approach_goes_straight_through_the_air_and_turns_on_the_way(world, i
 def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
     there = world("ball", limits=Limits(depth=5e-3))
     start = above(there.mesh, np.random.default_rng(9), 0.02)
-    through = start @ se3.make(np.eye(3), np.array([0, 0, -0.06]))
+    through = start @ se3.translation([0, 0, -0.06])
     run = there.run(start, [Approach(through)])
     assert not run.ended[0].success
     assert max(run.depths) < 3e-3
@@ -133,7 +133,7 @@ def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
 
 def test_the_guard_ends_an_approach_too(world):
     there = world("ball")
-    far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.make(np.eye(3), np.array([0, 0, 2.0]))
+    far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.translation([0, 0, 2.0])
     run = there.run(far, [Approach(far)])
     assert "outside of the box" in run.ended[0].message
 
@@ -141,7 +141,7 @@ def test_the_guard_ends_an_approach_too(world):
 def test_an_arm_that_does_not_follow_ends_every_motion(world):
     there = world("ball", arm_timeout=0.0)
     pose = above(there.mesh, np.random.default_rng(8), 0.02)
-    elsewhere, turned = se3.make(np.eye(3), np.array([0.02, 0, 0])), se3.exp(np.array([0, 0, 0, 0, 0, 1.0]))
+    elsewhere, turned = se3.translation([0.02, 0, 0]), se3.exp(np.array([0, 0, 0, 0, 0, 1.0]))
     for skill in (Touch(DEPTH, 0.1), Lift(0.01), Approach(pose @ elsewhere), Approach(pose @ turned)):
         run = there.run(pose, [skill])
         assert run.ended[0] is not None

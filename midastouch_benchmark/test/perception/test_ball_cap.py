@@ -32,7 +32,7 @@ def centre(sensor, x=1e-3, y=-2e-3, depth=1.2e-3):
 def test_a_ball_as_the_renderer_sees_it(sensor):
     mesh = trimesh.creation.icosphere(subdivisions=6, radius=RADIUS)
     renderer = PenetrationRenderer(ObjectMesh.from_arrays(mesh.vertices, mesh.faces, "ball"), sensor)
-    rendered = renderer.render(se3.make(np.eye(3), -centre(sensor))[None])[0]
+    rendered = renderer.render(se3.translation(-centre(sensor))[None])[0]
     np.testing.assert_allclose(cap_penetration(centre(sensor), RADIUS, sensor), rendered, atol=3e-6)
     assert rendered.max() == pytest.approx(1.2e-3, rel=0.02)
 

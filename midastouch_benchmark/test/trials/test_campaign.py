@@ -164,7 +164,7 @@ def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
 @pytest.mark.parametrize(("temperature", "calibrated"), [(0.1, True), (0.02, False)])
 def test_the_likelihood_is_judged_by_the_rank_of_the_true_entry(temperature, calibrated):
     rng = np.random.default_rng(1)
-    poses = se3.make(np.eye(3), np.stack([np.linspace(0, 1, 400), np.zeros(400), np.zeros(400)], axis=1))
+    poses = se3.translation(np.stack([np.linspace(0, 1, 400), np.zeros(400), np.zeros(400)], axis=1))
     codes = rng.standard_normal((400, 16)).astype(np.float32)
     codes /= np.linalg.norm(codes, axis=1, keepdims=True)
     book = Codebook(poses, codes, {"temperature": temperature, "outlier": 0.02})

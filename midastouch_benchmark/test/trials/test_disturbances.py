@@ -17,7 +17,7 @@ LEAP = se3.make(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.0]))
 def touches(n: int, code: np.ndarray) -> list[TrialFrame]:
     """n frames along 0.3 m of a circle, turning with it."""
     angle = np.linspace(0, 2, n)
-    poses = se3.exp(np.array([0, 0, 0, 0, 0, 1.0]) * angle[:, None]) @ se3.make(np.eye(3), [0.15, 0, 0])
+    poses = se3.exp(np.array([0, 0, 0, 0, 0, 1.0]) * angle[:, None]) @ se3.translation([0.15, 0, 0])
     measurement = Measurement(True, code.astype(np.float32))
     return [TrialFrame(i, measurement, {"tdn": 2.0, "tcn": 1.0}, p, p) for i, p in enumerate(poses)]
 

@@ -87,7 +87,7 @@ def test_the_table_has_a_dash_where_nothing_happened_on_the_way():
 
 def test_what_is_left_are_poses_that_are_told_apart_beside_the_truth():
     half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
-    poses = np.stack([np.eye(4), se3.make(np.eye(3), np.array([2e-3, 0, 0])), half_turn, np.eye(4)])
+    poses = np.stack([np.eye(4), se3.translation([2e-3, 0, 0]), half_turn, np.eye(4)])
     poses[3, 1, 3] = 0.09
     some = Hypotheses(poses, np.tile(np.eye(6), (4, 1, 1)), np.log([0.5, 0.2, 0.295, 0.005]), np.zeros(4))
     truth, other = poses_left(some, np.eye(4), Yardstick())

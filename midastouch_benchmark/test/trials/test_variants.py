@@ -41,7 +41,7 @@ def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
         particle_filter = variant.filter(mesh, codebook, config, threads=1)
         particle_filter.initialise_uniform()
         measurement = Measurement(True, codebook.codes[0], 1e-4)
-        step = se3.make(np.eye(3), np.array([1e-3, 0, 0]))
+        step = se3.translation([1e-3, 0, 0])
         for odometry in (None, np.eye(4), step, np.eye(4)):
             status = particle_filter.step(odometry, measurement).status
         return [status.skipped[gate] for gate in VARIANTS[name].open_gates]

@@ -38,7 +38,7 @@ def frames(way, offset, seconds=12.0, fps=30.0, noise=2.0):
         shift = np.array([[1, 0, -x], [0, 1, 0]])
         grey = cv2.warpAffine(TEXTURE, shift, (120, 160)) + rng.normal(0, noise, (160, 120))
         image = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-        yield BagFrame(round(1e9 * stamp), image, se3.make(np.eye(3), np.array([way(stamp), 0, 0])), None)
+        yield BagFrame(round(1e9 * stamp), image, se3.translation([way(stamp), 0, 0]), None)
 
 
 STILL = next(frames(stop_and_go, 0.0))

@@ -77,7 +77,7 @@ def scene_sender(graph):
     header = Header(frame_id="object")
     mode = PoseMode(weight=1.0)
     mode.pose.pose.orientation.w = 1.0
-    poses = se3.make(np.eye(3), np.random.default_rng(0).normal(0, 0.1, (100, 3)))
+    poses = se3.translation(np.random.default_rng(0).normal(0, 0.1, (100, 3)))
     guide = DiagnosticStatus(name="calibrate: /calibrate", values=[KeyValue(key="region", value="centre")])
     messages = (
         (DiagnosticArray, "/diagnostics", DiagnosticArray(status=[guide]), False),

@@ -48,7 +48,7 @@ def test_camera_poses_lie_22_mm_up_the_gel_normal(simulated_sequence):
     sequence = simulated_sequence()
     stored = pickle.loads((sequence.path / "tactile_data.pkl").read_bytes())
     gel_from_camera = se3.inverse(sequence.poses_true) @ se3.from_xyzquat(stored["camposes"])
-    expected = np.repeat(se3.make(np.eye(3), np.array([0, 0, 0.022]))[None], 5, axis=0)
+    expected = np.repeat(se3.translation([0, 0, 0.022])[None], 5, axis=0)
     np.testing.assert_allclose(gel_from_camera, expected, atol=1e-12)
     assert stored["mNoise"] == {"sig_t": 5e-4, "sig_r": 1.0}
 

@@ -8,7 +8,7 @@ from midastouch_perception.objects import bundled_objects
 
 RADIUS = 0.03  # m, of the ball
 OBJECT = se3.exp(np.array([0.4, -0.1, 0.2, 0.1, 0.2, 0.3]))  # T_base_obj
-TOP = se3.make(np.eye(3), np.array([0.0, 0.0, RADIUS]))  # T_obj_gel
+TOP = se3.translation([0.0, 0.0, RADIUS])  # T_obj_gel
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_along_a_known_surface_a_way_stays_on_it_and_turns_with_it(ball):
 
 def test_where_no_surface_is_known_a_way_is_straight_in_the_gels_plane():
     track = Surroundings(OBJECT).track(np.pi / 2, 0.03)
-    np.testing.assert_allclose((se3.inverse(OBJECT) @ track.poses)[-1], se3.make(np.eye(3), [0, 0.03, 0]), atol=1e-12)
+    np.testing.assert_allclose((se3.inverse(OBJECT) @ track.poses)[-1], se3.translation([0, 0.03, 0]), atol=1e-12)
     np.testing.assert_allclose(track.gone, np.linalg.norm(track.poses[:, :3, 3] - OBJECT[:3, 3], axis=1), atol=1e-12)
 
 

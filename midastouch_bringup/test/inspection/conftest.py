@@ -29,7 +29,7 @@ def run() -> Run:
     rng = np.random.default_rng(0)
     moments = []
     for i in range(MOMENTS):
-        truth = se3.make(np.eye(3), np.array([0.002 * i, 0, 0.02]))
+        truth = se3.translation([0.002 * i, 0, 0.02])
         particles = truth @ se3.exp(rng.normal(0, 1e-3, (50, 6)))
         covariance = np.diag([1e-3, 2e-3, 3e-3, 0.1, 0.1, 0.1]) ** 2
         contact = truth[:3, 3] + rng.uniform(-2e-3, 2e-3, (20, 3))

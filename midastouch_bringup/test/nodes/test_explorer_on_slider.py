@@ -32,7 +32,7 @@ pytestmark = pytest.mark.dds
 PERIOD_NS, PER_IMAGE = 10_000_000, 3  # of control; an image in so many
 LATE = 0.05  # s of real time, for a twist that may not come as nothing moves
 LONGEST_NS = 600 * 10**9  # of its own time, which bounds a failing test however slow the machine is
-OBJECT = se3.make(np.eye(3), np.array([0.4, 0.0, 0.1]))  # T_base_obj
+OBJECT = se3.translation([0.4, 0.0, 0.1])  # T_base_obj
 LEAST_AREA = 1.5e-6  # m^2
 FAST = {"speed": 0.03, "air_speed": 0.2, "turn_speed": 2.0, "acceleration": 2.0, "max_depth": 2e-3, "arm_latency": 0.02}
 
@@ -48,7 +48,7 @@ class Rig:
         self._sensor = SensorModel.load("digit_tacto").for_maps
         self._renderer = PenetrationRenderer(ObjectMesh.load(BALL), self._sensor)
         self._now, self._steps = 1_000_000_000, 0
-        over = se3.make(np.eye(3), np.array([0.0, 0.0, RADIUS + 5e-3]))
+        over = se3.translation([0.0, 0.0, RADIUS + 5e-3])
         self.arm = SimulatedArm(OBJECT @ over, latency=0.02, timeout=1.0)
         in_simulation = {"use_sim_time": True}
         self.slider = graph.add(Slider, FAST | {"hold": 5.0, "stale_after": 5.0} | in_simulation)

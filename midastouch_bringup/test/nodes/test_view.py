@@ -70,7 +70,7 @@ def test_everything_arrives_in_the_scene(graph, scene, view):
     pixels = np.random.default_rng(0).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     positions = np.random.default_rng(1).normal(0, 0.1, (60_000, 3)).astype(np.float32)
     weights = np.linspace(0, 2, 60_000)
-    poses = se3.make(np.eye(3), positions)
+    poses = se3.translation(positions)
     graph.publisher(Image, "image_raw").publish(image_to_msg(pixels, "rgb8", header()))
     graph.publisher(PointCloud2, "particles/cloud").publish(markers.particle_cloud(poses, weights / 60_000, header()))
     graph.publisher(PointCloud2, "tactile/points").publish(

@@ -171,7 +171,7 @@ def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
     """By a millimetre its pose may be wrong: then the gel would hover, and not be somewhere else."""
     right, copy = copies(world, alike)
     way = predict_slides(alike, right.pose[None], np.zeros(1), np.array([0.01, 0.02, 0.03]))[0][0, 0]
-    at_copy = HALF_TURN @ way @ se3.make(np.eye(3), np.array([0.0, 0.0, off]))
+    at_copy = HALF_TURN @ way @ se3.translation([0.0, 0.0, off])
     evidence = map_evidence(right, [copy], way, at_copy[:, None], NOISE)
     assert evidence.shape == (4, 1)
     assert (np.abs(evidence).max() < 0.3) != told
@@ -258,5 +258,5 @@ def test_touches_near_earlier_ones_count_in_part():
     track[0, 0, :, 0, 3] = [0.0, 0.015, 0.06]
     news = independence_on_the_way(track, NOTHING_MEASURED, 0.03)
     np.testing.assert_allclose(news[0, 0], [0.5, 1.0])
-    measured = se3.make(np.eye(3), np.array([[0.06, 0.0, 0.0]]))
+    measured = se3.translation(np.array([[0.06, 0.0, 0.0]]))
     np.testing.assert_allclose(independence_on_the_way(track, measured, 0.03)[0, 0], [0.5, 0.0])

@@ -61,7 +61,7 @@ def test_finds_the_pose_that_measured_the_penetration(tool, sensor, touches):
 def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
     """On a ball only three of six directions are measured: not the yaw, and rolling along is rotation at once."""
     ball = ObjectMesh.load(bundled_objects()["ball"])
-    pose = se3.make(np.eye(3), [0, 0, 0.029])
+    pose = se3.translation([0, 0, 0.029])
     penetration = PenetrationRenderer(ball, sensor).render(pose[None])[0]
     aligned = PenetrationAlignment(ball, sensor, NOISE).align(pose, PRIOR, penetration)
     gain = np.diag(aligned.covariance) / np.diag(PRIOR)
@@ -80,7 +80,7 @@ def test_evidence_prefers_the_right_pose(tool, sensor, touches):
 
 def test_nothing_measured_is_finite(tool, sensor):
     aligned = PenetrationAlignment(tool, sensor, NOISE).align(
-        se3.make(np.eye(3), [1.0, 0, 0]), PRIOR, np.zeros((80, 60), np.float32)
+        se3.translation([1.0, 0, 0]), PRIOR, np.zeros((80, 60), np.float32)
     )
     np.testing.assert_allclose(aligned.covariance, PRIOR, rtol=1e-6)
     assert np.isfinite(aligned.log_evidence)

@@ -106,14 +106,14 @@ def test_the_particle_that_has_both_fingers_right_is_weighed_best(fingers, world
 
 def test_far_from_the_surface_nothing_is_proven(fingers, cloud, world):
     code = world.encode(world.poses[:1])[0]
-    (evidence,) = measured(fingers, other=touch(se3.make(np.eye(3), np.array([0, 0, 0.5])), code))
+    (evidence,) = measured(fingers, other=touch(se3.translation([0, 0, 0.5]), code))
     log_ratio = evidence.log_ratio(cloud, None)
     assert np.isfinite(log_ratio).all()
     assert (log_ratio <= math.log(0.05)).all()
 
 
 def test_a_finger_that_touches_nothing_is_only_kept_out_of_the_object(fingers, parts, cloud):
-    inside, outside, aside = (se3.make(np.eye(3), np.array([0, 0, z])) for z in (-5e-3, 5e-3, 0.3))
+    inside, outside, aside = (se3.translation([0, 0, z]) for z in (-5e-3, 5e-3, 0.3))
     weights = []
     for pose in (inside, outside, aside):
         fingers.restart()
@@ -163,7 +163,7 @@ def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monke
 
 def test_what_is_measured_again_is_not_counted_again(fingers, world):
     codes = world.encode(world.poses[:3])
-    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    pose = se3.translation([0, 0, -0.04])
     (first,) = measured(fingers, other=touch(pose, codes[0]))
     assert first.tempering == 1.0
     count([first])
@@ -180,7 +180,7 @@ def test_what_is_measured_again_is_not_counted_again(fingers, world):
 
 def test_a_touch_counts_in_full_while_nothing_explains_its_maps(make_finger, gates, world):
     codes = world.encode(world.poses[:3])
-    pose, penetration = se3.make(np.eye(3), np.array([0, 0, -0.04])), np.ones((160, 120), np.float32)
+    pose, penetration = se3.translation([0, 0, -0.04]), np.ones((160, 120), np.float32)
     fingers = Fingers(make_finger, penetration.shape, gates)
     count(measured(fingers, other=touch(pose, codes[0], penetration=penetration)))
     (unexplained,) = measured(fingers, MOVED, other=touch(pose, codes[1], penetration=penetration))
@@ -196,7 +196,7 @@ def test_a_touch_counts_in_full_while_nothing_explains_its_maps(make_finger, gat
 def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
     """What was measured in the air says nothing about the patch that is touched next, and the other way round."""
     codes = world.encode(world.poses[:3])
-    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    pose = se3.translation([0, 0, -0.04])
     count(measured(fingers, other=touch(pose, codes[0])))
     (free,) = measured(fingers, MOVED, other=touch(pose))
     assert free.tempering == 1.0
@@ -211,7 +211,7 @@ def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
 
 def test_a_finger_that_moves_alone_tells_something(fingers, world):
     codes = world.encode(world.poses[:2])
-    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    pose = se3.translation([0, 0, -0.04])
     count(measured(fingers, other=touch(pose, codes[0])))
     (moved,) = measured(fingers, other=touch(pose @ MOVED, codes[1]))
     assert moved.tempering == pytest.approx((2e-3 + 0.01 * 0.05) / CONFIG.correlation_length, rel=1e-3)
@@ -223,7 +223,7 @@ def test_a_finger_that_moves_alone_tells_something(fingers, world):
         (np.full((4, 4), np.nan), "bad_finger_pose", "finger left: pose is not finite"),
         (2 * np.eye(4), "bad_finger_pose", "finger left: pose is not a rigid transform"),
         (np.eye(3), "bad_finger_pose", "finger left: pose of shape"),
-        (se3.make(np.eye(3), np.array([1e300, 0, 0])), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
+        (se3.translation([1e300, 0, 0]), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
     ],
 )
 def test_finger_poses_that_are_none_are_refused(fingers, gates, world, pose, kind, reason):

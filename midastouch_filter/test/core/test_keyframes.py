@@ -36,7 +36,7 @@ def test_touches_that_others_stand_for_go_first_and_then_the_oldest():
     window = KeyframeWindow(4, 0.01, correlation=0.025, shortlist=3)
     kept = []
     for x in range(9):
-        window.motion = se3.make(np.eye(3), np.array([0.01 * x, 0, 0]))
+        window.motion = se3.translation([0.01 * x, 0, 0])
         window.keep([Measurement(True)], SILENT)
         kept.append([round(100 * float(each.motion[0, 3])) for each in window.keyframes])
     assert kept[3:] == [[0, 1, 2, 3], [0, 2, 3, 4], [0, 2, 4, 5], [0, 2, 4, 6], [2, 4, 6, 7], [2, 4, 6, 8]]
@@ -46,7 +46,7 @@ def test_touches_before_a_lift_go_before_any_after_it():
     window = KeyframeWindow(4, 0.01, correlation=0.025, shortlist=3)
     for _ in range(3):
         for _ in range(3):
-            window.moved(se3.make(np.eye(3), np.array([0.01, 0, 0])), 0.01, in_contact=True)
+            window.moved(se3.translation([0.01, 0, 0]), 0.01, in_contact=True)
             window.keep([Measurement(True)], SILENT)
         window.moved(np.eye(4), 0.02, in_contact=False)
     assert [each.stretch for each in window.keyframes] == [1, 2, 2, 2]
@@ -89,7 +89,7 @@ def test_a_short_gap_is_no_lift():
 def test_touches_count_by_their_distance_to_all_earlier_ones():
     window = KeyframeWindow(8, 0.01, correlation=0.01, shortlist=3)
     for x in (0.0, 0.01, 0.03, 0.02):
-        window.motion = se3.make(np.eye(3), np.array([x, 0, 0]))
+        window.motion = se3.translation([x, 0, 0])
         window.keep([Measurement(True)], SILENT)
     np.testing.assert_allclose(independence(window.keyframes, 0.04), [1, 0.25, 0.5, 0.25])
     np.testing.assert_allclose(independence(window.keyframes, 0.005), 1)

@@ -29,7 +29,7 @@ MAP_SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
 
 
 def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
-    return se3.make(np.eye(3), np.array([x, y, z]))
+    return se3.translation([x, y, z])
 
 
 class FakeFilter:
@@ -96,7 +96,7 @@ class FakeFilter:
     @property
     def poses(self) -> np.ndarray:
         offsets = np.linspace(-0.01, 0.01, 2000)
-        return self._pose @ se3.make(np.eye(3), np.stack([offsets, 0 * offsets, 0 * offsets], axis=1))
+        return self._pose @ se3.translation(np.stack([offsets, 0 * offsets, 0 * offsets], axis=1))
 
     @property
     def weights(self) -> np.ndarray:

@@ -146,7 +146,7 @@ class TwoOptima:
     def align(self, pose, covariance, penetration, start):
         self.starts += 1
         left = (se3.inverse(pose) @ start)[0, 3] < 0
-        end = pose @ se3.make(np.eye(3), np.array([-5e-3 if left else 5e-3, 0, 0]))
+        end = pose @ se3.translation([-5e-3 if left else 5e-3, 0, 0])
         return Aligned(end, 1e-8 * np.eye(6), -self._worse if left else 0.0, self._fit)
 
 

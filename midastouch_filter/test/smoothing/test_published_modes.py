@@ -202,7 +202,7 @@ def test_the_filter_publishes_what_it_compared_until_it_is_lifted(mapped_slide):
             assert sum(mode.weight for mode in before.modes) > 0.89
     assert before.status.state == CONVERGED
     np.testing.assert_array_equal([mode.pose for mode in running.modes], [mode.pose for mode in before.modes])
-    up = se3.make(np.eye(3), np.array([0.0, 0.0, -0.03]))
+    up = se3.translation([0.0, 0.0, -0.03])
     running.step(up, Measurement(False))
     after = running.step(se3.inverse(up), mapped_slide.touches[59])
     assert after.status.state == SEARCHING

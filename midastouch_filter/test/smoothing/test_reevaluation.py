@@ -161,7 +161,7 @@ def test_a_pose_closely_beside_a_mode_is_found_as_another(world):
     around = 0.03 * np.stack([np.cos(angle), np.sin(angle), np.zeros(14)], axis=1)
     grooved = Slide(world, mesh, world.poses_at(mesh, around, np.zeros(14), 1e-3))
     truth = grooved.truth[-1]
-    beside = [se3.make(np.eye(3), [0, 0, z]) for z in (-0.012, 0.012)]
+    beside = [se3.translation([0, 0, z]) for z in (-0.012, 0.012)]
     hypotheses = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
     assert grooved.exhaustive
     fractions = [probability_at(hypotheses, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
@@ -303,7 +303,7 @@ def test_a_frame_s_time_is_half_of_that_between_two():
 
 def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven, monkeypatch):
     monkeypatch.setattr(uneven, "effort", Effort(alignments=100))
-    everywhere = [se3.make(np.eye(3), np.array([0.0, 0.0, 0.0]))] + [
+    everywhere = [se3.translation([0.0, 0.0, 0.0])] + [
         se3.exp(np.array([0, 0, 0, *axis])) for axis in np.random.default_rng(0).standard_normal((40, 3)) * 2
     ]
     assert uneven.run(everywhere, [uneven.truth[-1]]) is not None
@@ -317,7 +317,7 @@ def test_covariances_are_finite_and_positive(uneven):
 
 
 def test_a_prior_is_never_more_than_a_hint():
-    far = se3.make(np.eye(3), np.array([10.0, 0, 0]))
+    far = se3.translation([10.0, 0, 0])
     density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]), -12.0, Symmetry())
     assert density[0] == 0
     assert density[1] == -12

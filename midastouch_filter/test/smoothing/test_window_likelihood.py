@@ -82,7 +82,7 @@ def test_touches_that_say_nothing_leave_what_was_believed_however_often_it_is_li
 
 def beside(x):
     """A pose (4, 4) so far along x [m]."""
-    return se3.make(np.eye(3), np.array([x, 0.0, 0.0]))
+    return se3.translation([x, 0.0, 0.0])
 
 
 def followed(fits, xs, at=0):

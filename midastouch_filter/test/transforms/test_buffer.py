@@ -77,7 +77,7 @@ def test_chain_is_the_product_of_its_edges_and_inverts(seed):
 def test_each_edge_is_interpolated_by_itself_as_in_tf2():
     """Half a turn of a lever: the tip follows the arc, it does not cut the chord between its end points."""
     quarter = se3.exp(np.array([0, 0, 0, 0, 0, np.pi / 2]))
-    lever = se3.make(np.eye(3), np.array([0.1, 0, 0]))
+    lever = se3.translation([0.1, 0, 0])
     buffer = TransformBuffer()
     moving(buffer, "base", "tool", [IDENTITY, quarter], step_ns=SECOND)
     buffer.insert("tool", "gel", 0, lever, static=True)

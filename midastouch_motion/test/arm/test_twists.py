@@ -19,7 +19,7 @@ def test_the_gel_moves_as_asked():
 
 
 def test_a_turn_about_the_apex_swings_the_tcp():
-    tcp_from_gel = se3.make(np.eye(3), [0.0, 0.0, 0.1])
+    tcp_from_gel = se3.translation([0.0, 0.0, 0.1])
     np.testing.assert_allclose(twist_of_tcp(np.array([0, 0, 0, 1.0, 0, 0]), tcp_from_gel), [0, 0.1, 0, 1, 0, 0])
 
 

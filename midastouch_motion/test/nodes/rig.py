@@ -55,7 +55,7 @@ class Rig:
             self._enable.publish(Bool(data=True))
         if self.poses:
             link = TransformStamped(header=Header(stamp=now, frame_id="base_link"), child_frame_id="digit_gel_frame")
-            link.transform = transform_to_msg(se3.make(np.eye(3), self.position))
+            link.transform = transform_to_msg(se3.translation(self.position))
             self._tf.publish(TFMessage(transforms=[link]))
         if self.forces:
             self._wrench.publish(WrenchStamped(header=gel, wrench=Wrench(force=Vector3(z=self.force))))

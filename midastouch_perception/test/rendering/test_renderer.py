@@ -13,7 +13,7 @@ REACH = 0.5e-3
 def ray_cast(mesh, pose, sensor):
     """Penetration by intersecting every pixel's ray with every front-facing triangle (Moeller and Trumbore 1997)."""
     tangent_x, tangent_y = (t.ravel() for t in sensor.rays)
-    camera = pose @ se3.make(np.eye(3), [0, 0, sensor.gel_distance])
+    camera = pose @ se3.translation([0, 0, sensor.gel_distance])
     directions = np.stack([tangent_x, tangent_y, -np.ones_like(tangent_x)], axis=1) @ camera[:3, :3].T
     depth = sensor.gel_depth.ravel().copy()
     for a, b, c in mesh.vertices[mesh.faces]:
@@ -75,7 +75,7 @@ def test_equals_brute_force_ray_casting(coarse_block, sensor, variant):
 
 def test_flat_press_has_the_known_penetration(block, sensor):
     """Pressed 1 mm onto a flat side, the apex sinks in by exactly 1 mm and the dome's sag limits the contact."""
-    pose = se3.make(np.eye(3), [0, 0, 0.01 - 1e-3])
+    pose = se3.translation([0, 0, 0.01 - 1e-3])
     penetration = PenetrationRenderer(block, sensor).render(pose[None])[0]
     assert penetration[160, 120] == pytest.approx(1e-3, abs=2e-6)
     touched = penetration[160] > 0
@@ -84,7 +84,7 @@ def test_flat_press_has_the_known_penetration(block, sensor):
 
 
 def test_no_contact_far_above(block, sensor):
-    pose = se3.make(np.eye(3), [0, 0, 0.03])
+    pose = se3.translation([0, 0, 0.03])
     assert not PenetrationRenderer(block, sensor).render(pose[None]).any()
 
 

@@ -20,7 +20,7 @@ def test_as_the_renderer_renders_it(real):
     renderer = PenetrationRenderer(ObjectMesh.from_arrays(mesh.vertices, mesh.faces, "ball"), real)
     for u, v in ((60, 80), (30, 120), (100, 20)):
         centre = ball_centre(u, v, 2e-3, radius, real)
-        rendered = renderer.render(se3.make(np.eye(3), -centre)[None])[0]
+        rendered = renderer.render(se3.translation(-centre)[None])[0]
         np.testing.assert_allclose(np.maximum(ball_penetration(centre, radius, real), 0), rendered, atol=1.5e-5)
 
 

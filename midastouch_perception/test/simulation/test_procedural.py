@@ -35,7 +35,7 @@ def test_surface_nets_have_the_right_area_and_face_outward(shape, area):
 
 
 def test_union_and_difference():
-    a, b = sphere(0.01), placed(sphere(0.01), se3.make(np.eye(3), [0.01, 0, 0]))
+    a, b = sphere(0.01), placed(sphere(0.01), se3.translation([0.01, 0, 0]))
     points = np.random.default_rng(0).uniform(-0.02, 0.02, (200, 3))
     np.testing.assert_array_equal(union(a, b)(points) < 0, (a(points) < 0) | (b(points) < 0))
     np.testing.assert_array_equal(difference(a, b)(points) < 0, (a(points) < 0) & (b(points) > 0))

@@ -112,7 +112,7 @@ def test_without_a_truth_none_is_nearer(free):
 def test_an_equivalent_pose_has_no_error():
     truth = MOVED
     turned = se3.make(Rotation.from_rotvec(2.0 * AXIS.axis).as_matrix(), np.zeros(3))
-    about = se3.make(np.eye(3), AXIS.centre) @ turned @ se3.make(np.eye(3), -AXIS.centre)
+    about = se3.translation(AXIS.centre) @ turned @ se3.translation(-AXIS.centre)
     assert AXIS.nearest((about @ AXIS.transforms[1] @ truth)[None], truth)[0] == pytest.approx(truth, abs=1e-9)
 
 
