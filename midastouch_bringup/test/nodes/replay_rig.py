@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
@@ -29,11 +26,6 @@ def play(graph, node):
 
 def stamps(messages):
     return [stamp_ns(message.header.stamp) for message in messages]
-
-
-def set_parameter(graph, name: str, value: float) -> SetParametersResult:
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    return graph.call(SetParameters, "replay/set_parameters", request).results[0]
 
 
 class Consumer:

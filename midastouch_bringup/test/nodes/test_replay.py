@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from filter_fakes import code_msg, loader_of
-from replay_rig import play, replay, set_parameter, stamps
+from replay_rig import play, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
@@ -76,7 +76,7 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     node = replay(graph, sequence.path, loop=True, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
     node.start()
     graph.spin_until(lambda: len(images) >= 41, "the third round")
-    assert set_parameter(graph, "loop", False).successful
+    assert graph.set_parameter("replay", "loop", False).successful
     graph.spin_until(node.finished.is_set, "the end")
     rounds = len(images) // 20
     assert len(images) == 20 * rounds

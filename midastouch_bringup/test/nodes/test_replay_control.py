@@ -4,7 +4,7 @@ import math
 
 import pytest
 from rcl_interfaces.srv import GetParameters
-from replay_rig import Consumer, replay, set_parameter, stamps
+from replay_rig import Consumer, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -43,7 +43,7 @@ def test_seek_goes_anywhere_and_keeps_the_pause(graph, simulated_sequence):
     wanted = []
     for frame in (7, 2, 9, 0):
         offset = (sequence.stamps_ns[frame] - sequence.stamps_ns[0]) / 1e9
-        assert set_parameter(graph, "seek_to", float(offset)).successful
+        assert graph.set_parameter("replay", "seek_to", float(offset)).successful
         assert graph.call(Trigger, "replay/step", Trigger.Request()).success
         wanted.append(int(sequence.stamps_ns[frame]))
         graph.spin_until(lambda: len(images) == len(wanted), "the frame at that place")
@@ -64,7 +64,7 @@ def test_a_seek_while_an_answer_is_awaited_loses_no_frame(graph, simulated_seque
     node.start()
     graph.spin_until(lambda: consumer.received, "the first image")
     offset = (sequence.stamps_ns[4] - sequence.stamps_ns[0]) / 1e9
-    assert set_parameter(graph, "seek_to", float(offset)).successful
+    assert graph.set_parameter("replay", "seek_to", float(offset)).successful
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns[[0, 4, 5]].tolist()
     assert node.player.frames_lost == 0
@@ -77,12 +77,12 @@ def test_a_seek_beyond_the_end_is_refused_with_the_reason(graph, tmp_path, simul
     if form == "bag":
         write_bag(sequence, source := tmp_path / "x.mcap")
     replay(graph, source, start_paused=True).start()
-    refused = set_parameter(graph, "seek_to", 999.0)
+    refused = graph.set_parameter("replay", "seek_to", 999.0)
     assert not refused.successful
     assert all(words in refused.reason for words in ("seek_to", "999 s", "2.000 s"))
     kept = graph.call(GetParameters, "replay/get_parameters", GetParameters.Request(names=["seek_to"]))
     assert kept.values[0].double_value == 0.0
-    assert set_parameter(graph, "seek_to", 2.0).successful
+    assert graph.set_parameter("replay", "seek_to", 2.0).successful
 
 
 def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
@@ -94,12 +94,12 @@ def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
     graph.spin_for(0.2)
     assert len(images) == 1
     for name, value in (("rate", -1.0), ("rate", math.inf), ("seek_to", -1.0), ("start_paused", True)):
-        refused = set_parameter(graph, name, value)
+        refused = graph.set_parameter("replay", name, value)
         assert not refused.successful
         assert refused.reason
-    assert set_parameter(graph, "rate", 1000.0).successful
+    assert graph.set_parameter("replay", "rate", 1000.0).successful
     graph.spin_until(lambda: len(images) > 6, "the second round")
-    assert set_parameter(graph, "loop", False).successful
+    assert graph.set_parameter("replay", "loop", False).successful
     graph.spin_until(node.finished.is_set, "the end")
     graph.spin_until(lambda: len(images) % 4 == 0, "all of the last round")
 
@@ -109,7 +109,7 @@ def test_what_the_keys_do(graph, simulated_sequence):
     node = replay(graph, sequence.path, start_paused=True, rate=1.0)
     images = graph.listen(Image, "image_raw")
     keys = node.control.keys()
-    assert set_parameter(graph, "seek_to", 7.0).successful
+    assert graph.set_parameter("replay", "seek_to", 7.0).successful
     node.start()
     keys["right"]()
     graph.spin_until(lambda: len(images) == 1, "one frame")

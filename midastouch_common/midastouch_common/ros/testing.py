@@ -13,6 +13,8 @@ from typing import Any
 import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -105,6 +107,15 @@ class RosGraph:
         future = client.call_async(request)
         self.spin_until(future.done, f"the response of {name}")
         return future.result()
+
+    def set_parameters(self, node: str, **values: Any) -> list[SetParametersResult]:
+        """Set parameters of a node, each by itself, as `ros2 param set` does; one result for each."""
+        request = SetParameters.Request(parameters=[each.to_parameter_msg() for each in _overrides(values)])
+        return self.call(SetParameters, f"{node}/set_parameters", request).results
+
+    def set_parameter(self, node: str, name: str, value: Any) -> SetParametersResult:
+        """Set one of them."""
+        return self.set_parameters(node, **{name: value})[0]
 
     def change_state(self, node: str, transition: str) -> bool:
         """Ask a lifecycle node for a transition as nav2's lifecycle manager does; whether it succeeded."""

@@ -9,8 +9,7 @@ import weakref
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import TransitionEvent
-from rcl_interfaces.msg import Log, SetParametersResult
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.msg import Log
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RclpyParameter
@@ -67,11 +66,6 @@ class Reader(ManagedNode):
 
     def describe(self):
         return diagnostics.OK, "hears", {"words": len(self.heard)}
-
-
-def set_parameter(graph, name: str, value) -> SetParametersResult:
-    parameters = [RclpyParameter(name, value=value).to_parameter_msg()]
-    return graph.call(SetParameters, "reader/set_parameters", SetParameters.Request(parameters=parameters)).results[0]
 
 
 def expect(graph, received: list, level: bytes, message: str, **values) -> None:
@@ -141,7 +135,7 @@ def test_what_cannot_be_loaded_is_told_and_can_be_mended(graph):
     expect(graph, received, diagnostics.ERROR, "bad: not a file; choose another", lifecycle="unconfigured")
     graph.spin_until(lambda: any(log.msg == "bad: not a file; choose another" for log in logs), "the log")
 
-    assert set_parameter(graph, "file", "good").successful
+    assert graph.set_parameter("reader", "file", "good").successful
     assert graph.change_state("reader", "configure")
     assert graph.change_state("reader", "activate")
     expect(graph, received, diagnostics.OK, "hears", lifecycle="active", words="0")
@@ -204,21 +198,21 @@ def test_a_start_by_itself_ends_active(graph):
 
 def test_parameters_are_locked_while_what_was_made_of_them_is_in_use(graph):
     node = graph.add(Reader, WAITING)
-    assert set_parameter(graph, "file", "other").successful
+    assert graph.set_parameter("reader", "file", "other").successful
     wanted = RclpyParameter.Type.STRING  # Kilted names its number
-    reason = set_parameter(graph, "file", 3).reason
+    reason = graph.set_parameter("reader", "file", 3).reason
     assert f"expected '{wanted}'" in reason or f"expected '{wanted.value}'" in reason
-    assert "read-only" in set_parameter(graph, "depth", 3).reason
+    assert "read-only" in graph.set_parameter("reader", "depth", 3).reason
     assert graph.change_state("reader", "configure")
     assert node.loaded == "other"
     for transition in ("activate", "deactivate"):
-        refused = set_parameter(graph, "file", "good")
+        refused = graph.set_parameter("reader", "file", "good")
         assert not refused.successful
         assert "parameter 'file' is read when the node is configured" in refused.reason
-        assert set_parameter(graph, "speed", 2.0).successful
+        assert graph.set_parameter("reader", "speed", 2.0).successful
         assert graph.change_state("reader", transition)
     assert graph.change_state("reader", "cleanup")
-    assert set_parameter(graph, "file", "good").successful
+    assert graph.set_parameter("reader", "file", "good").successful
 
 
 class Bystander:

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
-from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros.parameters import Parameter, Parameters
@@ -102,10 +102,7 @@ def test_an_illegal_former_name_is_refused_naming_the_present_one(graph, overrid
 def test_changes_while_running(graph):
     node = graph.add(_Node)
 
-    def change(name, value):
-        request = SetParameters.Request(parameters=[RosParameter(name, value=value).to_parameter_msg()])
-        return graph.call(SetParameters, "/parametrised/set_parameters", request).results[0]
-
+    change = partial(graph.set_parameter, "parametrised")
     assert change("rate", 20.0).successful
     assert node.parameters["rate"] == 20.0
     rejected = change("rate", 200.0)

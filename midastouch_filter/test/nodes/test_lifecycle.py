@@ -13,8 +13,6 @@ from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench
 from filter_fakes import code_msg, loader_of, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import Log
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty
@@ -47,12 +45,6 @@ def add(graph, filters, **parameters) -> ParticleFilterNode:
     return graph.add(
         lambda **options: ParticleFilterNode(load=loader_of(filters), **options), {**WAITING, **parameters}
     )
-
-
-def set_parameters(graph, **values):
-    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-    request = SetParameters.Request(parameters=parameters)
-    return graph.call(SetParameters, "particle_filter/set_parameters", request).results
 
 
 def await_reason(graph, statuses: list[FilterStatus], words: str) -> FilterStatus:
@@ -107,7 +99,7 @@ def test_a_mesh_that_cannot_be_used_fails_the_transition_until_it_is_fixed(graph
     graph.spin_until(lambda: any(s.message == reason for m in health for s in m.status), "the diagnostics")
     assert not graph.change_state("particle_filter", "activate")
 
-    assert all(result.successful for result in set_parameters(graph, mesh="/data/mug.ply"))
+    assert all(result.successful for result in graph.set_parameters("particle_filter", mesh="/data/mug.ply"))
     assert graph.change_state("particle_filter", "configure")
     assert graph.change_state("particle_filter", "activate")
     await_reason(graph, statuses, "waiting for tactile/code")
@@ -119,7 +111,7 @@ def test_settings_that_contradict_each_other_fail_the_transition(graph):
     statuses = graph.listen(FilterStatus, "filter_status", latched=True)
     assert not graph.change_state("particle_filter", "configure")
     await_reason(graph, statuses, "min_particles")
-    assert all(result.successful for result in set_parameters(graph, min_particles=500))
+    assert all(result.successful for result in graph.set_parameters("particle_filter", min_particles=500))
     assert graph.change_state("particle_filter", "configure")
 
 
@@ -163,7 +155,10 @@ def test_another_object_can_be_configured(graph):
     meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
     assert graph.change_state("particle_filter", "configure")
     assert graph.change_state("particle_filter", "cleanup")
-    assert all(result.successful for result in set_parameters(graph, mesh="/data/cup.ply", codebook="/data/cup.npz"))
+    assert all(
+        result.successful
+        for result in graph.set_parameters("particle_filter", mesh="/data/cup.ply", codebook="/data/cup.npz")
+    )
     assert graph.change_state("particle_filter", "configure")
     graph.spin_until(lambda: meshes and meshes[-1].markers[-1].mesh_resource.endswith("/cup.ply"), "the mesh")
 
@@ -200,7 +195,7 @@ def test_the_process_ends_with_the_reason_unless_a_manager_may_fix_it(graph, tmp
         assert graph.state_of("particle_filter") == "unconfigured"
         assert not graph.change_state("particle_filter", "configure")
         assert graph.state_of("particle_filter") == "unconfigured"
-        assert all(result.successful for result in set_parameters(graph, mesh="", codebook=""))
+        assert all(result.successful for result in graph.set_parameters("particle_filter", mesh="", codebook=""))
         assert graph.change_state("particle_filter", "configure")
         assert graph.change_state("particle_filter", "activate")
         for transition in ("deactivate", "cleanup", "unconfigured_shutdown"):  # as nav2's manager at its end

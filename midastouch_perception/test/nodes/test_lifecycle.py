@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, FakeTcn, image_msg, touched
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -22,12 +20,6 @@ from midastouch_perception.nodes.tdn import TdnNode
 
 pytestmark = pytest.mark.dds
 WAITING = {**REPLAY, "autostart": False}
-
-
-def set_parameter(graph, node: str, name: str, value: str) -> None:
-    parameters = [Parameter(name, value=value).to_parameter_msg()]
-    request = SetParameters.Request(parameters=parameters)
-    assert graph.call(SetParameters, f"{node}/set_parameters", request).results[0].successful
 
 
 def test_tdn_hears_images_while_it_is_active_only(graph, depth, background):
@@ -71,7 +63,7 @@ def test_a_network_that_is_not_there_fails_the_transition_until_it_is_mended(gra
     assert not graph.change_state(name, "configure")
     graph.spin_until(lambda: any("no_such_network" in s.message for m in statuses for s in m.status), "the reason")
     assert graph.state_of(name) == "unconfigured"
-    set_parameter(graph, name, name, "fast")
+    assert graph.set_parameter(name, name, "fast").successful
     assert graph.change_state(name, "configure")
     assert graph.change_state(name, "activate")
     said = [s.message for m in statuses for s in m.status]
