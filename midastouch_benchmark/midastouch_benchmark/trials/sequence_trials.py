@@ -86,6 +86,7 @@ def run_sequence(
         "object": sequence.object_name,
         "path": str(sequence.path),
         "layout": sequence.layout,
+        "dropped_frames": sequence.dropped_frames,
         "background": untouched.source,
         "mesh": str(mesh.path),
         "mesh_diagonal_m": mesh.diagonal,

@@ -28,5 +28,6 @@ def run(args: argparse.Namespace) -> int:
 
     sequence = load_sequence(args.sequence)
     write_bag(sequence, args.out)
-    print(f"{args.out}: {sequence.n_frames} frames of {sequence.object_name}")
+    dropped = f"; {sequence.dropped_frames} whose pose is missing or jumps left out" if sequence.dropped_frames else ""
+    print(f"{args.out}: {sequence.n_frames} frames of {sequence.object_name}{dropped}")
     return 0
