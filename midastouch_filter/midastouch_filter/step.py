@@ -23,6 +23,7 @@ from .core.fingers import FIRST, Finger, count
 from .core.gates import Gates, Stopwatch
 from .core.motion_model import Odometry, OdometryJump
 from .core.particles import Particles
+from .core.pose_hypothesis import another
 from .core.resampling import effective_size
 from .core.state import StateEvidence, StateMachine, Status
 from .core.touch import Measurement
@@ -129,6 +130,7 @@ class Reporter:
         self, config: FilterConfig, policies: Policies, symmetry: ObjectSymmetry, gates: Gates, watch: Stopwatch
     ):
         self._symmetry, self._alike = symmetry.describe(), "" if symmetry.exact.trivial else symmetry.exact.describe()
+        self._differ = another(symmetry.exact)
         self._state, self._policies, self._gates, self._watch = StateMachine(config), policies, gates, watch
 
     def nothing(self) -> Estimate:
@@ -140,8 +142,8 @@ class Reporter:
         """The estimate after a step."""
         published = self._policies.refine.published(belief)
         first = published.modes[0]
-        # else particles follow another hypothesis than the most probable one, or none
-        followed = first.pose is belief.answers[0].pose
+        # else particles follow another hypothesis than the most probable one; what is split in two is still one
+        followed = not self._differ(first.pose[None], belief.answers[0].pose)[0]
         dominant = belief.modes[0] if followed else first
         self._state.update(
             StateEvidence(

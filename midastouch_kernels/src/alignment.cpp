@@ -37,12 +37,17 @@ struct Equations {
 
 class MapAlignment {
 public:
-    // Tangents and depth of the undeformed gel (H, W); information of one pixel [1 / m^2].
+    // Tangents and depth of the undeformed gel (H, W); information of one pixel [1 / m^2]; reach, squared Mahalanobis
+    // distance from the prior's pose up to which one that has to come down is looked for.
     MapAlignment(const Scene& scene, In<double, -1, -1> tangent_x, In<double, -1, -1> tangent_y,
-                 In<double, -1, -1> gel_depth, double information)
-        : scene_(scene), pixels_(static_cast<std::size_t>(scene.height()) * scene.width()), information_(information) {
+                 In<double, -1, -1> gel_depth, double information, double reach)
+        : scene_(scene),
+          pixels_(static_cast<std::size_t>(scene.height()) * scene.width()),
+          information_(information),
+          reach_(reach) {
         if (tangent_x.size() != pixels_ || tangent_y.size() != pixels_ || gel_depth.size() != pixels_)
             throw nb::value_error("tangents and gel depth of another size than the scene's");
+        if (!(scene.margin() > 0)) throw nb::value_error("a scene without a margin: what is about to touch is not seen");
         tangent_x_ = padded(tangent_x.data(), pixels_), tangent_y_ = padded(tangent_y.data(), pixels_);
         gel_depth_ = padded(gel_depth.data(), pixels_);
     }
@@ -62,7 +67,7 @@ public:
             std::copy_n(covariance.data(), 36, spread.begin());
             const Cholesky wide(spread);
             const Matrix6 prior = wide.inverse();
-            const Equations at = descend(centre, state, prior, first_width(spread), padded(map.data(), pixels_));
+            const Equations at = descend(centre, state, prior, first_width(spread), padded(map.data(), pixels_), true);
             const Cholesky narrow(sum_of(prior, at.hessian));
             log_evidence = -0.5 * (at.cost + narrow.log_determinant() + wide.log_determinant());
             fit = at.fit;
@@ -91,25 +96,33 @@ private:
 
     // Gauss-Newton from `state`, which ends at the optimum; the equations there, the prior's part added to the cost.
     Equations descend(const Transform& centre, Transform& state, const Matrix6& prior, int first,
-                      const std::vector<float>& map) const {
+                      const std::vector<float>& map, bool comes_down) const {
+        const Transform start = state;
         const Transform from_centre = inverse(centre);
         std::vector<float> rendered(map.size());
         Patch patch(scene_);
         double settled = INFINITY;
+        draw(patch, state, rendered);
+        comes_down = comes_down && let_down(patch, state, map, rendered);
         for (int k = first;; ++k) {
             const bool last = k == kIterations;
             const double width = kWidths[std::min(k, kIterations - 1)];
             if (width == settled && !last) continue;
-            std::fill(rendered.begin(), rendered.end(), 0.0f);
-            patch.draw(state, rendered.data());
+            if (k > first) draw(patch, state, rendered);
             Equations at = accumulate(rendered, map, static_cast<float>(width));
             const Vector6 offset = logarithm(from_centre * state);
             Vector6 pull = at.gradient;
+            double away = 0;
             for (int i = 0; i < 6; ++i)
                 for (int j = 0; j < 6; ++j) {
                     pull[i] -= prior[6 * i + j] * offset[j];
-                    at.cost += offset[i] * prior[6 * i + j] * offset[j];
+                    away += offset[i] * prior[6 * i + j] * offset[j];
                 }
+            at.cost += away;
+            if (last && comes_down && away > reach_) {
+                state = start;
+                return descend(centre, state, prior, first, map, false);
+            }
             if (last) return at;
             if (at.fit > kNear) settled = width;
             const Vector6 step = Cholesky(sum_of(prior, at.hessian)).solve(pull);
@@ -118,6 +131,35 @@ private:
                 std::max({std::abs(step[3]), std::abs(step[4]), std::abs(step[5])}) < kSmallStep[1])
                 settled = width;
         }
+    }
+
+    static void draw(Patch& patch, const Transform& state, std::vector<float>& rendered) {
+        std::fill(rendered.begin(), rendered.end(), 0.0f);
+        patch.draw(state, rendered.data());
+    }
+
+    // A pose in the air, drawn, sees nothing where the map is touched that could draw it there: it comes down, along its
+    // own axis, to where it does, but no farther than a start is off. Whether it had to, and did.
+    bool let_down(Patch& patch, Transform& state, const std::vector<float>& map, std::vector<float>& rendered) const {
+        Transform lower = state;
+        for (double down = 0; !meets(rendered, map); down += scene_.margin()) {
+            if (down >= kWidths[0]) {
+                draw(patch, state, rendered);
+                return false;
+            }
+            lower = lower * exponential({0, 0, -scene_.margin()});
+            draw(patch, lower, rendered);
+        }
+        const bool came_down = lower != state;
+        state = lower;
+        return came_down;
+    }
+
+    // Whether some surface is in sight where the map is touched.
+    static bool meets(const std::vector<float>& rendered, const std::vector<float>& map) {
+        for (std::size_t i = 0; i < map.size(); ++i)
+            if (rendered[i] > 0 && map[i] > 0) return true;
+        return false;
     }
 
     // The rendered map counts from the scene's margin below the gel; both maps are padded.
@@ -194,7 +236,7 @@ private:
 
     const Scene scene_;
     const std::size_t pixels_;
-    const double information_;
+    const double information_, reach_;
     std::vector<float> tangent_x_, tangent_y_, gel_depth_;
 };
 
@@ -203,11 +245,14 @@ private:
 void bind_alignment(nb::module_& m) {
     auto type = nb::class_<MapAlignment>(
         m, "MapAlignment",
-        "Aligns poses on one scene to penetration maps.\n\nwidth [m]: residual of which a pixel explains half.");
+        "Aligns poses on one scene to penetration maps.\n\nwidth [m]: residual of which a pixel explains half. A pose "
+        "in the air comes down to what it is to touch, within `reach`, a squared Mahalanobis distance of its prior.");
     type.attr("width") = kWidths[kIterations - 1];
     type
-        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double>(),
-             nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"))
+        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double,
+                      double>(),
+             nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"),
+             nb::arg("reach"))
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),
              "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).");

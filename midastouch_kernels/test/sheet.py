@@ -83,7 +83,7 @@ def drawn(module, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def aligned(module, scene, pose, measured, gel_depth, tangent) -> np.ndarray:
     """The pose that a map measured at `pose` leads to from 1 mm beside."""
-    alignment = module.MapAlignment(scene, tangent, tangent, gel_depth.astype(float), 1e6)
+    alignment = module.MapAlignment(scene, tangent, tangent, gel_depth.astype(float), 1e6, 22.5)
     start = pose.copy()
     start[0, 3] += 1e-3
     return alignment.align(pose, 1e-6 * np.eye(6), measured, start)[0]

@@ -28,7 +28,7 @@ def fit_at(corners):
         )
         measured = np.zeros((1, HEIGHT, WIDTH), np.float32)
         kernels.render(scene, pose[None], measured, np.empty((1, 0, 0), np.int32))
-        alignment = kernels.MapAlignment(scene, *tangents, np.full((HEIGHT, WIDTH), GEL_DISTANCE), 1e6)
+        alignment = kernels.MapAlignment(scene, *tangents, np.full((HEIGHT, WIDTH), GEL_DISTANCE), 1e6, 22.5)
         start = pose.copy()
         start[0, 3] += 0.02  # far off: what is seen from there is not what is seen from the pose
         return alignment.align(pose, PLACED, measured[0] - np.float32(MARGIN), start)[3]

@@ -63,7 +63,9 @@ class PenetrationAlignment:
         self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
         self._renderer = PenetrationRenderer(mesh, sensor, _MARGIN)
         information = sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2
-        self._kernel = kernels.MapAlignment(self._renderer.scene, *sensor.rays, sensor.gel_depth, information)
+        self._kernel = kernels.MapAlignment(
+            self._renderer.scene, *sensor.rays, sensor.gel_depth, information, noise.elsewhere
+        )
         self._pixel = 0.5 * information * self._kernel.width**2  # nats of a touched pixel that is not explained at all
 
     def render(self, poses: np.ndarray) -> np.ndarray:

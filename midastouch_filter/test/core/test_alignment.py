@@ -70,6 +70,33 @@ def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
     assert np.linalg.norm(aligned.pose[:3, 3] - pose[:3, 3]) < 2e-4
 
 
+@pytest.mark.parametrize("gap", [0.5e-3, 1.7e-3, 2.7e-3])
+def test_a_pose_in_the_air_comes_down_to_what_was_touched(sensor, gap):
+    """But not to where its prior excludes it: then the object has moved, or it is another hypothesis."""
+    ball = ObjectMesh.load(bundled_objects()["ball"])
+    pose, alignment = se3.translation([0, 0, 0.0295]), PenetrationAlignment(ball, sensor, NOISE)
+    (penetration,) = alignment.render(pose[None])
+    above = pose @ se3.translation([0, 0, penetration.max() + gap])
+    assert not alignment.render(above[None]).any()
+    aligned = alignment.align(above, PRIOR, penetration)
+    assert abs(aligned.pose[2, 3] - pose[2, 3]) < 1e-4
+    assert aligned.fit > 0.9
+    if gap > 1.5e-3:
+        excluded = alignment.align(above, PRIOR / 25, penetration)
+        np.testing.assert_allclose(excluded.pose, above, atol=1e-9)
+        assert excluded.fit < 0.9
+
+
+def test_a_pose_that_sees_nothing_far_around_stays(sensor):
+    ball = ObjectMesh.load(bundled_objects()["ball"])
+    pose, alignment = se3.translation([0, 0, 0.0295]), PenetrationAlignment(ball, sensor, NOISE)
+    (penetration,) = alignment.render(pose[None])
+    away = pose @ se3.translation([0, 0, 8e-3])
+    aligned = alignment.align(away, PRIOR, penetration)
+    np.testing.assert_allclose(aligned.pose, away, atol=1e-9)
+    assert aligned.fit < 0.9
+
+
 def test_evidence_prefers_the_right_pose(tool, sensor, touches):
     poses, penetrations = touches
     alignment = PenetrationAlignment(tool, sensor, NOISE)
