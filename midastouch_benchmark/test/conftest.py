@@ -105,6 +105,7 @@ def sequence(mesh: ObjectMesh) -> StubSequence:
     poses = se3.make(se3.frame_from_normal(np.tile([0.0, 0, 1], (30, 1)), np.linspace(0, 0.4, 30)), points)
     measured = poses @ se3.exp(rng.standard_normal((30, 6)) * ([2e-4] * 3 + [5e-3] * 3))
     return StubSequence(
+        dropped_frames=0,
         name="block/00",
         object_name="block",
         path=Path("block/00"),
