@@ -64,6 +64,7 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     """The whole way: replay, codes made of its images, the filter's own node with a filter that counts."""
     sequence, filters = simulated_sequence(n=20), []
     parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
+    parameters["refinement"] = False  # codes alone
     graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
     codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
     images = []

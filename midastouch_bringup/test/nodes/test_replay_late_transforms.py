@@ -26,7 +26,7 @@ class Chain:
     def __init__(self, graph, transform_timeout=10.0):
         self.filters, self.sent = [], []
         given = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
-        given |= {"use_sim_time": True, "transform_timeout": transform_timeout}
+        given |= {"refinement": False, "use_sim_time": True, "transform_timeout": transform_timeout}
         self.node = graph.add(lambda **options: ParticleFilterNode(load=loader_of(self.filters), **options), given)
         self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
         codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))

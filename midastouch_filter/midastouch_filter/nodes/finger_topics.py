@@ -150,7 +150,8 @@ class MapSource:
     """Keeps the last clouds until their code asks for them.
 
     on_cloud: called after every cloud: what waits can ask again. on_bad: called with a reason for each
-    cloud that cannot be used. While no node publishes clouds, nothing waits for them.
+    cloud that cannot be used. While no node publishes clouds, nothing waits for them; where none may be lost
+    (`reliable`), the first code waits until a node that does is discovered.
     """
 
     def __init__(
@@ -164,6 +165,7 @@ class MapSource:
     ):
         self._topic = topic
         self._timeout = _RELIABLE_CLOUD_TIMEOUT if reliable else CLOUD_TIMEOUT
+        self._undiscovered = reliable  # a publisher may be: codes can come before it is known, latched clouds with it
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
         # Live a code waits alone, but the clouds of its successors may already be there.
@@ -175,11 +177,14 @@ class MapSource:
 
         Clouds come in order: one whose successor is there was lost.
         """
-        if waited >= self._timeout or stamp in self._clouds:
+        if stamp in self._clouds:
+            return False
+        if waited >= self._timeout:
+            self._undiscovered = False
             return False
         if self._clouds and next(reversed(self._clouds)) > stamp:
             return False
-        return self._node.count_publishers(self._topic) > 0
+        return self._undiscovered or self._node.count_publishers(self._topic) > 0
 
     def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
         """Penetration map (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.

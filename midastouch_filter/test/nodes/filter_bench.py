@@ -39,7 +39,7 @@ class Bench:
         load = load or loader_of(self.filters)
         self.node = graph.add(
             lambda **given: ParticleFilterNode(load=load, **(options or {}), **given),
-            {**REPLAY, **parameters},
+            {**REPLAY, "refinement": False, **parameters},  # codes alone, unless told: none waits for a map
         )
         self.statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
         self.waits = graph.listen(FilterStatus, "filter_status", wanted=lambda status: not is_answer(status))

@@ -27,7 +27,7 @@ def penetration(depth: float) -> np.ndarray:
 
 def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
     monkeypatch.setattr(finger_topics, "CLOUD_TIMEOUT", 30.0)
-    bench = Bench(graph, **OBJECT)
+    bench = Bench(graph, **OBJECT, refinement=True)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]
     for stamp in (1, 2, 3):
@@ -42,7 +42,7 @@ def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
 
 
 def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
-    bench = Bench(graph, **OBJECT)
+    bench = Bench(graph, **OBJECT, refinement=True)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     stamps = [SECOND + 16_000_000 * k for k in range(30)]
     for stamp in stamps:
@@ -55,20 +55,33 @@ def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
     assert all(measurement.penetration is not None for measurement in bench.filter.measurements)
 
 
-def test_a_cloud_whose_successor_is_there_is_not_waited_for():
+def map_source(publishers: int, reliable: bool):
+    """A source of maps whose node knows so many publishers, and its callback."""
     callbacks = []
     node = types.SimpleNamespace(
         create_subscription=lambda kind, topic, callback, profile: callbacks.append(callback),
-        count_publishers=lambda topic: 1,
+        count_publishers=lambda topic: publishers,
     )
-    penetrations = MapSource(node, 1, False, on_cloud=lambda: None, on_bad=lambda reason: None)
-    (on_points,) = callbacks
+    return MapSource(node, 1, reliable, on_cloud=lambda: None, on_bad=lambda reason: None), callbacks[0]
+
+
+@pytest.mark.parametrize(("publishers", "reliable"), [(1, False), (1, True), (0, True)])
+def test_a_cloud_whose_successor_is_there_is_not_waited_for(publishers, reliable):
+    penetrations, on_points = map_source(publishers, reliable)
     on_points(cloud_msg(2 * SECOND, penetration(1e-3)))
     assert [penetrations.awaited(stamp * SECOND, 0.0) for stamp in (1, 2, 3)] == [False, False, True]
 
 
+def test_in_a_replay_the_first_code_waits_until_whoever_publishes_clouds_is_discovered():
+    penetrations, _ = map_source(0, reliable=True)
+    assert [penetrations.awaited(SECOND, waited) for waited in (0.0, 4.9, 5.0)] == [True, True, False]
+    assert not penetrations.awaited(2 * SECOND, 0.0), "codes alone are replayed"
+    live, _ = map_source(0, reliable=False)
+    assert not live.awaited(SECOND, 0.0)
+
+
 def test_a_lost_or_broken_cloud_costs_the_map_only(graph):
-    bench = Bench(graph, **OBJECT)
+    bench = Bench(graph, **OBJECT, refinement=True)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     clouds.publish(cloud_msg(1 * SECOND, penetration(1e-3)))
     broken = cloud_msg(3 * SECOND, penetration(1e-3))

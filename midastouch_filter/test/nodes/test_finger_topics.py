@@ -30,7 +30,7 @@ class Hand(Bench):
     """A filter node with a second finger, /right, and the topics of both."""
 
     def __init__(self, graph, load=None, **parameters):
-        super().__init__(graph, load, **{**OBJECT, "fingers": "/right:right_gel", **parameters})
+        super().__init__(graph, load, **{**OBJECT, "fingers": "/right:right_gel", "refinement": True, **parameters})
         self.touches = [self.codes, graph.publisher(TactileCode, "/right/tactile/code")]
         if parameters.get("refinement", True):
             self.clouds = [graph.publisher(PointCloud2, f"{finger}tactile/points") for finger in ("", "/right/")]
