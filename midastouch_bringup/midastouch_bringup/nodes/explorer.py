@@ -94,18 +94,19 @@ class Explorer(PipelineNode):
             return
         if (silent := now - self._filter.heard_at) > self._settings["patience"]:
             whose = "of set_object" if self._change.pending else "on filter_status"
-            self._end(False, f"no answer {whose} for {silent:.0f} s: do sensor, arm and localisation run?")
+            self._fail(f"no answer {whose} for {silent:.0f} s: do sensor, arm and localisation run?")
             return
         by_itself = self._report.state in (ExplorerStatus.STATE_WAITING, ExplorerStatus.STATE_EXPLORING)
         if not (by_itself or self._plan) or self._change.pending or not self._filter.state:
             self._progressed_at = now
         if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["patience"]:
-            filter_says = f"the filter says {self._filter.state}: {self._filter.reason}"
-            whys = filter(None, (self._arm.trouble, self._reach.trouble, filter_says))
-            self._end(False, f"the finger could not go on for {stuck:.0f} s; {'; '.join(whys)}")
+            self._fail(f"the finger could not go on for {stuck:.0f} s", self._filter.says)
             return
         for service in (self._suggestions, self._reach, self._change):
             service.look()
+
+    def _fail(self, *whys: str) -> None:
+        self._end(False, "; ".join(filter(None, (*whys, self._arm.trouble, self._reach.trouble))))
 
     def _on_filter(self) -> None:
         if self._report.over:

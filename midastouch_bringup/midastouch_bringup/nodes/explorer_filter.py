@@ -26,6 +26,11 @@ class FilterAnswers:
         self.heard_at = time.monotonic()
         node.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(depth=100))
 
+    @property
+    def says(self) -> str:
+        """State and reason in words."""
+        return f"the filter says {self.state}: {self.reason}"
+
     def _on_status(self, status: FilterStatus) -> None:
         stamp = stamp_ns(status.header.stamp)
         # what the filter says on a clock of its own answers no image
