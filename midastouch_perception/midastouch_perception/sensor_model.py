@@ -24,6 +24,7 @@ MAP_SCALE = 0.5
 
 LIGHTS = ("relative", "additive")
 DIGIT_LAMPS = "digit"
+_LAMPS = "", DIGIT_LAMPS, "gelsight_mini"
 _IMAGE = 240, 320  # px, of all networks
 _KEYS = "width", "height", "focal", "gel_distance", "dome", "light", "lamps"
 _DOME = {"radius_x", "radius_y", "semi_axis_z"}
@@ -39,8 +40,9 @@ class SensorModel:
     Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
     gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
     fraction of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
-    no-contact image (a simulator that adds rendered differences to a photograph); lamps: `digit` for a sensor whose
-    colours come from where a DIGIT's do, so that an image shows whether it is turned, else empty.
+    no-contact image (a simulator that adds rendered differences to a photograph); lamps: the kind of sensor whose
+    colours come from the same sides, which a copy of its model keeps: `digit`, so that an image shows whether it is
+    turned, or `gelsight_mini`, whose calibration stands in for one of the sensor's own; else empty.
     """
 
     name: str
@@ -89,8 +91,9 @@ class SensorModel:
             )
         if model.light not in LIGHTS:
             raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
-        if model.lamps not in ("", DIGIT_LAMPS):
-            raise InputError(f"{path}: lamps '{model.lamps}' are not known; use {DIGIT_LAMPS}, or leave the line out")
+        if model.lamps not in _LAMPS:
+            known = " or ".join(filter(None, _LAMPS))
+            raise InputError(f"{path}: lamps '{model.lamps}' are not known; use {known}, or leave the line out")
         if not _PIXEL[0] < model.pixel_size < _PIXEL[1]:
             raise InputError(
                 f"{path}: a pixel of {1e3 * model.pixel_size:.3g} mm (gel_distance over focal) is none of a tactile "

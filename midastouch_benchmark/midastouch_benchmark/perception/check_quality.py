@@ -269,7 +269,7 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
         if measured is not None:
             ratios.append(measured / radius)
         for factor, seen in outcomes.items():
-            seen.append(bool(diameter_doubt(measured, 2 * radius * factor)))
+            seen.append(bool(diameter_doubt(measured, 2 * radius * factor, sensor)))
     return {
         "sensors": n,
         "felt_over_true": float(np.median(ratios)),

@@ -20,9 +20,10 @@ from midastouch_common.ros.parameters import Parameter, Parameters
 
 from ..sensor_calibration.calibration import scale_problem
 from ..sensor_calibration.collector import PressCollector
-from ..sensor_calibration.fit import FEWEST, MOST, Result, calibrate
+from ..sensor_calibration.fit import FEWEST, MOST, Result, calibrate, require_ball
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
+from ..tdn.colour_layout import image_problem
 
 PARAMETERS = (
     Parameter("serial", "", "Serial number of the sensor, under which its no-contact image was captured"),
@@ -87,6 +88,7 @@ class CalibrateNode(PipelineNode):
         """The no-contact image, and where the calibration goes."""
         if not self._diameter:
             raise InputError("calibrate: parameter 'ball_diameter' is 0; give the ball's diameter in metres")
+        require_ball(self._diameter, self._sensor)
         store = store_of(self._settings["background_folder"], self._serial)
         if store is None:
             raise InputError("calibrate: parameter 'serial' is empty; give the sensor's serial number")
@@ -96,6 +98,8 @@ class CalibrateNode(PipelineNode):
                 f"{store.path}: no no-contact image of this sensor; start tdn with serial:={self._serial}, lift the "
                 "finger and call capture_background"
             )
+        if problem := image_problem(background, None):
+            raise InputError(f"{store.path}: {problem}, and call capture_background")
         return background, require_place(self._settings["out"] or store.calibration_path)
 
     def _begin(self) -> None:
@@ -215,7 +219,7 @@ class CalibrateNode(PipelineNode):
         values |= {f"thrown_away_{k}": why for k, why in enumerate(collector.refusals[-_MOST_REASONS:], 1)}
         if self.failure:
             return diagnostics.ERROR, f"{self.failure} (begin again: ~/restart)", values
-        if self.result is not None:
+        if self.result is not None and collector.done:
             said = "; ".join(self.result.warnings)
             return diagnostics.WARN if said else diagnostics.OK, said or self._outcome(), values
         if collector.done:

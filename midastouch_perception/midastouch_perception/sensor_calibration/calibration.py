@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import zipfile
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -147,11 +148,11 @@ class SensorCalibration:
 
     @classmethod
     def default(cls, sensor: SensorModel) -> SensorCalibration | None:
-        """That which comes with a sensor model, for sensors without one of their own; None if none does.
+        """That which comes with a kind of lamps, for sensors without one of their own; None if none does.
 
         It was made with one sensor of the kind. Colours mean slopes, so it holds at any scale.
         """
-        path = _DEFAULTS / f"{sensor.name}.npz"
+        path = _DEFAULTS / f"{sensor.lamps}.npz"
         return _kept(path) if path.is_file() else None
 
     @classmethod
@@ -164,16 +165,14 @@ class SensorCalibration:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != _FORMAT:
                     raise ValueError(f"of format {int(file['format'])}, that of this version is {_FORMAT}")
-                if not float(file["ball_diameter"]):
-                    raise ValueError("made without a ball")
                 return cls(
                     serial=str(file["serial"]),
-                    ball_diameter=float(file["ball_diameter"]),
+                    ball_diameter=_positive(file, "ball_diameter"),
                     sensor=str(file["sensor"]),
-                    pixel_size=float(file["pixel_size"]),
+                    pixel_size=_positive(file, "pixel_size"),
                     coefficients=finite_array(file["coefficients"], (12, 6, 2)),
-                    background=finite_array(file["background"], (*_GRID, 3)),
-                    presses=int(file["presses"]),
+                    background=_colours(file["background"]),
+                    presses=int(_positive(file, "presses")),
                     date=str(file["date"]),
                     texture=_texture(file["texture"]),
                     texture_sigmas=float(finite_array(file["texture_sigmas"], ())),
@@ -188,6 +187,20 @@ class SensorCalibration:
 @lru_cache
 def _kept(path: Path) -> SensorCalibration:
     return SensorCalibration.load(path)
+
+
+def _positive(file: Mapping, name: str) -> float:
+    value = float(file[name])
+    if not 0 < value < np.inf:
+        raise ValueError(f"{name} {value:g}")
+    return value
+
+
+def _colours(values: np.ndarray) -> np.ndarray:
+    colours = finite_array(values, (*_GRID, 3))
+    if colours.min() < 0:
+        raise ValueError("negative colours")
+    return colours
 
 
 def _texture(values: np.ndarray) -> np.ndarray:

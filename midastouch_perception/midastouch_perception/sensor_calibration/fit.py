@@ -88,24 +88,27 @@ def cross_validation(
     return dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
 
 
-def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> None:
-    """Raise InputError if a DIGIT's colours answer to slopes the other way round than on other DIGITs.
+def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> str:
+    """In words, if the colours answer to slopes the other way round than on other sensors with these lamps; else empty.
 
-    Across or along the finger, by the slopes of what touches; a sensor with other lamps passes. changes (H, W, 3) grey
-    levels; penetrations (H, W) m; sensor: at the maps' resolution.
+    Across or along the finger, by the slopes of what touches; under lamps that nobody knows they may. changes (H, W, 3)
+    grey levels; penetrations (H, W) m; sensor: at the maps' resolution.
     """
-    if sensor.lamps != DIGIT_LAMPS:
-        return
+    default = SensorCalibration.default(sensor)
+    if sensor.lamps != DIGIT_LAMPS and default is None:
+        return ""
+    slopes_of = plain_slopes if default is None else default.response.slopes
     agreement = []
     for change, penetration in zip(changes, penetrations, strict=True):
         truth, inside = contact_slopes(penetration, sensor.pixel_size)
-        agreement.append((plain_slopes(change)[inside] * truth[inside]).sum(axis=0))
-    if np.median(agreement, axis=0).min() < 0:
-        raise InputError(
-            "the colours answer to slopes the other way round than on other DIGITs: the images are turned or mirrored, "
-            "have red and blue swapped, or the no-contact image shows a contact; check the driver's rotation and "
-            "encoding, and capture the no-contact image anew"
-        )
+        agreement.append((slopes_of(change)[inside] * truth[inside]).sum(axis=0))
+    if np.median(agreement, axis=0).min() >= 0:
+        return ""
+    return (
+        f"the colours answer to slopes the other way round than on others with the lamps of a {sensor.lamps}: the "
+        "images are turned or mirrored, have red and blue swapped, or the no-contact image shows a contact; check the "
+        "driver's rotation and encoding, and capture the no-contact image anew"
+    )
 
 
 def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
@@ -121,8 +124,8 @@ class Result:
     beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
     the calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `depth_errors`; and the ball's radius [m] by the slopes, felt_radius_before and
-    felt_radius_after, and by the depth, depth_radius_before and depth_radius_after); doubt, why the confirmed diameter
-    of the ball is improbable, empty if it is plausible.
+    felt_radius_after, and by the depth, depth_radius_before and depth_radius_after); doubt, why the diameter
+    of the ball or the images are improbable, empty if they are plausible.
     """
 
     calibration: SensorCalibration
@@ -154,12 +157,7 @@ def calibrate(
     diameter_is_right: accept the diameter even where the depth network measures another one.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
-    gel = sensor.width * sensor.pixel_size
-    if not 0 < ball_diameter <= gel:
-        raise InputError(
-            f"ball of {ball_diameter:g} m diameter: the gel in view is {1e3 * gel:.0f} mm wide, and a larger ball is "
-            "hardly curved on it; give the diameter in metres, 0.006 for 6 mm, or take a smaller ball"
-        )
+    require_ball(ball_diameter, sensor)
     if not FEWEST <= len(images) <= MOST:
         fix = "press the ball at more positions" if len(images) < FEWEST else "leave some of them out"
         raise InputError(
@@ -179,15 +177,20 @@ def calibrate(
     presses = _once_each(_refined(presses, radius, half), half)
     _require_enough(presses, given)
     _require_spread(presses, half)
-    _require_one_ball(presses, ball_diameter, half)
-    doubt = _doubt([images[press.name] for press in presses if not press.problem], background, ball_diameter, sensor)
-    if doubt and not diameter_is_right:
+    _require_one_ball(presses, ball_diameter)
+    penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
+    used = [press for press in presses if not press.problem]
+    turned = turned_doubt([press.change for press in used], [each for each in penetrations if each is not None], half)
+    if turned and sensor.lamps == DIGIT_LAMPS:
+        raise InputError(turned)
+    measured = measured_radius([images[press.name] for press in used], background, sensor)
+    doubt = diameter_doubt(measured, ball_diameter, sensor)
+    if doubt and sensor.lamps == DIGIT_LAMPS and not diameter_is_right:
         raise InputError(
             f"{doubt}; measure its diameter and give it in metres, or if it is right, say so (--diameter-is-right, or "
             "the node's parameter diameter_is_right)"
         )
 
-    penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
     texture, sigmas = texture_behind(background, images, presses, half)
     made = _made_of(background, sensor, serial, ball_diameter) | {"texture": texture, "texture_sigmas": sigmas}
@@ -203,7 +206,18 @@ def calibrate(
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}
-    return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
+    doubts = "; ".join(filter(None, (doubt, turned)))
+    return Result(calibration, presses, penetrations, half, background, held_out, figures, doubts)
+
+
+def require_ball(ball_diameter: float, sensor: SensorModel) -> None:
+    """Raise InputError unless a ball of `ball_diameter` m is curved on the gel that a sensor (full size) sees."""
+    gel = sensor.width * sensor.pixel_size
+    if not 0 < ball_diameter <= gel:
+        raise InputError(
+            f"ball of {ball_diameter:g} m diameter: the gel in view is {1e3 * gel:.0f} mm wide, and a larger ball is "
+            "hardly curved on it; give the diameter in metres, 0.006 for 6 mm, or take a smaller ball"
+        )
 
 
 def _made_of(background: np.ndarray, sensor: SensorModel, serial: str, ball_diameter: float) -> dict:
@@ -254,14 +268,6 @@ def _repeats(press: Press, other: Press, sensor: SensorModel) -> bool:
     return near and abs(one.radius / two.radius - 1) < _SAME_RADIUS
 
 
-def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: float, sensor: SensorModel) -> str:
-    """Why presses are hardly of a ball of this diameter [m]; empty if they may be."""
-    # under other lamps the network, uncalibrated, does not know
-    if sensor.lamps != DIGIT_LAMPS:
-        return ""
-    return diameter_doubt(measured_radius(images, background, sensor), ball_diameter)
-
-
 def _require_enough(presses: list[Press], given: bool) -> None:
     """given: whether the no-contact image is not made of the presses."""
     usable = sum(not press.problem for press in presses)
@@ -284,11 +290,9 @@ def _require_spread(presses: list[Press], sensor: SensorModel) -> None:
         )
 
 
-def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:
+def _require_one_ball(presses: list[Press], ball_diameter: float) -> None:
     radius = 0.5 * ball_diameter
     used = [press for press in presses if not press.problem]
     widest = float(np.median([press.contact.radius for press in used])) / radius
     if widest > _WIDEST_CONTACT:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
-    penetrations = [penetration_of(press, radius, sensor) for press in used]
-    require_upright([press.change for press in used], penetrations, sensor)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..sensor_model import SensorModel
+from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inference import load_tdn
 from .calibration import SensorCalibration
 from .response import height_slopes
@@ -29,19 +29,23 @@ _FEWEST_CORE_PIXELS = 40  # px of it
 
 
 def measured_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor: SensorModel) -> float | None:
-    """Radius [m] of the ball that the uncalibrated network measures in presses (320, 240, 3) uint8 RGB, their median;
-    None if it measures none. sensor: full size."""
+    """Radius [m] of the ball that the network, without a calibration of the sensor's own, measures in presses (320,
+    240, 3) uint8 RGB, their median; None if it measures none. sensor: full size."""
     tdn = load_tdn("fast", sensor)
     measured = [_curvature(tdn.predict(image, background), tdn.sensor.pixel_size) for image in images]
     bulging = [curvature for curvature in measured if curvature is not None and curvature > 0]
     return 1 / float(np.median(bulging)) if bulging else None
 
 
-def diameter_doubt(radius: float | None, ball_diameter: float) -> str:
-    """Why a ball of this measured radius [m] hardly has this diameter [m]; empty if it may."""
-    if radius is None:
+def diameter_doubt(radius: float | None, ball_diameter: float, sensor: SensorModel) -> str:
+    """Why a ball of this measured radius [m] hardly has this diameter [m]; empty if it may.
+
+    Under lamps of which neither the network nor a default calibration knows what their colours mean, it may.
+    """
+    calibrated = SensorCalibration.default(sensor) is not None
+    if radius is None or not (calibrated or sensor.lamps == DIGIT_LAMPS):
         return ""
-    likely = 2 * radius / RADIUS_RATIO
+    likely = 2 * radius / (1.0 if calibrated else RADIUS_RATIO)
     factor = max(likely / ball_diameter, ball_diameter / likely)
     if factor <= MOST_DIAMETER_FACTOR:
         return ""
@@ -101,6 +105,6 @@ def gain_doubt(figures: dict[str, float]) -> str:
     if after < before:
         return ""
     return (
-        f"depth in touches that it has not seen is measured no better with it, off by {after:.2f} mm, and without by "
-        f"{before:.2f} mm; press more often and all over the gel, straight and without sliding, or go on without it"
+        f"depth in touches that it has not seen is measured no better with it, off by {after:.3f} mm, and without by "
+        f"{before:.3f} mm; press more often and all over the gel, straight and without sliding, or go on without it"
     )

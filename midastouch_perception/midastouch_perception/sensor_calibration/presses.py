@@ -11,7 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-from ..gel_texture import gel_texture, likeness
+from ..gel_texture import CLEAR, gel_texture, likeness
 from ..sensor_model import SensorModel
 from ..tdn.background import estimate_background, shows_contact
 from ..tdn.colour_layout import exposure_problem, image_problem
@@ -157,9 +157,17 @@ def texture_behind(
     background: np.ndarray, images: dict[str, np.ndarray], presses: list[Press], sensor: SensorModel
 ) -> tuple[np.ndarray, float]:
     """Texture of a gel in its no-contact image, and in how many standard deviations it is found beside the ball in all
-    presses that are used; sensor at the map's resolution."""
-    texture, found = gel_texture(background), 0.0
-    for press in presses:
-        if not press.problem:
-            found = found + gel_texture(images[press.name], circle(press.contact, _MASK_RADII, sensor))
-    return texture, likeness(texture, found).sigmas
+    presses that are used; sensor at the map's resolution.
+
+    Raises InputError where the presses have a texture, and it is another one.
+    """
+    texture, halves = gel_texture(background), [0.0, 0.0]
+    for k, press in enumerate(press for press in presses if not press.problem):
+        halves[k % 2] = halves[k % 2] + gel_texture(images[press.name], circle(press.contact, _MASK_RADII, sensor))
+    found = likeness(texture, halves[0] + halves[1])
+    if texture.any() and not found.same and likeness(*halves).sigmas >= CLEAR:
+        raise InputError(
+            "the no-contact image is of another gel: the fine texture of the presses is not found in it; lift the "
+            "finger, call capture_background, and press again if the gel was changed meanwhile"
+        )
+    return texture, found.sigmas

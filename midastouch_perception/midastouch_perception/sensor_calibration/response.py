@@ -20,6 +20,9 @@ _POSITION_RIDGE = np.array([0.1, 1, 1, 2, 2, 2])  # of the terms of the position
 _RIDGE = 3e-3  # fraction of the equations' mean weight: what presses do not show stays small
 # fraction of what is explained in all: where presses hardly show how steep it is, it is as elsewhere
 _STEEPNESS_RIDGE = 1e-3
+STEEPEST = 2.0
+"""Steepest slope that colours are taken for. Within contacts of measured sensors none is steeper than 1.6; what the
+polynomial makes of colours beyond those that presses showed, such as a glint's, is no slope."""
 
 
 def colour_terms(change: np.ndarray) -> np.ndarray:
@@ -127,8 +130,11 @@ class ColourResponse:
         self._factors: np.ndarray | None = None
 
     def slopes(self, change: np.ndarray) -> np.ndarray:
-        """Slopes (H, W, 2) float32 of the gel, to the right and down, of changes (H, W, 3) grey levels."""
+        """Slopes (H, W, 2) float32 of the gel, to the right and down, of changes (H, W, 3) grey levels; at most
+        `STEEPEST`."""
         if self._factors is None or self._factors.shape[:2] != change.shape[:2]:
             positions = position_terms(*change.shape[:2])
             self._factors = np.einsum("tps,hwp->hwts", self._coefficients, positions).astype(np.float32)
-        return (colour_terms(change)[..., None, :] @ self._factors)[..., 0, :]
+        slopes = (colour_terms(change)[..., None, :] @ self._factors)[..., 0, :]
+        steepness = np.sqrt(np.square(slopes).sum(axis=-1, keepdims=True))
+        return slopes * (np.float32(STEEPEST) / np.maximum(steepness, np.float32(STEEPEST)))

@@ -19,11 +19,13 @@ class DepthNet(ABC):
 
     Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew; backend,
     that runs the network. Raises InputError if the calibration is another sensor model's.
-    Attributes: network_id; backend, the name of the one in use; sensor, the map-resolution sensor model;
+    Attributes: network_id; backend, the name of the one in use; uses_calibration, whether a calibration changes what it
+    measures; sensor, the map-resolution sensor model;
     calibration_in_use, that of the sensor, else the one that comes with its model, or None.
     """
 
     _threads = 1
+    uses_calibration = True
 
     def __init__(
         self,
@@ -119,8 +121,10 @@ class CalibrationInUse:
 
     def __str__(self) -> str:
         """What is in use, in words."""
+        if self._tdn is not None and not self._tdn.uses_calibration:
+            return "not used by this network"
         if self._calibration is not None and not self.problem:
             return f"{self._calibration.touched}, {self._calibration.date}"
         words = ["refused"] if self.problem else []
-        words += [f"that of the model {self._sensor.name}"] if SensorCalibration.default(self._sensor) else []
+        words += [f"that of the model {self._sensor.lamps}"] if SensorCalibration.default(self._sensor) else []
         return ", ".join(words) or "none"

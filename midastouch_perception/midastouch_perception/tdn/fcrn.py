@@ -32,6 +32,7 @@ class FcrnDepthNet(DepthNet):
     """
 
     has_embedding = False
+    uses_calibration = False
 
     def __init__(
         self,

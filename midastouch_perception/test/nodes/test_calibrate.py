@@ -148,6 +148,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
     ("wrong", "said"),
     [
         ({"ball_diameter": 0.0}, "ball's diameter in metres"),
+        ({"ball_diameter": 0.02}, "smaller ball"),
         ({"serial": ""}, "serial number"),
         ({"serial": "D1"}, "capture_background"),
         ({"sensor_model": "no_such"}, "no_such"),
@@ -159,6 +160,12 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
 def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
     with pytest.raises(InputError, match=said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
+
+
+def test_a_no_contact_image_that_shows_nothing_is_refused_before_the_first_press(graph, folder, digit):
+    BackgroundStore(folder, SERIAL).save(np.full_like(digit.background, 255))
+    with pytest.raises(InputError, match=r"saturated.*capture_background"):
+        graph.add(CalibrateNode, parameters(folder))
 
 
 def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder, digit, presses):

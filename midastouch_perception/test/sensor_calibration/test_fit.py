@@ -7,7 +7,7 @@ import pytest
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_calibration.calibration import standard_colours
-from midastouch_perception.sensor_calibration.fit import calibrate, require_upright
+from midastouch_perception.sensor_calibration.fit import calibrate, turned_doubt
 from midastouch_perception.sensor_calibration.response import height_slopes
 from midastouch_perception.sensor_model import SensorModel
 
@@ -115,17 +115,8 @@ def test_a_ball_larger_than_the_gel_is_refused(digit, five, real):
         calibrate(five, digit.background, 0.02, real)
 
 
-def test_a_calibration_knows_its_gel_among_others_under_the_same_light(result, digit, real):
-    rng = np.random.default_rng(0)
-    grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
-    own, other = (np.clip(digit.background + each, 0, 255).astype(np.uint8) for each in grains)
-    presses = {
-        name: np.clip(image + grains[0], 0, 255).astype(np.uint8) for name, image in digit.presses(PRESSES).items()
-    }
-    made = calibrate(presses, own, DIAMETER, real).calibration
-    assert not made.background_problem((0.9 * own).astype(np.uint8))
-    assert "made with another gel (whose fine texture" in made.background_problem(other)
-    assert not result.calibration.background_problem(digit.background)  # of a gel without grains
+def test_a_gel_without_grains_is_known_by_its_colours(result, digit):
+    assert not result.calibration.background_problem(digit.background)
 
 
 def test_another_ball_is_refused(digit, five, real):
@@ -143,10 +134,25 @@ def test_a_diameter_that_measures_like_another_is_refused_unless_it_is_confirmed
     assert "about 4 mm" in made.warnings[0]
 
 
-def test_under_other_lamps_than_a_digits_the_diameter_is_not_doubted(digit, five, real, monkeypatch):
+def test_under_other_lamps_than_a_digits_doubts_are_warnings(digit, five, real, monkeypatch):
     monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
-    made = calibrate(five, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
-    assert not made.doubt
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.turned_doubt", lambda *_: "images are turned")
+    made = calibrate(five, digit.background, DIAMETER, dataclasses.replace(real, lamps="gelsight_mini"))
+    assert "about 3 mm; images are turned" in made.warnings[0]
+
+
+def test_presses_of_another_gel_than_the_no_contact_images_are_refused(digit, real):
+    rng = np.random.default_rng(0)
+    grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
+    presses = {
+        name: np.clip(image + grains[0], 0, 255).astype(np.uint8) for name, image in digit.presses(PRESSES).items()
+    }
+    own, other = (np.clip(digit.background + each, 0, 255).astype(np.uint8) for each in grains)
+    with pytest.raises(InputError, match=r"of another gel.*capture_background"):
+        calibrate(presses, other, DIAMETER, real)
+    made = calibrate(presses, own, DIAMETER, real).calibration
+    assert not made.background_problem((0.9 * own).astype(np.uint8))
+    assert "made with another gel (whose fine texture" in made.background_problem(other)
 
 
 @pytest.mark.parametrize(
@@ -190,11 +196,10 @@ def test_images_of_another_size_are_refused(digit, presses, real):
         calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)
 
 
-def test_only_a_digit_is_refused_for_colours_that_answer_the_other_way_round():
+def test_colours_that_answer_the_other_way_round_are_noticed_under_known_lamps():
     digit = SensorModel.load("digit_real").for_maps
     penetration = ball_penetration(ball_centre(60, 80, 1.5e-3, 3e-3, digit), 3e-3, digit)
     upright = standard_colours(height_slopes(np.maximum(penetration, 0), digit.pixel_size))
-    require_upright([upright], [penetration], digit)
-    with pytest.raises(InputError, match="rotation and encoding"):
-        require_upright([-upright], [penetration], digit)
-    require_upright([-upright], [penetration], dataclasses.replace(digit, lamps=""))
+    assert turned_doubt([upright], [penetration], digit) == ""
+    assert "rotation and encoding" in turned_doubt([-upright], [penetration], digit)
+    assert turned_doubt([-upright], [penetration], dataclasses.replace(digit, lamps="")) == ""

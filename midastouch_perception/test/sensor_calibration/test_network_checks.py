@@ -12,21 +12,27 @@ from midastouch_perception.sensor_calibration.network_checks import (
     gain_doubt,
     measured_radius,
 )
+from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import PressedSensor
 
 RADIUS = 3e-3  # m, of the ball
 
 
 @pytest.mark.parametrize("way", [1, -1])
-def test_a_diameter_that_hardly_fits_is_doubted(way):
-    measured = RADIUS_RATIO * 3e-3
-    assert diameter_doubt(measured, 6e-3 * (0.98 * MOST_DIAMETER_FACTOR) ** way) == ""
-    assert "about 6 mm" in diameter_doubt(measured, 6e-3 * (1.02 * MOST_DIAMETER_FACTOR) ** way)
+@pytest.mark.parametrize(("model", "ratio"), [("digit_real", RADIUS_RATIO), ("gelsight_mini", 1.0)])
+def test_a_diameter_that_hardly_fits_is_doubted(way, model, ratio):
+    sensor = SensorModel.load(model)
+    assert diameter_doubt(ratio * 3e-3, 6e-3 * (0.98 * MOST_DIAMETER_FACTOR) ** way, sensor) == ""
+    assert "about 6 mm" in diameter_doubt(ratio * 3e-3, 6e-3 * (1.02 * MOST_DIAMETER_FACTOR) ** way, sensor)
+
+
+def test_under_lamps_that_nobody_knows_no_diameter_is_doubted(real):
+    assert diameter_doubt(3e-3, 60e-3, dataclasses.replace(real, lamps="")) == ""
 
 
 def test_nothing_measured_says_nothing(digit, real):
     assert measured_radius([digit.background], digit.background, real) is None
-    assert diameter_doubt(None, 6e-3) == ""
+    assert diameter_doubt(None, 6e-3, real) == ""
 
 
 @pytest.mark.parametrize("radius", [2.5e-3, 4e-3])

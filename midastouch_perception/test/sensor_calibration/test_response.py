@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midastouch_perception.sensor_calibration import response
 from midastouch_perception.sensor_calibration.response import (
     ColourResponse,
     NormalEquations,
@@ -46,6 +47,20 @@ def test_few_presses_in_one_place_say_little_of_others():
     weight[:25] = 1
     response = ColourResponse(NormalEquations.of(colours, slopes, weight).solve())
     assert 0.4 < steepness(response.slopes(colours), slopes, slice(60, 80)) < 1.6
+
+
+def test_a_glint_is_no_wall():
+    """Colours far beyond those of the presses: the polynomial alone would make slopes of hundreds of them."""
+    rng, equations = np.random.default_rng(0), NormalEquations()
+    for _ in range(5):
+        equations += NormalEquations.of(*press(rng, 12.0), np.ones(SIZE, np.float32))
+    colours, truth = press(rng, 0.0)
+    colours[20:24, 20:24] = 250.0
+    slopes = np.linalg.norm(ColourResponse(equations.solve()).slopes(colours), axis=-1)
+    assert slopes.max() <= response.STEEPEST * (1 + 1e-6)
+    gentle = np.linalg.norm(truth, axis=-1) < 1
+    gentle[20:24, 20:24] = False
+    np.testing.assert_allclose(slopes[gentle], np.linalg.norm(truth, axis=-1)[gentle], atol=0.3)
 
 
 def test_nothing_pressed_is_flat():

@@ -64,6 +64,7 @@ def test_a_model_s_calibration_serves_sensors_without_their_own():
     mini = SensorModel.load("gelsight_mini")
     tdn = load_tdn("fast", mini)
     assert tdn.calibration_in_use is SensorCalibration.default(mini.at_scale(20e3))
+    assert tdn.calibration_in_use is SensorCalibration.default(dataclasses.replace(mini, name="my_mini"))
     assert str(CalibrationInUse(tdn, None, mini)) == "that of the model gelsight_mini"
     tdn.calibration = own = perfect(mini)
     assert tdn.calibration_in_use is own
