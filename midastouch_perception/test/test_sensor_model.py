@@ -119,7 +119,10 @@ BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03
         (f"width: 480\n{BUT_WIDTH}", "480 x 320 px, but the networks take 240 x 320: let the driver's camera_model"),
         (f"width: 240.7\n{BUT_WIDTH}", "240.7 is not a whole number"),
         (f"width: 240\nlihgt: additive\n{BUT_WIDTH}", "unknown: lihgt; there are width, .*light"),
-        (f"width: 240\nlamps: mine\n{BUT_WIDTH}", "lamps 'mine' are not known; use digit or gelsight_mini, or leave the line out"),
+        (
+            f"width: 240\nlamps: mine\n{BUT_WIDTH}",
+            "lamps 'mine' are not known; use digit or gelsight_mini, or leave the line out",
+        ),
         (f"width: 240\n{BUT_WIDTH.replace('0.022', '22')}", "a pixel of 73.3 mm .* is none .*gel_distance in metres"),
     ],
 )

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import mcap.reader
 import yaml
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, QosDurability
+from rosbags.rosbag2 import Reader
 
 from midastouch_common.errors import InputError
 
@@ -37,16 +37,16 @@ def bag_metadata(path: str | Path) -> dict[str, str]:
 
 
 def bag_topics(path: str | Path) -> list[Topic]:
-    """The topics of a bag. Raises InputError if it cannot be read."""
+    """The topics of a bag that have messages. Raises InputError if it cannot be read."""
     path = Path(path)
-    with readable(path), AnyReader([path]) as reader:
-        return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections]
+    with readable(path), Reader(path) as reader:
+        return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections if c.msgcount]
 
 
 def bag_duration(path: str | Path) -> float:
     """Seconds from the first message of a bag to the last. Raises InputError if it cannot be read."""
     path = Path(path)
-    with readable(path), AnyReader([path]) as reader:
+    with readable(path), Reader(path) as reader:
         return reader.duration / 1e9 if reader.message_count else 0.0
 
 
@@ -56,7 +56,7 @@ def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Mes
     Raises InputError if the bag cannot be read or has none of the topics.
     """
     path = Path(path)
-    with readable(path), AnyReader([path]) as reader:
+    with readable(path), Reader(path) as reader:
         chosen = [c for c in reader.connections if not topics or c.topic in topics]
         if not chosen:
             present = ", ".join(sorted({c.topic for c in reader.connections})) or "nothing"
@@ -80,8 +80,11 @@ def readable(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        what = path if path.is_file() else "each .mcap file in it"
-        raise InputError(
-            f"{path}: cannot be read as a bag ({error}); if the recording was cut off, recover {what} with the program "
-            "of https://mcap.dev/guides/cli: mcap recover IN.mcap -o OUT.mcap"
-        ) from error
+        said = f"{path}: cannot be read as a bag ({error})"
+        if path.suffix == ".mcap" or any(path.glob("*.mcap")):
+            what = path if path.is_file() else "each .mcap file in it"
+            said += (
+                f"; if the recording was cut off, recover {what} with the program of https://mcap.dev/guides/cli: "
+                "mcap recover IN.mcap -o OUT.mcap"
+            )
+        raise InputError(said) from error

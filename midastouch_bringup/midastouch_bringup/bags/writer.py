@@ -47,7 +47,9 @@ class BagWriter:
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as cleanup:
             try:
-                temporary = tempfile.TemporaryDirectory(prefix=f".{self._path.name}.", dir=self._path.parent)
+                temporary = tempfile.TemporaryDirectory(
+                    prefix=f".{self._path.name}.", dir=self._path.parent, ignore_cleanup_errors=True
+                )
             except OSError as error:  # would name a folder that nobody has asked for
                 raise OSError(error.errno, error.strerror, str(self._path)) from error
             folder = cleanup.enter_context(temporary)
@@ -76,7 +78,8 @@ class BagWriter:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._cleanup:
             if kind is not None:
-                self._writer.abort()
+                with contextlib.suppress(OSError):  # of a disk that is gone; what failed first is what is reported
+                    self._writer.abort()
                 return
             with naming(self._path):
                 self._writer.close()

@@ -30,6 +30,11 @@ def load_sequence(path: str | Path) -> Sequence:
     for file, load in _LOADERS.items():
         if (path / file).is_file():
             return load(path)
+    if any(path.glob("*.mcap")) or any(path.glob("*.db3")):
+        raise InputError(
+            f"{path}: a bag without its metadata.yaml, as a recorder leaves it that was killed; write it anew, "
+            "ros2 bag reindex, or give the .mcap file inside"
+        )
     raise InputError(
         f"{path}: not a YCB-Slide sequence, nor a trial of TactileTracking (no {', '.join(_LOADERS)}); give the folder "
         "of a slide, such as sim/035_power_drill/00 or real/035_power_drill/dataset_0, or of a trial, such as avocado0"

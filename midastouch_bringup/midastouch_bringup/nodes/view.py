@@ -68,6 +68,7 @@ class View(PipelineNode):
         self._stamp = 0
         self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
         self._silence = _WAITING  # what was said of the silence; empty while the filter speaks
+        self._last_word = ""
         scene.status(*_WAITING, {})
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
         self._guide = f"calibrate: {self.resolve_topic_name('calibrate')}"
@@ -116,12 +117,12 @@ class View(PipelineNode):
             except InputError as error:
                 self.get_logger().warning(f"{name}: {error}", throttle_duration_sec=5.0)
         if self._quiet_ticks >= self._silent_after and self._silence != _WAITING:
-            self._say_silent(_SILENT if self.count_publishers("filter_status") else _ENDED)
+            self._say_silent(*(_SILENT if self.count_publishers("filter_status") else _ENDED))
 
-    def _say_silent(self, words: tuple[str, str]) -> None:
-        if words != self._silence:
-            self._silence = words
-            self._scene.status(*words, {})
+    def _say_silent(self, state: str, words: str) -> None:
+        if (state, words) != self._silence:
+            self._silence = state, words
+            self._scene.status(state, f"{words}; it last said {self._last_word}", {})
 
     def _mesh(self, msg: MarkerArray) -> None:
         for marker in msg.markers:
@@ -138,6 +139,7 @@ class View(PipelineNode):
             self._stamp = stamp
         if msg.state == FilterStatus.STATE_UNINITIALISED:
             self._scene.objects({})
+        self._last_word = f"{msg.state}: {msg.reason}"
         numbers = {"particles/all": msg.n_particles, "particles/effective": msg.ess, "mass/best": msg.mode_mass}
         numbers |= {f"ms/{name}": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
         self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})

@@ -30,11 +30,12 @@ from ..bags.reader import bag_duration, bag_messages, bag_topics, is_bag, readab
 from ..datasets.loading import is_sequence, load_sequence
 from ..datasets.plain_images import PlainImages
 
-INPUT_TOPICS = frozenset({IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"})
+INPUT_TOPICS = frozenset(
+    {IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states", "/initialpose"}
+)
 """Topics of a bag that are inputs of the pipeline, not its results."""
 
-ESTIMATED_FRAMES = frozenset({"object"})
-"""Frames that a filter publishes: from a bag they would fight with those of the filter that listens."""
+_POSE_TOPIC, _OBJECT_FRAME = "/pose", "object"  # of a filter; the frame by default
 
 
 def is_image(topic: str) -> bool:
@@ -64,9 +65,10 @@ class ReplaySource:
             return
         present = bag_topics(self.path)
         self.topics = [topic for topic in present if topic.name in INPUT_TOPICS]
-        if not self.topics:
+        if not any(is_image(topic.name) for topic in self.topics):
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self.path}: has no {', '.join(sorted(INPUT_TOPICS))}; it has {names}")
+            raise InputError(f"{self.path}: has no images on {IMAGE_TOPIC} or {COMPRESSED_TOPIC}; it has {names}")
+        self._estimated = {_OBJECT_FRAME, *self._frames_of(_POSE_TOPIC, present)}
         self._prefer_raw_images()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
@@ -122,7 +124,16 @@ class ReplaySource:
         header = typestore().deserialize_cdr(message.data, message.type_name).header
         return image_message(header, pixels, message.stamp_ns)
 
+    def _frames_of(self, topic: str, present: list[Topic]) -> set[str]:
+        """The frame of the first message on a topic, if there is one."""
+        if topic not in {each.name for each in present}:
+            return set()
+        first = next(bag_messages(self.path, {topic}))
+        with readable(self.path):
+            return {typestore().deserialize_cdr(first.data, first.type_name).header.frame_id}
+
     def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
+        """Without the frame that a filter published: it would fight with that of the filter that listens."""
         store = typestore()
         for message in messages:
             if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):
@@ -130,7 +141,7 @@ class ReplaySource:
                 continue
             with readable(self.path):
                 content = store.deserialize_cdr(message.data, message.type_name)
-            kept = [t for t in content.transforms if t.child_frame_id not in ESTIMATED_FRAMES]
+            kept = [t for t in content.transforms if t.child_frame_id not in self._estimated]
             if len(kept) == len(content.transforms):
                 yield message
             elif kept:

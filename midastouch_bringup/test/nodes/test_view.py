@@ -206,6 +206,7 @@ def test_it_says_when_the_filter_falls_silent(graph, scene, monkeypatch):
         return [call[0] for call in scene.of("status")]
 
     graph.spin_until(lambda: said()[-2:] == ["lost", "no filter_status"], "the silence")
+    assert "it last said lost: " in scene.of("status")[-1][1]
     publishers.append(status := graph.publisher(FilterStatus, "filter_status", latched=True))
     before = len(said())
     status.publish(FilterStatus(header=header(), state="ambiguous"))

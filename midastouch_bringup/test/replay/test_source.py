@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from recorded import compressed, cut_off
+from recorded import compressed, cut_off, header
 
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter, write_bag
@@ -113,10 +113,11 @@ def test_compressed_images_are_sent_as_the_raw_ones_that_the_pipeline_hears(tmp_
 
 
 def test_transforms_that_cannot_be_read_are_bad_input(tmp_path, simulated_sequence):
-    static, transforms, *_ = list(sequence_messages(simulated_sequence(n=1)))
+    static, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
     with BagWriter(tmp_path / "x.mcap") as bag:
         bag.write(static)
         bag.write(dataclasses.replace(transforms, data=transforms.data[:20]))
+        bag.write(image)
     with pytest.raises(InputError, match=r"x\.mcap: cannot be read as a bag"):
         list(ReplaySource(tmp_path / "x.mcap").messages())
 
@@ -124,6 +125,34 @@ def test_transforms_that_cannot_be_read_are_bad_input(tmp_path, simulated_sequen
 def test_neither_bag_nor_sequence(tmp_path):
     with pytest.raises(InputError, match="not a YCB-Slide sequence"):
         list(ReplaySource(tmp_path).messages())
+    (tmp_path / "x_0.mcap").touch()
+    with pytest.raises(InputError, match=r"without its metadata\.yaml.*reindex"):
+        list(ReplaySource(tmp_path).messages())
+
+
+def test_a_bag_without_images_is_refused_with_what_it_has(tmp_path, simulated_sequence):
+    """Nobody would listen to it, as to the bag of a namespace."""
+    static, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in (static, transforms, dataclasses.replace(image, topic="/left/image_raw")):
+            bag.write(message)
+    with pytest.raises(InputError, match=r"no images on /image_raw .* it has /left/image_raw, /tf, /tf_static"):
+        ReplaySource(tmp_path / "x.mcap")
+
+
+def test_estimates_are_left_out_whatever_the_object_s_frame_is_called(tmp_path, simulated_sequence):
+    _, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
+    kind, made = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/"
+    point, turn = STORE.types[f"{made}Point"](0.0, 0.0, 0.0), STORE.types[f"{made}Quaternion"](0.0, 0.0, 0.0, 1.0)
+    pose = STORE.types[f"{made}PoseWithCovariance"](STORE.types[f"{made}Pose"](point, turn), np.zeros(36))
+    data = bytes(STORE.serialize_cdr(STORE.types[kind](header(image.stamp_ns, "mug"), pose), kind))
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        bag.write(renamed(transforms, "mug", "tool0"))
+        bag.write(dataclasses.replace(image, topic="/pose", type_name=kind, data=data))
+        bag.write(image)
+    played = list(ReplaySource(tmp_path / "x.mcap").messages())
+    assert [m.topic for m in played] == ["/tf", "/image_raw"]
+    assert children(played[0]) == ["tool0"]
 
 
 def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence):
