@@ -35,7 +35,7 @@ PARAMETERS = (
         "Each time it is set, go on this long after the beginning; a pause stays",
         "s",
         minimum=0.0,
-        maximum=1e6,
+        maximum=1e10,
         read_only=False,
     ),
     Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
@@ -56,6 +56,8 @@ PARAMETERS = (
         maximum=3600.0,
     ),
 )
+
+_LONG_S = 10.0  # of waiting for the next message
 
 
 class Replay(PipelineNode):
@@ -145,6 +147,8 @@ class Replay(PipelineNode):
             return WARN, f"{self.player.frames_lost} frames were never answered", values
         if self.player.frames_broken:
             return WARN, f"{self.player.frames_broken} frames left out as their images are broken", values
+        if (gap := self._playback.remaining) > _LONG_S:
+            return WARN, f"nothing is recorded for {gap:.0f} s: set seek_to to go on behind the gap", values
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 

@@ -52,7 +52,8 @@ class Playback:
         paused: start in pause.
         now: monotonic clock in seconds.
 
-    Attributes: changed, notified when something happens on which a wait may depend.
+    Attributes: changed, notified when something happens on which a wait may depend; remaining, seconds until what is
+    waited for is due, 0 if nothing is.
     """
 
     def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
@@ -62,6 +63,7 @@ class Playback:
         self._stopped = False
         self._sought: float | None = None
         self.changed = threading.Condition()
+        self.remaining = 0.0
 
     def pause(self) -> None:
         """Hold back everything not yet sent."""
@@ -150,10 +152,10 @@ class Playback:
                     self._pace.restart()
                     self.changed.wait()
                     continue
-                remaining = self._pace.remaining(stamp_ns)
-                if remaining < _SOON_S:
+                self.remaining = max(self._pace.remaining(stamp_ns), 0.0)
+                if self.remaining < _SOON_S:
                     return True
-                self.changed.wait(min(remaining, tick_s))
+                self.changed.wait(min(self.remaining, tick_s))
                 reached = self._pace.reached()
             if on_tick is not None and reached is not None:
                 on_tick(min(reached, stamp_ns))

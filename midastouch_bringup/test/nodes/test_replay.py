@@ -1,15 +1,19 @@
 """The replay over real DDS: every frame, in order, with its transforms; its clock, and its ends."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from filter_fakes import code_msg, loader_of
 from replay_rig import play, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.messages import BASE_FROM_OBJECT
-from midastouch_bringup.bags.writer import write_bag
+from midastouch_bringup.bags.messages import BASE_FROM_OBJECT, sequence_messages
+from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
@@ -102,6 +106,24 @@ def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simul
     assert jumps() <= 1 + len(images) // 3
     assert len(set(told)) > 3  # it also runs between the three frames
     assert not node.finished.is_set()
+
+
+@pytest.mark.usefixtures("hasty")
+def test_a_gap_in_the_recording_is_said_and_can_be_skipped(graph, tmp_path, simulated_sequence):
+    """As of a computer whose clock was set while it recorded."""
+    first, *others = (m for m in sequence_messages(simulated_sequence(n=3)) if m.topic == "/image_raw")
+    years = 10**18
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in (first, *(dataclasses.replace(m, stamp_ns=m.stamp_ns + years) for m in others)):
+            bag.write(message)
+    node = replay(graph, tmp_path / "x.mcap", rate=1.0)
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    node.start()
+    gap = r"nothing is recorded for .* s: set seek_to"
+    graph.spin_until(lambda: any(re.match(gap, s.message) for r in reports for s in r.status), "the warning")
+    assert graph.set_parameter("replay", "seek_to", 1e9).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    assert node.player.frames_sent == 3
 
 
 def test_a_damaged_image_ends_the_replay_with_its_name(graph, simulated_sequence):

@@ -55,6 +55,15 @@ def test_ticks_tell_recorded_time_and_never_overtake(monkeypatch):
     assert max(ticks) <= 1100 * MS
 
 
+def test_it_says_how_long_it_waits(monkeypatch):
+    player, _ = playback(monkeypatch, rate=2.0)
+    player.wait_until_due(0)
+    waits = []
+    player.wait_until_due(40_000 * MS, lambda _: waits.append(player.remaining), tick_s=5.0)
+    assert waits == pytest.approx([20.0, 15.0, 10.0, 5.0])
+    assert player.remaining == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_slow_consumer_is_caught_up_with(monkeypatch):
     player, clock = playback(monkeypatch, rate=1.0)
     player.wait_until_due(0)
