@@ -42,6 +42,8 @@ pytest_plugins = ["meshes", "sequences", "pictured_run"]
 # Programs that tests start inherit both. Only this machine hears them.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(claimed_domain())
+# a shell's job in the background ignores Ctrl-C, and every program that it starts
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

@@ -188,6 +188,7 @@ def trust(trials: list[dict]) -> dict:
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
         **_at_the_end(trials, figures),
+        **_regions(trials, figures),
         **_around_an_event(trials, figures),
         "ms": figures.values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
         "filter_cpu_ms": figures.values([t["filter_cpu_ms"] for t in trials]),
@@ -198,6 +199,17 @@ def trust(trials: list[dict]) -> dict:
             for unit in ("trans_mm", "rot_deg")
         },
     }
+
+
+def counted_anew(summary: dict, trials: list[dict]) -> dict:
+    """The summary of a report over these trials, with the intervals of today for all that is counted in trials.
+
+    One whose trials do not say all that is counted now stays as it is.
+    """
+    if "trust" not in summary or any("foreign" not in trial["final"] for trial in trials):
+        return summary
+    figures = Figures.by_slide(trials)
+    return summary | {"trust": summary["trust"] | _at_the_end(trials, figures) | _around_an_event(trials, figures)}
 
 
 def frames_until_right(trial: dict) -> float:
@@ -212,37 +224,54 @@ def right_or_among_modes_at_end(trials: list[dict]) -> dict:
     return Figures.by_slide(trials).fraction([is_right_or_among_modes(trial) for trial in trials])
 
 
+def pose_right_at_end(trials: list[dict]) -> dict:
+    """Fraction of trials, likewise, whose last published pose is right, whatever the state."""
+    return Figures.by_slide(trials).fraction([_judged(trial, "right", "estimate_trans_mm") for trial in trials])
+
+
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
     """Frames (T,) that were converged at a wrong pose."""
     return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
 
 
-def _at_the_end(trials: list[dict], figures: Figures) -> dict:
-    """What states and regions promise, and what the last answers are."""
-    wrong = _converged_wrong(trials)
+def converged_figures(trials: list[dict]) -> dict:
+    """Of `trust`: converged_frames_wrong, ambiguous_frames_among and right_if_converged_at_end."""
+    figures = Figures.by_slide(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
-    right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
+    return {
+        "converged_frames_wrong": figures.fraction(_converged_wrong(trials), [t["frames_converged"] for t in trials]),
+        "ambiguous_frames_among": figures.fraction(
+            *([t[name] for t in trials] for name in ("frames_ambiguous_among", "frames_ambiguous"))
+        ),
+        "right_if_converged_at_end": figures.fraction([is_right(t) for t in trials], ends_converged),
+    }
 
-    def regions(kind: str) -> dict:
+
+def _at_the_end(trials: list[dict], figures: Figures) -> dict:
+    """What states promise, and what the last answers are."""
+    wrong = _converged_wrong(trials)
+    right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
+    return {
+        "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
+        **converged_figures(trials),
+        "right_at_end": figures.fraction(right),
+        "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
+        "foreign_at_end": figures.fraction(foreign),
+        "foreign_ever": figures.fraction([t["frames_foreign"] > 0 for t in trials]),
+        "right_or_said_at_end": figures.fraction(np.logical_or(foreign, [is_right_or_among_modes(t) for t in trials])),
+    }
+
+
+def _regions(trials: list[dict], figures: Figures) -> dict:
+    """What regions promise."""
+
+    def of(kind: str) -> dict:
         counts = np.array([t["coverage"][kind] for t in trials])
         within = np.cumsum(counts, axis=1)
         return {f"{level:g}": figures.fraction(within[:, k], counts.sum(axis=1)) for level, k in SHOWN_LEVELS.items()}
 
-    return {
-        "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
-        "converged_frames_wrong": figures.fraction(wrong, [t["frames_converged"] for t in trials]),
-        "ambiguous_frames_among": figures.fraction(
-            *([t[name] for t in trials] for name in ("frames_ambiguous_among", "frames_ambiguous"))
-        ),
-        "right_at_end": figures.fraction(right),
-        "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
-        "right_if_converged_at_end": figures.fraction(right, ends_converged),
-        "foreign_at_end": figures.fraction(foreign),
-        "foreign_ever": figures.fraction([t["frames_foreign"] > 0 for t in trials]),
-        "right_or_said_at_end": figures.fraction(np.logical_or(foreign, [is_right_or_among_modes(t) for t in trials])),
-        "region_95": regions(CONVERGED)["0.95"],
-        "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
-    }
+    regions = {kind: of(kind) for kind in (CONVERGED, "right")}
+    return {"region_95": regions[CONVERGED]["0.95"], "regions": regions}
 
 
 def _around_an_event(trials: list[dict], figures: Figures) -> dict:

@@ -80,16 +80,24 @@ def _row(trials: list[dict], default: list[dict], level: float) -> dict:
         known = of_trials[np.isfinite(of_trials)]
         differences[name] = float(known.mean()) if len(known) else None
         differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups, level=level)
-    return one | ratios | differences | {"verdict": _verdict(differences, len(trials))}
+    row = one | ratios | differences
+    return row | {"verdict": verdict(row)}
 
 
-def _verdict(differences: dict, trials: int) -> str:
-    """What the intervals of paired differences tell for certain; "too few" below `ENOUGH` trials."""
-    if trials < ENOUGH:
-        return f"too few ({trials})"
+SAME_TIME = 0.25
+"""Of the default's CPU time: trials of one report may have run hours apart, beside other work: a fifth is no sign."""
+
+
+def verdict(row: dict) -> str:
+    """What the intervals of paired differences of a row tell; "too few" below `ENOUGH` trials."""
+    if row["trials"] < ENOUGH:
+        return f"too few ({row['trials']:.0f})"
     found: dict[str, list[str]] = {"worse": [], "better": []}
     for name, (what, sign) in _JUDGED_BY.items():
-        low, high = sorted(sign * bound for bound in differences[f"{name}_interval"] or (0, 0))
+        low, high = sorted(sign * bound for bound in row[f"{name}_interval"] or (0, 0))
+        if name == "cpu_difference_ms":
+            alike = SAME_TIME * (row["cpu_ms_filter"] - row["cpu_difference_ms"])
+            low, high = low - alike, high + alike
         found["worse"] += [what] * (low > 0)
         found["better"] += [what] * (high < 0)
     return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"

@@ -18,14 +18,15 @@ ENOUGH = 100
 """Fewer trials than this are no ground for a claim."""
 
 _RESAMPLES = 1000
+_TELLING = 10  # groups that hold some of a part, from which on their variance is known
 
 
 def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
     """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
     where nothing was counted.
 
-    Without any variance between groups, as at a fraction of 0 or 1, each group in which something was counted is one
-    case.
+    Where few groups hold any of the part, or of the rest, the variance between groups is not known: there are no more
+    cases than groups in which something was counted. One wrong frame would else make surer than none.
     """
     index, n_groups = _numbered(groups)
     part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
@@ -34,7 +35,9 @@ def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Seq
         return None
     p, counted = part.sum() / total, np.count_nonzero(whole)
     spread = np.square(part - p * whole).sum() / total**2 * counted / max(counted - 1, 1)
-    cases = float(np.clip(p * (1 - p) / spread, 1, total)) if spread > 0 else float(counted)
+    telling = min(np.count_nonzero(part), np.count_nonzero(whole - part)) >= _TELLING
+    most = total if telling else counted
+    cases = float(np.clip(p * (1 - p) / spread, 1, most)) if spread > 0 else float(counted)
     z = norm.ppf(0.5 + LEVEL / 2)
     middle = (p + z**2 / (2 * cases)) / (1 + z**2 / cases)
     half = z / (1 + z**2 / cases) * np.sqrt(p * (1 - p) / cases + z**2 / (4 * cases**2))

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from ..statistics.comparison import pareto_front
+from ..statistics.accuracy import counted_anew, pose_right_at_end
+from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
 from ..trials.variants import DEFAULT, PRESET
 from .reports import COMMANDS, conditions_of, frame_of, report, reported
@@ -17,11 +18,12 @@ COMPARED: dict[str, Form] = {
     "paired difference": lambda row: _difference(row, "difference_mm", "{:+.1f}", " mm"),
     "right": lambda row: f"{row['right'] * row['trials']:.0f} of {row['trials']:.0f}",
     "frames converged wrong": percent("wrong_converged", 1),
-    "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {row['verdict']}",
+    "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {verdict(row)}",
 }
 """A variant against the default on the same trials, by a row of `compare_variants`."""
 METHODS: dict[str, Form] = {
     "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
+    "pose right, in any state": fraction("pose_right"),
     "right": fraction("trust.right_at_end"),
     "frames converged wrong": fraction("trust.converged_wrong", 1),
     "CPU a frame": value("trust.filter_cpu_ms.mean", "{:.1f}", " ms"),
@@ -73,9 +75,11 @@ def compared_table(content: dict) -> pd.DataFrame:
 def methods_table(content: dict, init: str) -> pd.DataFrame:
     """The default and other methods behind the same networks, of one start of a result of `midastouch benchmark`."""
     rows = [
-        {"what": variant_words(content, name)} | {k: v for k, v in by_init[init].items() if k != "objects"}
+        {"what": variant_words(content, name), "pose_right": pose_right_at_end(some)}
+        | {key: each for key, each in counted_anew(by_init[init], some).items() if key != "objects"}
         for name, by_init in content["summary"].items()
         if "trust" in by_init.get(init, {})
+        and (some := [t for t in content["trials"] if (t["variant"], t["init"]) == (name, init)])
     ]
     return written(tidy(rows), {"method": text("what"), "trials": text("trials")}, METHODS)
 

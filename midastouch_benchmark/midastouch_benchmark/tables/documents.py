@@ -62,7 +62,7 @@ TABLES = {
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
         comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
         figures.figures, figure_commands,
-        trust.converged, trust.weights, trust.regions, trust.events, trust.foreign,
+        trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
         exploring.identification, exploring.exploration, observing.observing, motion.motion, motion.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch, perception.single_touch_limit,

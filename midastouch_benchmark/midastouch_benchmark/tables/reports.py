@@ -12,7 +12,9 @@ from pathlib import Path
 import pandas as pd
 
 from ..evidence import fingerprint
+from ..statistics.accuracy import counted_anew
 from ..trials.protocols import PROTOCOLS
+from ..trials.variants import DEFAULT
 from .table import tidy
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -34,15 +36,23 @@ FURTHER = {
     "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
 }
 """Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
+_SMALL_CAD = f"{CONDITIONS['small_parts']}; a further set"
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
+
+
+def _evenly(command: str) -> str:
+    """With slides for each of the four differences of protocol `other_shape`, which take turns."""
+    return command.replace("--slides 10", "--slides 12") if "--protocol other_shape" in command else command
+
+
 _EVIDENCE = "no_surface no_book_constraint no_tempering"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
-    **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in CONDITIONS},
+    **{name: _evenly(f"{_BENCHMARK} --protocol {name} {_MANY}") for name in CONDITIONS},
     **{
-        f"{name}_{objects}": f"{_BENCHMARK} --objects {objects} --protocol {name} {slides}"
+        f"{name}_{objects}": _evenly(f"{_BENCHMARK} --objects {objects} --protocol {name} {slides}")
         for objects, (_, slides) in FURTHER.items()
         for name in ("plain", "uniform", *CONDITIONS)
         if name != "small_parts"
@@ -211,8 +221,9 @@ def stale(names: Iterable[str]) -> list[str]:
 
 def benchmark_summary(name: str) -> dict:
     """Summary of a benchmark of the filter as shipped, in its only way to start."""
-    (summary,) = report(name)["summary"]["default"].values()
-    return summary
+    content = report(name)
+    (summary,) = content["summary"][DEFAULT].values()
+    return counted_anew(summary, [trial for trial in content["trials"] if trial["variant"] == DEFAULT])
 
 
 def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.DataFrame:
@@ -227,6 +238,8 @@ def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.Data
 
 def conditions_of(name: str) -> str:
     """What is done to the slides of a benchmark, by its protocol, and which objects they are over beside the ten."""
+    if "--objects small_cad " in COMMANDS[name]:
+        return _SMALL_CAD
     protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
     objects = re.search(rf"--objects ({'|'.join(FURTHER)}) ", COMMANDS[name])
     what = CONDITIONS[protocol[1]] if protocol else STARTS["accuracy"]
@@ -242,4 +255,4 @@ def further() -> dict[str, str]:
         for name, what in asked.items()
         if name != "small_parts"
     }
-    return sets | {"small_cad": f"{CONDITIONS['small_parts']}; a further set"}
+    return sets | {"small_cad": _SMALL_CAD}

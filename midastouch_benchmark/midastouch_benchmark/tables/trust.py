@@ -9,9 +9,12 @@ import pandas as pd
 
 from midastouch_filter.core.config import FilterConfig
 
+from ..statistics.accuracy import converged_figures, is_right, pose_right_at_end
 from ..statistics.coverage import WEIGHTS
-from .reports import CONDITIONS, OPTICS, STARTS, benchmark_summary, frame_of, further, reported
-from .table import Form, Row, fraction, is_missing, listed, text, value, written
+from ..statistics.intervals import Figures
+from ..trials.other_shapes import DIFFERENCES
+from .reports import CONDITIONS, FURTHER, OPTICS, STARTS, benchmark_summary, frame_of, further, report, reported
+from .table import Form, Row, fraction, is_missing, listed, text, tidy, value, written
 
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved, unreported"}
 EVENTS = ("rest", "lift", "kidnap", "jump", "unexplained", "push")
@@ -40,6 +43,7 @@ def verdict(key: str, limit: float, below: str, above: str, undecided: str) -> F
     return form
 
 
+_TOGETHER = "all of the ten that follow, but for *another object*"
 _CONVERGED = {
     "of converged frames, wrong": fraction("trust.converged_frames_wrong", 1),
     f"at most {100 * PROMISED_WRONG:.0f} %": verdict(
@@ -59,6 +63,11 @@ _FOREIGN = {
     "said at the end that another object is touched": fraction("trust.foreign_at_end"),
     "said so ever": fraction("trust.foreign_ever"),
     "at the end right, `ambiguous` with the truth among the modes, or said so": fraction("trust.right_or_said_at_end"),
+}
+_SHAPES = {
+    "right": fraction("right"),
+    "said at the end that another object is touched": fraction("said"),
+    "pose right at the end, in any state": fraction("pose"),
 }
 _EVENTS = {
     "right before it": fraction("trust.right_before_event"),
@@ -99,7 +108,12 @@ def weights_table(trusts: Mapping[str, dict]) -> pd.DataFrame:
 
 def converged() -> pd.DataFrame:
     """How often the state `converged` is right."""
-    return converged_table(frame_of(conditions(), benchmark_summary), "report")
+    frame = frame_of(conditions(), benchmark_summary)
+    names = [name for name in (STARTS | CONDITIONS) if name != "wrong_mesh" and name in reported()]
+    trials = [trial for name in names for trial in report(name)["trials"]]
+    together = {"what": _TOGETHER, "report": "] [".join(names), "trials": len(trials), "measured": True}
+    rows = [together | {"trust": converged_figures(trials)}] if trials else []
+    return converged_table(pd.concat([tidy(rows), frame], ignore_index=True), "report")
 
 
 def weights() -> pd.DataFrame:
@@ -118,6 +132,24 @@ def regions() -> pd.DataFrame:
 def foreign() -> pd.DataFrame:
     """How often the filter says that another object than its mesh is touched."""
     return written(frame_of(conditions(), benchmark_summary), {"conditions": text("what")}, _FOREIGN, "report")
+
+
+def shapes() -> pd.DataFrame:
+    """What becomes of objects that differ from their mesh, by what differs, over all sets of objects."""
+    names = [name for name in ("other_shape", *(f"other_shape_{objects}" for objects in FURTHER)) if name in reported()]
+    trials = [trial for name in names for trial in report(name)["trials"]]
+    rows = []
+    for k, what in enumerate(DIFFERENCES):
+        some = [trial for trial in trials if trial["slide"] % len(DIFFERENCES) == k]
+        figures = Figures.by_slide(some)
+        rows.append({
+            "what": what, "trials": len(some), "report": "] [".join(names),
+            "right": figures.fraction([is_right(trial) for trial in some]),
+            "said": figures.fraction([trial["final"]["foreign"] for trial in some]),
+            "pose": pose_right_at_end(some),
+        })  # fmt: skip
+    about = {"what differs": text("what"), "trials": text("trials")}
+    return written(tidy(rows) if trials else frame_of({"other_shape": "-"}, report), about, _SHAPES, "reports")
 
 
 def events() -> pd.DataFrame:

@@ -60,8 +60,13 @@ def noisy(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
     return _other(bent, bent.vertices + _NOISE * height[:, None] * bent.vertex_normals)
 
 
-CHANGES: tuple[Callable[[ObjectMesh, np.random.Generator], ObjectMesh], ...] = (scaled, cut_off, dented, noisy)
-"""What differs, slide by slide in turn."""
+DIFFERENCES: dict[str, Callable[[ObjectMesh, np.random.Generator], ObjectMesh]] = {
+    "3 % larger or smaller": scaled,
+    "a tenth of the surface, which sticks out farthest, is missing": cut_off,
+    "a dent of 3 mm": dented,
+    "the surface is off by 0.5 mm, in waves": noisy,
+}
+"""What differs, slide by slide in turn, in words."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +78,8 @@ class OtherShapeCache(Cache):
         return f"other_shape_{super()._kind}"
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        super()._simulate(CHANGES[number % len(CHANGES)](mesh, np.random.default_rng(number)), number, path)
+        differ = list(DIFFERENCES.values())[number % len(DIFFERENCES)]
+        super()._simulate(differ(mesh, np.random.default_rng(number)), number, path)
 
 
 def _other(mesh: ObjectMesh, vertices: np.ndarray) -> ObjectMesh:

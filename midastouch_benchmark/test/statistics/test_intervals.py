@@ -25,6 +25,22 @@ def test_never_seen_is_not_impossible():
     assert high == pytest.approx(0.037, abs=0.001)
 
 
+def test_one_wrong_frame_makes_nothing_surer_than_none():
+    frames = [150] * 100
+    none, one = fraction_interval([0] * 100, frames, range(100)), fraction_interval([1] + [0] * 99, frames, range(100))
+    assert one[1] >= none[1]
+
+
+@pytest.mark.parametrize("slides", [50, 100])
+def test_the_interval_of_a_rare_fraction_covers_it_as_often_as_it_says(slides):
+    """One slide in forty has frames at a wrong pose, a third of them."""
+    rng, above = np.random.default_rng(0), 0
+    for _ in range(400):
+        wrong = (rng.random(slides) < 1 / 40) * rng.uniform(0, 2 / 3, slides)
+        above += fraction_interval(100 * wrong, [100] * slides, range(slides))[1] < 1 / 120
+    assert above < 0.025 * 400
+
+
 def test_cases_in_which_nothing_was_counted_make_nothing_surer():
     some = fraction_interval([1] * 10, [1] * 10, range(10))
     assert fraction_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some

@@ -26,9 +26,10 @@ def test_the_promise_about_converged_stands_in_its_table():
 
 def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials():
     def compared(variant: str, cpu: float, error: float) -> dict:
-        same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg"), 0.0)
-        one = {"variant": variant, "trials": 100, "cpu_ms_filter": cpu, "e_trans_mm": error, "verdict": "-"}
-        return one | same | {"difference_mm_interval": None, "right": 0.9}
+        same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg", "cpu_difference_ms"), 0.0)
+        paired = ("difference_mm", "right_difference", "wrong_converged_difference", "cpu_difference_ms")
+        one = {"variant": variant, "trials": 100, "cpu_ms_filter": cpu, "e_trans_mm": error, "right": 0.9}
+        return one | same | dict.fromkeys(f"{name}_interval" for name in paired)
 
     rows = [compared("default", 6, 2), compared("fast", 3, 4), compared("20k", 4, 5)]
     about = {one["variant"]: VARIANTS[one["variant"]].describe() for one in rows}

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_benchmark.trials import cache as module
 from midastouch_benchmark.trials.cache import Cache, SlideKind
-from midastouch_benchmark.trials.other_shapes import CHANGES, OtherShapeCache, cut_off, dented, noisy, scaled
+from midastouch_benchmark.trials.other_shapes import DIFFERENCES, OtherShapeCache, cut_off, dented, noisy, scaled
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
@@ -57,7 +57,7 @@ def test_slides_over_the_changed_objects_are_kept_apart_from_plain_ones(eyebolt,
     for kind in (Cache, OtherShapeCache):
         cache = kind(tmp_path, slides=SlideKind(0.1))
         vars(cache)["networks"] = type("Networks", (), {"sensor": SensorModel.load("digit_tacto")})
-        paths += [cache.slide(eyebolt, number) for number in range(len(CHANGES))]
-    assert len(set(paths)) == 2 * len(CHANGES)
+        paths += [cache.slide(eyebolt, number) for number in range(len(DIFFERENCES))]
+    assert len(set(paths)) == 2 * len(DIFFERENCES)
     same = [np.array_equal(touched[path].vertices, eyebolt.vertices) for path in paths]
-    assert same == [True] * len(CHANGES) + [False] * len(CHANGES)
+    assert same == [True] * len(DIFFERENCES) + [False] * len(DIFFERENCES)
