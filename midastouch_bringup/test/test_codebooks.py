@@ -64,6 +64,14 @@ def build(ball, tmp_path):
     return build
 
 
+def test_no_file_but_a_codebook_is_replaced(tmp_path, capsys):
+    mesh = tmp_path / "eyebolt.ply"
+    mesh.write_bytes(bundled_objects()["eyebolt"].read_bytes())
+    assert cli.main(["build-codebook", str(mesh), "--size", "32", "--out", str(mesh)]) == 2
+    assert f"{mesh}: exists and is no codebook" in capsys.readouterr().err
+    assert mesh.read_bytes() == bundled_objects()["eyebolt"].read_bytes()
+
+
 def test_what_is_wrong_with_a_mesh_is_said_before_its_codebook_is_built(tmp_path, capsys):
     sphere, cavity = (trimesh.creation.icosphere(subdivisions=3, radius=radius) for radius in (0.03, 0.02))
     cavity.invert()

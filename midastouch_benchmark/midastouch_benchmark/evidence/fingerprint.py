@@ -12,6 +12,7 @@ three times that on another machine.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator
@@ -223,7 +224,7 @@ def _measured(seed: int | None = None) -> Fingerprint:
     if path.is_file():
         return {part: Part.from_json(one) for part, one in read_json(path).items()}
     found = measure(seed=seed)
-    with atomic_path(path) as temporary:
+    with contextlib.suppress(OSError), atomic_path(path) as temporary:  # an installed package may be read-only
         temporary.write_text(json.dumps({part: one.to_json() for part, one in found.items()}))
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import zipfile
 
 from ..output_paths import codebook_path
 from . import arguments
@@ -73,6 +74,8 @@ def run(args: argparse.Namespace) -> int:
                 print(line)
         return 0
     out = require_place(args.out or codebook_path(meshes[0].name, args.sensor))
+    if out.is_file() and not zipfile.is_zipfile(out):
+        raise InputError(f"{out}: exists and is no codebook; choose another name")
     what = meshes[0], tcn, sensor, args.size, args.seed
     if not args.force and is_up_to_date(out, *what, symmetry):
         print(kept(out))

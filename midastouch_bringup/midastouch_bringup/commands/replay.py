@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
         "start_paused": args.paused,
         "clock": not args.no_clock,
     }
-    # JSON is YAML, which ROS reads parameters as: quotes keep a path a path
-    ros_arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+    # JSON is YAML, which ROS reads parameters as: quotes keep a path a path; it knows no surrogates
+    written = {name: json.dumps(value, ensure_ascii=False) for name, value in parameters.items()}
+    ros_arguments = [word for name, value in written.items() for word in ("-p", f"{name}:={value}")]
     return main(["replay", "--ros-args", *ros_arguments])

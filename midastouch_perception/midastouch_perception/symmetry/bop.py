@@ -58,8 +58,12 @@ def symmetry_of_bop(file: str) -> Symmetry:
 def _checked(path: Path, motions: np.ndarray) -> np.ndarray:
     rotations = motions[:, :3, :3]
     orthonormal = np.abs(rotations @ rotations.swapaxes(1, 2) - np.eye(3)).max(initial=0.0) < _MOTION_TOLERANCE
-    if not (np.isfinite(motions).all() and orthonormal and (np.linalg.det(rotations) > 0).all()):
-        raise InputError(f"{path}: a matrix in symmetries_discrete is not a rigid motion (nor may it mirror)")
+    row_major = (motions[:, 3] == [0, 0, 0, 1]).all()
+    if not (np.isfinite(motions).all() and row_major and orthonormal and (np.linalg.det(rotations) > 0).all()):
+        raise InputError(
+            f"{path}: a matrix in symmetries_discrete is not a rigid motion, row by row, the last row 0 0 0 1 (nor "
+            "may it mirror)"
+        )
     return motions
 
 

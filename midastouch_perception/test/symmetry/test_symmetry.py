@@ -212,6 +212,7 @@ def test_a_symmetry_is_read_from_bop(tmp_path):
         ("[]", "not a table of objects"),
         (json.dumps(BOP), "say which one"),
         (json.dumps({"1": {"symmetries_discrete": [[1, 2]]}}), "16 numbers"),
+        (json.dumps({"1": {"symmetries_discrete": [[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1]]}}), "row by row"),
         (json.dumps({"1": {"symmetries_discrete": [np.diag([1, 1, -1, 1]).ravel().tolist()]}}), "rigid"),
         (json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}}), "no direction"),
         (json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 1]}]}}), "offset"),
