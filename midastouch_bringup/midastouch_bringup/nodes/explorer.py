@@ -109,8 +109,6 @@ class Explorer(PipelineNode):
         self._end(False, "; ".join(filter(None, (*whys, self._arm.trouble, self._reach.trouble))))
 
     def _on_filter(self) -> None:
-        if self._report.over:
-            return
         if self._report.state == ExplorerStatus.STATE_WAITING and not (self._arm.trouble or self._reach.trouble):
             self._progressed_at = time.monotonic()
             if self._held:

@@ -94,9 +94,9 @@ def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarra
     Across or along the finger, by the slopes of what touches; under lamps that nobody knows they may. changes (H, W, 3)
     grey levels; penetrations (H, W) m; sensor: at the maps' resolution.
     """
-    default = SensorCalibration.default(sensor)
-    if sensor.lamps != DIGIT_LAMPS and default is None:
+    if not sensor.lamps:
         return ""
+    default = SensorCalibration.default(sensor)
     slopes_of = plain_slopes if default is None else default.response.slopes
     agreement = []
     for change, penetration in zip(changes, penetrations, strict=True):

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..sensor_model import DIGIT_LAMPS, SensorModel
+from ..sensor_model import SensorModel
 from ..tdn.inference import load_tdn
 from .calibration import SensorCalibration
 from .response import height_slopes
@@ -40,12 +40,11 @@ def measured_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor
 def diameter_doubt(radius: float | None, ball_diameter: float, sensor: SensorModel) -> str:
     """Why a ball of this measured radius [m] hardly has this diameter [m]; empty if it may.
 
-    Under lamps of which neither the network nor a default calibration knows what their colours mean, it may.
+    Under lamps of which nobody knows what their colours mean, it may.
     """
-    calibrated = SensorCalibration.default(sensor) is not None
-    if radius is None or not (calibrated or sensor.lamps == DIGIT_LAMPS):
+    if radius is None or not sensor.lamps:
         return ""
-    likely = 2 * radius / (1.0 if calibrated else RADIUS_RATIO)
+    likely = 2 * radius / (1.0 if SensorCalibration.default(sensor) else RADIUS_RATIO)
     factor = max(likely / ball_diameter, ball_diameter / likely)
     if factor <= MOST_DIAMETER_FACTOR:
         return ""

@@ -141,6 +141,12 @@ def test_under_other_lamps_than_a_digits_doubts_are_warnings(digit, five, real, 
     assert "about 3 mm; images are turned" in made.warnings[0]
 
 
+def test_under_lamps_that_nobody_knows_nothing_is_doubted(digit, five, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
+    made = calibrate(five, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
+    assert not made.doubt
+
+
 def test_presses_of_another_gel_than_the_no_contact_images_are_refused(digit, real):
     rng = np.random.default_rng(0)
     grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
