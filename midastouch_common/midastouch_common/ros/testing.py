@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 
 from . import qos
 
@@ -100,11 +101,15 @@ class RosGraph:
                 )
         return received
 
-    def call(self, kind: type, name: str, request: Any) -> Any:
-        """A service's response."""
+    def request(self, kind: type, name: str, request: Any) -> Future:
+        """Call a service, once it is there; its response will come."""
         client = self.companion.create_client(kind, name)
         self.spin_until(client.service_is_ready, f"service {name}")
-        future = client.call_async(request)
+        return client.call_async(request)
+
+    def call(self, kind: type, name: str, request: Any) -> Any:
+        """A service's response."""
+        future = self.request(kind, name, request)
         self.spin_until(future.done, f"the response of {name}")
         return future.result()
 

@@ -7,6 +7,8 @@ import subprocess
 import sys
 
 import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.objects import bundled_objects
@@ -16,7 +18,16 @@ pytestmark = [pytest.mark.dds, pytest.mark.slow]
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_before_the_codebook_is_whole(graph, number):
-    parameters = "--ros-args", "-p", f"mesh:={bundled_objects()['handle_tool']}", "-p", "threads:=1"
+    # told to build only once it is discovered: that takes up to 4 s, and building no longer
+    parameters = (
+        "--ros-args",
+        "-p",
+        f"mesh:={bundled_objects()['handle_tool']}",
+        "-p",
+        "autostart:=false",
+        "-p",
+        "threads:=1",
+    )
     process = subprocess.Popen(
         [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", *parameters],
         stdout=subprocess.PIPE,
@@ -25,6 +36,8 @@ def test_a_signal_ends_it_before_the_codebook_is_whole(graph, number):
     )
     try:
         statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        configure = Transition(id=Transition.TRANSITION_CONFIGURE)
+        graph.request(ChangeState, "particle_filter/change_state", ChangeState.Request(transition=configure))
         graph.spin_until(lambda: any("building a codebook" in status.reason for status in statuses), "the building")
         process.send_signal(number)
         said, _ = process.communicate(timeout=60)
