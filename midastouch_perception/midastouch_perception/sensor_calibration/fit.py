@@ -205,12 +205,12 @@ def calibrate(
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
-    if abs(figures["felt_radius_after"] / radius - 1) > _MOST_RADIUS_ERROR:
+    felt = figures["felt_radius_after"]
+    if abs(felt / radius - 1) > _MOST_RADIUS_ERROR:
         raise InputError(
-            f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * figures['felt_radius_after']:.2f} mm by "
-            "the colours of presses that the calibration has not seen, which is off by more than "
-            f"{100 * _MOST_RADIUS_ERROR:.0f} %; press one ball, more often and all over the gel, straight and without "
-            "sliding"
+            f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * felt:.2f} mm by the colours of presses "
+            f"that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one ball, more "
+            "often and all over the gel, straight and without sliding"
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}
