@@ -22,7 +22,7 @@ from midastouch_common.files import atomic_path, require_file
 from midastouch_common.mesh import ObjectMesh
 
 from .rendering.contact_poses import MAX_EXCESS, Reachability, pose_from_contact, touch_points
-from .sensor_model import SensorModel
+from .sensor_model import SensorModel, given_as
 from .symmetry.search import ObjectSymmetry
 
 FORMAT = 1
@@ -44,6 +44,18 @@ def build_command(mesh: str | Path, sensor: str = "", tcn: str = "", out: str | 
     options = {"--sensor": sensor, "--tcn": tcn, "--out": out}
     words = [word for option, given in options.items() if given for word in (option, str(given))]
     return shlex.join(["midastouch", "build-codebook", str(mesh), *words])
+
+
+def require_sensor(theirs: SensorModel, wanted: str | Path, source: str | Path) -> None:
+    """InputError for a codebook (from `source`) of another kind of sensor: every contact would be of another size.
+
+    theirs: of the codebook, at map resolution; wanted: as for `SensorModel.load`.
+    """
+    if theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
+        raise InputError(
+            f"{source}: codebook of the sensor model {theirs.name}, but {wanted} is used; build it with "
+            f"{build_command('MESH', wanted)}, or use the sensor model {given_as(theirs.name)}"
+        )
 
 
 def codebook_poses(

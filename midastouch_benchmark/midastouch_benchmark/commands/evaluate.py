@@ -152,11 +152,13 @@ def _identify(
     from ..trials.identification import identify, right_answer
     from ..trials.sequence_trials import perceived
 
+    sensor = args.sensor or networks.sensor.name
+
     def build(path: Path):
-        command = options.how_to_build(str(path), args.sensor or networks.sensor.name, args.tcn)
+        command = options.how_to_build(str(path), sensor, args.tcn)
         raise InputError(f"{path}: not a codebook; build it: {command}")
 
-    catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
+    catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config), sensor)
     trials = []
     for sequence, free in zip(sequences, untouched, strict=True):
         indices = plan.frame_indices(sequence)

@@ -104,7 +104,7 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
 @cache
 def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
     books = [cache.codebook_path(ObjectMesh.load(path)) for path in paths]
-    return read_catalogue(books, lambda path: None, NoiseModel.of(config))
+    return read_catalogue(books, lambda path: None, NoiseModel.of(config), cache.sensor)
 
 
 def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig) -> dict:

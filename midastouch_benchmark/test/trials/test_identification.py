@@ -64,7 +64,7 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
 def test_before_the_first_touch_no_object_is_named_and_no_pose_is_right(campaign):
     plan, meshes, _, _ = campaign
     books = [plan.cache.codebook_path(mesh) for mesh in meshes]
-    catalogue = read_catalogue(books, lambda path: None, NoiseModel.of(plan.config))
+    catalogue = read_catalogue(books, lambda path: None, NoiseModel.of(plan.config), plan.cache.sensor)
     frames = [TrialFrame(k, Measurement(False), {}, np.eye(4), np.eye(4)) for k in range(3)]
     found = identify(catalogue, frames, meshes[0].name, plan.config)
     assert not found["right"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook import YAWS, Codebook
+from midastouch_perception.codebook import YAWS, Codebook, require_sensor
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.group import Symmetry
 
@@ -73,7 +73,7 @@ class Catalogue:
 
     Attributes: entries; rows, of each entry among the poses of all; calibration of the codes; sensor, at map
     resolution; network_id; duplicates, for each name that stands for the same mesh as another one, that one's.
-    Raises InputError: no objects, two of one name, of different networks or sensors.
+    Raises InputError without objects.
     """
 
     def __init__(self, entries: Sequence[Entry], duplicates: dict[str, str] | None = None):
@@ -81,8 +81,6 @@ class Catalogue:
             raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
         self.entries, self.duplicates = list(entries), dict(duplicates or {})
         first = self.entries[0].meta
-        for entry in self.entries[1:]:
-            _require_alike(self.entries[0], entry)
         ends = np.cumsum([0, *(entry.size for entry in self.entries)])
         self.rows = [slice(low, high) for low, high in pairwise(ends)]
         self.calibration, self.network_id = first, str(first["tcn"])
@@ -94,13 +92,16 @@ class Catalogue:
     ) -> Catalogue:
         """Of meshes with their codebooks, and the files of these if an `Entry` is to read them again.
 
-        Meshes that are the same count once, under the first one's name. Raises InputError on more than `room` poses.
+        Meshes that are the same count once, under the first one's name. Raises InputError on more than `room` poses,
+        two objects of one name, and codebooks of different networks or sensors.
         """
         entries: list[Entry] = []
         duplicates: dict[str, str] = {}
         poses = 0
         for mesh, codebook, path in objects:
             entry = Entry(mesh, codebook, path, noise)
+            if entries:
+                _require_alike(entries[0], entry)
             original = next((each.name for each in entries if each.is_same_as(entry)), None)
             if original is not None:
                 duplicates[mesh.name] = original
@@ -137,27 +138,37 @@ def read_catalogue(
     sources: Sequence[Path],
     build: Callable[[Path], tuple[ObjectMesh, Codebook]],
     noise: NoiseModel,
+    sensor: str | Path,
     room: int = ROOM,
 ) -> Catalogue:
     """From codebooks (.npz), whose meshes they name, folders of codebooks, and meshes.
 
-    build: makes the codebook of a mesh. Of a codebook only what is needed is read. Raises InputError that names the
-    file: missing, unreadable, too large or too small, and as `Catalogue`.
+    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Of a codebook only what is needed is read; in a folder, those of other sensors
+    are passed over. Raises InputError that names the file: missing, unreadable, too large or too small, of another
+    sensor, and as `Catalogue.of`.
     """
-    return Catalogue.of((_read(source, build) for source in _files(sources)), noise, room)
+    catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), noise, room)
+    require_sensor(catalogue.sensor, sensor, catalogue.entries[0].path or catalogue.entries[0].name)
+    return catalogue
 
 
-def _files(sources: Sequence[Path]) -> list[Path]:
+def _files(sources: Sequence[Path], sensor: str | Path) -> list[Path]:
     out: list[Path] = []
+    ours = SensorModel.load(sensor).for_maps.content_id
     for source in sources:
-        if source.is_dir():
-            inside = sorted(source.glob("*.npz"))
-            if not inside:
-                raise InputError(f"{source}: folder without codebooks (*.npz); fill it with midastouch build-codebook")
-            out += inside
-        else:
+        if not source.is_dir():
             out.append(source)
+            continue
+        inside = sorted(source.glob("*.npz"))
+        if not inside:
+            raise InputError(f"{source}: folder without codebooks (*.npz); fill it with midastouch build-codebook")
+        # a folder holds those of every sensor that an object was to be felt with
+        out += [path for path in inside if _sensor_of(path).content_id == ours] or inside[:1]
     return out
+
+
+def _sensor_of(path: Path) -> SensorModel:
+    return SensorModel.of_codebook(Codebook.load(path, first=1).meta).for_maps
 
 
 def _read(

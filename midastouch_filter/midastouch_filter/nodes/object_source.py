@@ -10,9 +10,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.addresses import require_within, resolve
 from midastouch_common.ros.parameters import Parameters
-from midastouch_perception.codebook import Codebook, build_command
+from midastouch_perception.codebook import Codebook, build_command, require_sensor
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_model import SensorModel, given_as
 
 from ..core.config import FilterConfig
 from ..core.noise_model import NoiseModel
@@ -40,6 +39,7 @@ class ObjectSource:
         config: FilterConfig,
     ):
         self._load, self._build, self._parameters, self._config = load, build, parameters, config
+        self._sensor = parameters["sensor_model"]
         self._folders = [resolve(f, "object_folders") for f in parameters["object_folders"].split(":") if f]
 
     def initial(self) -> NewObject | None:
@@ -54,15 +54,13 @@ class ObjectSource:
         self._require_no_object_named()
 
         def build(path: Path) -> tuple[ObjectMesh, Codebook]:
-            return coarse_codebook(path, self._parameters["tcn"], self._parameters["sensor_model"], self._config)
+            return coarse_codebook(path, self._parameters["tcn"], self._sensor, self._config)
 
         sources = [resolve(address.strip(), "objects") for address in given.split(",")]
         try:
-            catalogue = read_catalogue(sources, build, NoiseModel.of(self._config))
+            return read_catalogue(sources, build, NoiseModel.of(self._config), self._sensor)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"objects: cannot read {given}: {error}") from error
-        self._require_our_sensor(catalogue.sensor, "objects")
-        return catalogue
 
     def _require_no_object_named(self) -> None:
         if self._parameters["mesh"] or self._parameters["codebook"]:
@@ -95,10 +93,10 @@ class ObjectSource:
         try:
             if codebook:
                 loaded = self._load_or_say_how_to_build(path, resolve(codebook, "codebook"), seed)
-                self._require_our_sensor(loaded.sensor, codebook)
+                if loaded.sensor is not None:
+                    require_sensor(loaded.sensor, self._sensor, codebook)
             else:
-                network, sensor = self._parameters["tcn"], self._parameters["sensor_model"]
-                loaded = self._build(path, network, sensor, self._config, seed)
+                loaded = self._build(path, self._parameters["tcn"], self._sensor, self._config, seed)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"cannot read {mesh} with {codebook or 'no codebook'}: {error}") from error
         return NewObject(loaded, mesh if "://" in mesh else path)
@@ -110,14 +108,5 @@ class ObjectSource:
             if not mesh.is_file() or codebook.is_file():
                 raise
             name = next((name for name, path in bundled_objects().items() if path == mesh), mesh)
-            command = build_command(name, self._parameters["sensor_model"], self._parameters["tcn"], codebook)
+            command = build_command(name, self._sensor, self._parameters["tcn"], codebook)
             raise InputError(f"{codebook}: no such codebook file; check the path, or build it: {command}") from error
-
-    def _require_our_sensor(self, theirs: SensorModel | None, source: str) -> None:
-        """InputError for codebooks of another kind of sensor: every contact would be of another size."""
-        wanted = self._parameters["sensor_model"]
-        if theirs is not None and theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
-            raise InputError(
-                f"{source}: codebook of the sensor model {theirs.name}, but sensor_model is {wanted}; build it with "
-                f"{build_command('MESH', wanted)}, or start all nodes with sensor_model {given_as(theirs.name)}"
-            )

@@ -12,7 +12,8 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
 NOISE = NoiseModel.of(FilterConfig(threads=1))
-OTHER_GEL = SensorModel.load("digit_tacto").at_scale(15e3).as_json()
+SENSOR = "digit_tacto"
+OTHER_GEL = SensorModel.load(SENSOR).at_scale(15e3).as_json()
 
 
 def described(mesh, poses, codes, derived=None, **other):
@@ -53,7 +54,7 @@ def read(*sources, **room):
     def build(path):
         raise AssertionError(f"{path}: nothing is to be built")
 
-    return read_catalogue(sources, build, NOISE, **room)
+    return read_catalogue(sources, build, NOISE, SENSOR, **room)
 
 
 def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
@@ -82,7 +83,7 @@ def test_large_objects_are_worth_more_poses(world):
 def test_a_mesh_without_codebook_gets_one(world, shelf):
     mesh = ObjectMesh.load(shelf.folder / "bumpy.ply")
     book = described(mesh, world.poses[:100], world.encode(world.poses[:100]), world.of_surface)
-    catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE)
+    catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE, SENSOR)
     assert catalogue.entries[0].size == 100
     assert "100 poses" in catalogue.entries[0].load(FilterConfig(threads=1), 0).density
 
@@ -94,6 +95,27 @@ def test_a_folder_stands_for_its_codebooks(shelf, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"empty.*build-codebook"):
         read(tmp_path / "empty")
+
+
+def test_of_a_folder_those_of_the_sensor_are_taken(shelf, tmp_path):
+    """An object that is to be felt by two sensors has a codebook for each."""
+    for name in ("bumpy_digit_real.npz", "bumpy_digit_tacto.npz"):
+        book = Codebook.load(shelf.books[0])
+        sensor = name.removeprefix("bumpy_").removesuffix(".npz")
+        Codebook(book.poses, book.codes, book.meta | {"sensor": sensor}, book.derived).save(tmp_path / name)
+    catalogue = read(tmp_path)
+    assert [entry.path.name for entry in catalogue.entries] == ["bumpy_digit_tacto.npz"]
+    assert not catalogue.duplicates
+    (tmp_path / "bumpy_digit_tacto.npz").unlink()
+    with pytest.raises(
+        InputError, match=r"bumpy_digit_real\.npz: codebook of the sensor model digit_real.*build-codebook"
+    ):
+        read(tmp_path)
+
+
+def test_the_same_mesh_for_another_sensor_is_no_duplicate(shelf):
+    with pytest.raises(InputError, match=r"again\.npz: codebook of the sensor digit_real, that of bumpy"):
+        read(*shelf.books, shelf.add("again", sensor="digit_real"))
 
 
 def test_the_same_mesh_under_another_name_counts_once(shelf):

@@ -125,7 +125,7 @@ def test_of_sensor_models_of_the_users_own_the_files_are_named(graph, tmp_path):
     shutil.copy(shipped, file)
     theirs = dataclasses.replace(SensorModel.load("digit_tacto"), name="theirs").for_maps
     answer = ObjectBench(graph, sensors={"cup": theirs}, sensor_model=str(file)).set_object("cup")
-    assert answer.message.endswith(f"--sensor '{file}', or start all nodes with sensor_model theirs.yaml")
+    assert answer.message.endswith(f"--sensor '{file}', or use the sensor model theirs.yaml")
 
 
 @pytest.mark.usefixtures("brisk_health")
