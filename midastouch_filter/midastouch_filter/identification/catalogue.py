@@ -143,9 +143,9 @@ def read_catalogue(
 ) -> Catalogue:
     """From codebooks (.npz), whose meshes they name, folders of codebooks, and meshes.
 
-    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Of a codebook only what is needed is read; in a folder, those of other sensors
-    are passed over. Raises InputError that names the file: missing, unreadable, too large or too small, of another
-    sensor, and as `Catalogue.of`.
+    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Of a codebook only what is needed is read;
+    in a folder, those of other sensors are passed over. Raises InputError that names the file: missing, unreadable, too
+    large or too small, of another sensor, and as `Catalogue.of`.
     """
     catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), noise, room)
     require_sensor(catalogue.sensor, sensor, catalogue.entries[0].path or catalogue.entries[0].name)
