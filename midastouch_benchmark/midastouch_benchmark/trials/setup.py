@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_bringup.datasets import Sequence
-from midastouch_bringup.processes.parameter_files import read_parameters
+from midastouch_bringup.processes.parameter_files import of_node, read_parameters
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 from midastouch_filter.core.config import FilterConfig, by_present_names
@@ -23,6 +24,7 @@ from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 
 _BACKGROUND_FRAMES = 60
+_ALIKE = 0.8  # of two names: no parameter of the node is as like a setting's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,8 +113,9 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
     """Filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
 
     What the file does not set is as in a preset: the one named, or else the file's. In a ROS parameter file the entries
-    of `particle_filter` count; those that concern only the node (topics, frames, files) are passed over. Raises
-    InputError on unknown names and values out of range. Former names of settings count, with a FutureWarning.
+    of `particle_filter`, in whatever namespace, and of every node count; those that concern only the node (topics,
+    frames, files) are passed over. Raises InputError on unknown names, in a ROS parameter file those that are nearly a
+    setting's, and values out of range. Former names of settings count, with a FutureWarning.
     """
     settings = preset(preset_name or BALANCED)
     if path is None:
@@ -123,10 +126,12 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
     known = {"preset", *(item.name for item in dataclasses.fields(FilterConfig))}
     of_nodes = any(isinstance(value, dict) for value in content.values())
     try:
-        values = by_present_names(read_parameters(path).get("particle_filter", {}) if of_nodes else content)
+        values = by_present_names(of_node(read_parameters(path), "particle_filter") if of_nodes else content)
+        unknown = sorted(set(map(str, values)) - known)
         if of_nodes:
+            unknown = [name for name in unknown if difflib.get_close_matches(name, known, n=1, cutoff=_ALIKE)]
             values = {name: value for name, value in values.items() if name in known}
-        if unknown := sorted(set(map(str, values)) - known):
+        if unknown:
             raise InputError(f"unknown filter settings: {', '.join(unknown)}; check the spelling")
         of_file = preset(values.pop("preset", BALANCED))
         return FilterConfig(**((settings if preset_name else of_file) | values))

@@ -30,6 +30,18 @@ def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
     assert load_filter_config(written(tmp_path, text)).max_particles == 1234
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "/left/particle_filter:\n  ros__parameters: {max_particles: 1234}\n",
+        "/**:\n  ros__parameters: {max_particles: 1234, use_sim_time: true}\n",
+        "/**:\n  ros__parameters: {max_particles: 7}\n/particle_filter:\n  ros__parameters: {max_particles: 1234}\n",
+    ],
+)
+def test_of_a_ros_parameter_file_every_form_of_its_name_counts(tmp_path, text):
+    assert load_filter_config(written(tmp_path, text)).max_particles == 1234
+
+
 def test_settings_of_a_file_go_over_a_preset(tmp_path):
     fast = PRESETS["fast"]
     assert load_filter_config(None, "fast") == FilterConfig(**fast)
@@ -62,6 +74,12 @@ def test_an_unknown_preset_is_refused():
         ("max_particles: -5", "max_particles"),
         ("relief_fit: 0.5\npenetration_fit: 0.5", "give penetration_fit only"),
         ("max_particles: [", "YAML"),
+        ("tdn:\n  ros__parameters: {tdn: fast}", "no parameters of particle_filter; there are those of tdn"),
+        ("particle_filter:\n  ros__parameters: {max_partikles: 5}", "max_partikles"),
+        (
+            "/a/particle_filter:\n  ros__parameters: {seed: 1}\n/b/particle_filter:\n  ros__parameters: {seed: 2}",
+            "a/particle_filter and of b/particle_filter",
+        ),
         ("preset: quick", "quick.*fast, balanced"),
         ("preset: [fast]", "preset"),
         ("- 1", "name: value"),

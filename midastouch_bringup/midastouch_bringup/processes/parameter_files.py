@@ -10,6 +10,9 @@ import yaml
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 
+EVERY_NODE = "**"
+"""Name of the node in a parameter file (`/**`) whose parameters are every node's."""
+
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
     """Parameters by node name of a ROS parameter file, names of nested ones joined by dots.
@@ -26,6 +29,19 @@ def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
             raise InputError(f"{path}: node '{node}' must hold ros__parameters and nothing else")
         nodes[str(node).lstrip("/")] = _flat(values)
     return nodes
+
+
+def of_node(nodes: Mapping[str, Mapping], name: str) -> dict:
+    """Parameters of the node called `name`, in whatever namespace, and those of every node.
+
+    Raises InputError if there are none, or of several of that name.
+    """
+    ours = [node for node in nodes if node.rpartition("/")[2] == name]
+    if len(ours) > 1:
+        raise InputError(f"parameters of {' and of '.join(ours)}: which of them? Leave one")
+    if not ours and EVERY_NODE not in nodes:
+        raise InputError(f"no parameters of {name}; there are those of {', '.join(nodes)}")
+    return {**nodes.get(EVERY_NODE, {}), **(nodes[ours[0]] if ours else {})}
 
 
 def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:

@@ -14,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.objects import bundled_objects
 
 from ..output_paths import codebook_path, quick_codebook
-from ..processes.parameter_files import merged, read_parameters
+from ..processes.parameter_files import EVERY_NODE, merged, read_parameters
 from .launch_arguments import ARGUMENTS, OF_FILES, SHARE, SIMULATED_ARMS, STREAM_NODES
 
 FILES = ("params_file", "setup_file", "params_overlay")
@@ -163,13 +163,17 @@ def _keep_to_box(nodes: dict[str, dict]) -> None:
 
 
 def _read(path: str) -> dict[str, dict]:
-    """A parameter file. InputError for a node's name that is nearly one of ours: nobody would read its parameters."""
+    """A parameter file; what it has for every node (`/**`) is each one's, over what files before it have for that one.
+
+    InputError for a node's name that is nearly one of ours: nobody would read its parameters.
+    """
     ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(STREAM_NODES)
     nodes = read_parameters(path)
     for node in nodes.keys() - ours:
         if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
             raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
-    return nodes
+    everywhere = nodes.get(EVERY_NODE, {})
+    return merged([dict.fromkeys(ours, everywhere), nodes]) if everywhere else nodes
 
 
 def _require_same_sensor(path: str, nodes: Mapping[str, dict], sensor: str | None) -> None:
