@@ -6,6 +6,7 @@ Non-manifold, open or self-touching scans work: nothing here needs more than a l
 from __future__ import annotations
 
 import hashlib
+import io
 from functools import cached_property
 from pathlib import Path
 
@@ -29,6 +30,27 @@ FEWEST_THREADED_QUERIES = 8
 _CREASE_COSINE = np.cos(np.radians(40))
 _SMALL_FACE = 6e-3  # m, longest side: the faces of scans of household objects are 2 to 6 mm wide
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
+
+
+def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and faces (F, 3) of a file; what trimesh raises, and InputError for an STL that is cut off."""
+    try:
+        loaded = trimesh.load(path, process=False, force="mesh")
+    except (UnicodeDecodeError, ImportError):
+        # names and comments in another encoding than UTF-8, for which trimesh asks for a library; they do not matter
+        loaded = trimesh.load(io.BytesIO(_in_ascii(path)), file_type=path.suffix[1:], process=False, force="mesh")
+    return np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
+
+
+def _in_ascii(path: Path) -> bytes:
+    """The file, `?` for what is not ASCII in its text."""
+    content, binary = path.read_bytes(), b""
+    if path.suffix.lower() == ".ply":
+        content, end, binary = content.partition(b"end_header")
+        binary = end + binary
+    elif path.suffix.lower() == ".stl" and b"facet" not in content:
+        raise InputError(f"{path}: cut off, or no STL; export or copy it again")
+    return content.decode("ascii", "replace").replace("\ufffd", "?").encode() + binary
 
 
 class ObjectMesh:
@@ -62,8 +84,9 @@ class ObjectMesh:
         if path.suffix.lower() in (".step", ".stp"):
             raise InputError(f"{path}: STEP holds surfaces, no triangles; export it from your CAD as STL, in metres")
         try:
-            loaded = trimesh.load(path, process=False, force="mesh")
-            vertices, faces = np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
+            vertices, faces = _triangles(path)
+        except InputError:
+            raise
         except Exception as error:  # trimesh raises a different type for each way a file can be broken
             reason = str(error) or type(error).__name__
             raise InputError(f"{path}: cannot be read as a mesh ({reason}); use PLY, STL or OBJ") from error

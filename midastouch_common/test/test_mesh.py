@@ -1,4 +1,5 @@
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -133,9 +134,21 @@ def test_load_reads_what_was_written(tmp_path, block):
     assert mesh.path == path.resolve()
 
 
+@pytest.mark.parametrize("suffix", ["obj", "stl", "ply"])
+def test_text_in_another_encoding_does_not_matter(tmp_path, suffix, monkeypatch):
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)  # which guesses encodings, where it is installed
+    box, path = trimesh.creation.box((0.05, 0.05, 0.05)), tmp_path / f"part.{suffix}"
+    text = box.export(file_type="stl_ascii" if suffix == "stl" else suffix)
+    head = {"obj": b"", "stl": b"solid", "ply": b"end_header"}[suffix]
+    said = {"obj": b"# Geh\xe4use\n", "stl": b"solid Geh\xe4use", "ply": b"comment Geh\xe4use\nend_header"}[suffix]
+    path.write_bytes((text if isinstance(text, bytes) else text.encode()).replace(head, said, 1))
+    assert ObjectMesh.load(path).area == pytest.approx(box.area, rel=1e-5)
+
+
 def bad_meshes(folder):
     (folder / "text.ply").write_text("not a mesh")
     (folder / "empty.stl").write_bytes(b"")
+    (folder / "cut.stl").write_bytes(trimesh.creation.box((0.1, 0.05, 0.02)).export(file_type="stl")[:-30])
     trimesh.PointCloud(np.random.default_rng(0).random((10, 3))).export(folder / "points.ply")
     trimesh.creation.box((100, 50, 20)).export(folder / "millimetres.stl")
     trimesh.creation.box((1e-4, 5e-5, 2e-5)).export(folder / "dust.stl")
@@ -161,6 +174,7 @@ def test_the_command_that_converts_millimetres_can_be_pasted(tmp_path):
         ("gone.ply", "check the path"),
         ("text.ply", "use PLY|export it"),
         ("empty.stl", "use PLY|export it"),
+        ("cut.stl", "cut off.*export or copy it again"),
         ("points.ply", "use PLY|export it"),
         ("millimetres.stl", "millimetres.*0.001"),
         ("part.STEP", "export it.*STL, in metres"),

@@ -108,8 +108,9 @@ class MeshReport:
             )
         if self.open_edges and self.two_sided:
             yield (
-                f"{self.two_sided:.1%} of the surface is a sheet without thickness, touched on its front only; "
-                "remove it if it is no part of the object, else make it thick (Blender: modifier Solidify)"
+                f"{self.two_sided:.1%} of the surface is seen from behind, too: it is a sheet without thickness, which "
+                "is touched on its front only, or the wall around a large hole; remove it if it is no part of the "
+                "object, make it thick (Blender: modifier Solidify), or close the hole (Mesh > Clean Up > Fill Holes)"
             )
         elif self.open_edges:
             yield (

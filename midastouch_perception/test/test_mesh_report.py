@@ -89,7 +89,7 @@ def test_a_wall_within_a_bottle_is_not_taken_for_wrong_normals(sensor):
 def test_a_stray_sheet_and_a_hole_are_different(sensor):
     corners = np.array([[0, 0, 0.05], [0.03, 0, 0.05], [0.03, 0.03, 0.05], [0, 0.03, 0.05]])
     (problem,) = problems(report_of(ball(0.03), trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])), sensor)
-    assert "is a sheet without thickness" in problem
+    assert "it is a sheet without thickness" in problem
     sphere = ball(0.03)
     kept = sphere.faces[sphere.triangles_center[:, 2] < 0.029]
     (problem,) = problems(report_of(trimesh.Trimesh(sphere.vertices, kept, process=False)), sensor)

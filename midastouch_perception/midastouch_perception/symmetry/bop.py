@@ -32,7 +32,7 @@ def symmetry_of_bop(file: str) -> Symmetry:
     path = require_file(file, "symmetries")
     try:
         objects = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file ({error}); write it as BOP's models_info.json") from error
     if not isinstance(objects, dict) or not all(isinstance(each, dict) for each in objects.values()):
         raise InputError(f"{path}: not a table of objects; write it as BOP's models_info.json")

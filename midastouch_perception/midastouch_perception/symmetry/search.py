@@ -82,7 +82,7 @@ class ObjectSymmetry:
         """In words, for logs and tables."""
         exact = self.exact.describe()
         if not self.exact.trivial:
-            exact += " (given)" if self.given else f" (to {1e3 * self.residual:.2f} mm)"
+            exact += f" ({'given, ' * self.given}to {1e3 * self.residual:.2f} mm)"
         return f"{exact}; nearly: {len(self.look_alikes)} more" if len(self.look_alikes) else exact
 
     def as_json(self) -> dict:
