@@ -27,9 +27,7 @@ _TELLING = 2e-3  # m: a contact that extends less far tells little of the surfac
 _STEEPEST = 0.5  # slope of a surface that is taken for one
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # of the speed, where the gel is hardly pressed on
-_CENTRAL = (
-    6e-3  # m from the apex: a contact farther out is cut by the image's border, and its depth is not to be trusted
-)
+_CENTRAL = 6e-3  # m from the apex: a contact farther out is cut by the image's border, and its depth not trusted
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # kept; some seconds
 LONGEST_PERIOD = 0.1

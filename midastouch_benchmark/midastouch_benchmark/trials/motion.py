@@ -36,7 +36,8 @@ _AT = np.array([0.45, 0.0, 0.3])  # m in the base frame: where the object is tou
 _STEEPEST = np.radians(60.0)  # of the surface there: an arm does not reach below
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
 _MOUNT = 2e-3, np.radians(2.0)
-_LATENCIES, _DELAYS = (0.02, 0.08), (0.02, 0.06)  # s: of the arm, which the controller takes for 0.05; of images
+_LATENCIES = 0.02, 0.08  # s of the arm, which the controller takes for 0.05
+_DELAYS, _JITTER = (0.02, 0.04), 0.01  # s of images: at 30 Hz the newest is no older than the guard allows
 _FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
 _RATES = 30.0, 60.0  # Hz
 _LENGTHS = 0.02, 0.06  # m
@@ -144,7 +145,7 @@ class _Trial:
         delay, fps = rng.uniform(*_DELAYS), rng.choice(_RATES)
         self._rehearsal = Rehearsal(
             self._arm, lambda: self._arm.gel_on_object, self._look, self._controller, fps,
-            lambda: delay + rng.uniform(0.0, 0.01),
+            lambda: delay + rng.uniform(0.0, _JITTER),
         )  # fmt: skip
 
     def _placed(self, sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
