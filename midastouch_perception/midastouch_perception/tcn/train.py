@@ -241,11 +241,11 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     if options.start and not options.resume:
         batch = torch.from_numpy(np.concatenate([np.concatenate([one.touched, one.book[::16]]) for one in objects]))
         unfold(model, network_path("tcn", options.start), batch)
-    run = TrainingRun(model, options, 1e-3 if options.start or options.resume else 2e-3)
+    run = TrainingRun(model, options, 1e-3 if options.start else 2e-3)
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, tdn, options.seed + 7919 * run.step)
     batches = rendered_batches(stream, options, ahead=4)
 
-    def loss_of(model: nn.Module, batch: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
+    def loss_of(batch: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
         touched, _ = batch
         both = torch.cat(batch).to(options.device).to(memory_format=torch.channels_last)
         with torch.autocast(options.device, torch.bfloat16):

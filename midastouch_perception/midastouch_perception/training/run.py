@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,6 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
-
-_LAST = 16  # batches that normalisations are measured on
 
 
 def rendered_batches(dataset: torch.utils.data.IterableDataset, options: TrainingOptions, ahead: int):
@@ -51,9 +48,7 @@ class TrainingRun:
     """A bounded, resumable optimisation.
 
     The learning rate warms up, stays, then falls to zero by a cosine over the budget, so that a run of any length ends
-    annealed. The weights kept are an exponential moving average. What they make of the last batches says what their
-    normalisations subtract and divide by: averaged weights answer less strongly than those of any one step, of which
-    the running statistics are (Izmailov et al. 2018, section 3.2).
+    annealed. The weights kept are an exponential moving average.
 
     Args: model; options, of which the budget, `out` for `checkpoint.safetensors`, `state.pt` and `log.csv`, and
     `resume` count here; rate, peak learning rate.
@@ -68,8 +63,6 @@ class TrainingRun:
         self.step = 0
         self.rows: list[dict] = []  # of the earlier run too
         self.minutes_before = 0.0
-        self._last: deque[Any] = deque(maxlen=_LAST)
-        self._loss_of: Callable[[torch.nn.Module, Any], torch.Tensor] | None = None
         if options.resume:
             self._resume(Path(options.resume))
         self._first_step = self.step
@@ -89,21 +82,18 @@ class TrainingRun:
     def fit(
         self,
         batches: Iterable[Any],
-        loss_of: Callable[[torch.nn.Module, Any], torch.Tensor],
+        loss_of: Callable[[Any], torch.Tensor],
         validate: Callable[[], dict[str, float]],
         every: int,
     ) -> None:
         """Train until the budget is used, then plot the log.
 
-        loss_of: the loss of a model on a batch; validate: figures for the log, asked for every `every` steps and at the
-        end.
+        loss_of: the loss of a batch; validate: figures for the log, asked for every `every` steps and at the end.
         """
         recent: list[float] = []
-        self._loss_of = loss_of
         self.model.train()
         for batch in batches:
-            self._last.append(batch)
-            loss = loss_of(self.model, batch)
+            loss = loss_of(batch)
             self.update(loss)
             recent.append(float(loss.detach()))
             done = self.progress >= 1
@@ -145,17 +135,10 @@ class TrainingRun:
                     self.average[name].copy_(value)
 
     def averaged(self, build: Callable[[], torch.nn.Module]) -> torch.nn.Module:
-        """A fresh model in evaluation mode with the averaged weights, normalised as the last batches ask for."""
-        model = build().to(self._options.device)
+        """A fresh model in evaluation mode with the averaged weights."""
+        model = build()
         model.load_state_dict(self.average)
-        for layer in model.modules():
-            if isinstance(layer, torch.nn.BatchNorm2d):
-                layer.reset_running_stats()
-                layer.momentum = None  # the mean over all batches
-        with torch.no_grad():
-            for batch in self._last:
-                self._loss_of(model.train(), batch)
-        return model.cpu().eval()
+        return model.eval()
 
     def record(self, **figures: float) -> None:
         """Append one row to the log, print it, and save the checkpoint."""
