@@ -241,7 +241,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     if options.start and not options.resume:
         batch = torch.from_numpy(np.concatenate([np.concatenate([one.touched, one.book[::16]]) for one in objects]))
         unfold(model, network_path("tcn", options.start), batch)
-    run = TrainingRun(model, options, 1e-3 if options.start else 2e-3)
+    run = TrainingRun(model, options, 5e-4 if options.start or options.resume else 2e-3)
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, tdn, options.seed + 7919 * run.step)
     batches = rendered_batches(stream, options, ahead=4)
 

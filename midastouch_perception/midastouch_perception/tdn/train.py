@@ -168,7 +168,7 @@ def train(options: TrainingOptions) -> Path:
     if options.start and not options.resume:
         batch = next(iter(_Batches(data.meshes, data.backgrounds, data.ranges, options.light, options.seed)))
         unfold(model, network_path("tdn", options.start), *batch[:2])
-    run = TrainingRun(model, options, 6e-4 if options.start else 3e-3)
+    run = TrainingRun(model, options, 3e-4 if options.start or options.resume else 3e-3)
     validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.light, options.seed + 1000)
     checks = list(itertools.islice(iter(validation), _CHECKS))
     seed = options.seed + 7919 * run.step

@@ -20,6 +20,8 @@ from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
 
+_SETTLED = 0.5  # of the budget: from then on normalisations stay
+
 
 def rendered_batches(dataset: torch.utils.data.IterableDataset, options: TrainingOptions, ahead: int):
     """Loader of the dataset's own batches, `ahead` of them waiting per rendering process."""
@@ -50,6 +52,10 @@ class TrainingRun:
     The learning rate warms up, stays, then falls to zero by a cosine over the budget, so that a run of any length ends
     annealed. The weights kept are an exponential moving average.
 
+    Normalisations go by each batch's own statistics in the first half of a run that begins with random weights only.
+    Then they stay as they are used later: the few sensors of a batch differ from those of the next, and weights that
+    are right for each batch's own statistics are not for the mean of all.
+
     Args: model; options, of which the budget, `out` for `checkpoint.safetensors`, `state.pt` and `log.csv`, and
     `resume` count here; rate, peak learning rate.
     """
@@ -66,6 +72,7 @@ class TrainingRun:
         if options.resume:
             self._resume(Path(options.resume))
         self._first_step = self.step
+        self._from_scratch = options.start is None and options.resume is None
 
     @property
     def progress(self) -> float:
@@ -91,8 +98,8 @@ class TrainingRun:
         loss_of: the loss of a batch; validate: figures for the log, asked for every `every` steps and at the end.
         """
         recent: list[float] = []
-        self.model.train()
         for batch in batches:
+            self.model.train(self._from_scratch and self.progress < _SETTLED)
             loss = loss_of(batch)
             self.update(loss)
             recent.append(float(loss.detach()))
@@ -128,11 +135,10 @@ class TrainingRun:
         self.step += 1
         keep = min(0.999, self.step / (self.step + 20))
         with torch.no_grad():
-            for name, value in self.model.state_dict().items():
-                if value.is_floating_point():
-                    self.average[name].lerp_(value, 1 - keep)
-                else:
-                    self.average[name].copy_(value)
+            for name, value in self.model.named_parameters():
+                self.average[name].lerp_(value, 1 - keep)
+            for name, value in self.model.named_buffers():
+                self.average[name].copy_(value)
 
     def averaged(self, build: Callable[[], torch.nn.Module]) -> torch.nn.Module:
         """A fresh model in evaluation mode with the averaged weights."""
