@@ -33,7 +33,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("meshes", nargs="*", metavar="MESH", help="mesh files or bundled objects")
     parser.add_argument("--mesh", help="the same, for one object (default: what the codebook was built from)")
     parser.add_argument(
-        "--codebook", metavar="FILE", help="of one object, or folder with <mesh name>.npz (default out/codebooks)"
+        "--codebook", metavar="FILE", help="of one object, or folder of build-codebook (default out/codebooks)"
     )
     parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="per object (default 10000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the touches (default 0)")
@@ -127,7 +127,7 @@ def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
         if not meshes:
             raise InputError("no object to touch; give mesh files or bundled objects, or --codebook FILE")
         folder = args.codebook and Path(args.codebook)
-        return [(mesh, folder and folder / f"{Path(mesh).stem}.npz") for mesh in meshes]
+        return [(mesh, folder and folder / codebook_path(Path(mesh).stem, args.sensor).name) for mesh in meshes]
     if len(meshes) > 1:
         raise InputError(f"{args.codebook}: one codebook for {len(meshes)} objects; give the folder that holds theirs")
     return [(meshes[0] if meshes else None, Path(args.codebook))]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+
+from midastouch_common.errors import InputError
 
 from . import arguments
 
@@ -26,6 +29,8 @@ def run(args: argparse.Namespace) -> int:
     from ..bags.writer import write_bag
     from ..datasets import load_sequence
 
+    if Path(args.out).exists():
+        raise InputError(f"{args.out}: exists already; name another bag or remove it")
     sequence = load_sequence(args.sequence)
     write_bag(sequence, args.out)
     dropped = f"; {sequence.dropped_frames} whose pose is missing or jumps left out" if sequence.dropped_frames else ""
