@@ -147,7 +147,7 @@ class ContactServo:
 
     def approach_speed(self, depth: float) -> float:
         """m/s at which the gel gets half as deep as `depth` [m] before the arm has answered to the first contact."""
-        return min(self.limits.air_speed, 0.5 * depth / self.delay)
+        return min(self.limits.speed, 0.5 * depth / self.delay)
 
     def slide_speed(self, depth: float) -> float:
         """m/s at which the gel can go along the surface: no farther than it is deep [m] before the arm has answered.
@@ -181,7 +181,8 @@ class ContactServo:
         speed = self.limits.speed if self.touching else self.limits.air_speed
         twist = np.concatenate([_within(twist[:3], speed), _within(twist[3:], self.limits.turn_speed)])
         change = self.limits.acceleration * max(min(now - self._now, LONGEST_PERIOD), 0.0)
-        twist[:3] = self._last[:3] + _within(twist[:3] - self._last[:3], change)
+        # what has just touched may be faster than the limit: it slows down at once
+        twist[:3] = _within(self._last[:3] + _within(twist[:3] - self._last[:3], change), speed)
         return self._keep(now, twist)
 
     def stop(self, now: float) -> np.ndarray:

@@ -77,6 +77,10 @@ class Guard:
         early = stamp - now
         return f"the newest {what} is {1e3 * early:.0f} ms ahead of the clock" if early > self.ahead else ""
 
+    def counted(self, now: float, stamp: float) -> float:
+        """What a stamp [s] that has just come counts as: what is a little ahead of `now` is no younger than this."""
+        return stamp if stamp - now > self.ahead else min(stamp, now)
+
     def too_deep(self, seen: Seen) -> str:
         """Why the gel has to be pulled back, in words; empty if it has not."""
         if seen.depth > self.depth:

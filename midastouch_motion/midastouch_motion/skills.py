@@ -14,7 +14,7 @@ from midastouch_common import se3
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
-_UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more
+_UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more, and a slide not get on
 _STEP = 5e-4  # m
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 _THICK = 5e-3  # m, of a gel
@@ -48,10 +48,13 @@ class _Moving:
     def __init__(self) -> None:
         self.path, self._at = 0.0, None
 
-    def _gone(self, pose: np.ndarray) -> float:
+    def _gone(self, pose: np.ndarray, across: bool = False) -> float:
+        """The path so far, with the step to a pose (4, 4); of which, if it is asked for `across`, only what lies in the
+        gel's plane counts."""
         position = pose[:3, 3]
         self._at = position.copy() if self._at is None else self._at
-        step = float(np.linalg.norm(position - self._at))
+        way = pose[:3, :3].T @ (position - self._at)
+        step = float(np.linalg.norm(way[:2] if across else way))
         if step > _STEP:
             self.path += step
             self._at = position.copy()
@@ -66,21 +69,23 @@ class Touch(_Moving):
         super().__init__()
         self._depth, self._distance = depth, distance
         self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
-        self._touched: float | None = None  # s, since when it has touched
+        self._touched: float | None = None  # s, when it touched first
         self._settled: float | None = None  # s, since when at that depth
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
         if servo.touching and gone > self._distance + _THICK:
             return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
+        if servo.touching and self._touched is None:
+            self._touched = now
+        # a contact that comes and goes has not settled either
+        if self._touched is not None and now - self._touched > _UNSETTLED_FOR:
+            return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")
         if not servo.touching:
-            self._touched = self._settled = None
+            self._settled = None
             if gone > self._distance:
                 return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
-        self._touched = now if self._touched is None else self._touched
-        if now - self._touched > _UNSETTLED_FOR:
-            return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")
         if abs(servo.depth - self._depth) > _SETTLED:
             self._settled = None
         elif self._settled is None:
@@ -100,21 +105,27 @@ class Slide(_Moving):
         super().__init__()
         self._along = np.array([np.cos(heading), np.sin(heading)])
         self._length, self._depth = length, depth
+        self._touched = False
         self._lost: np.ndarray | None = None
+        self._farthest, self._since = -1.0, 0.0  # m, and s, when it came there
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
-        gone = self._gone(pose)
+        gone = self._gone(pose, across=True)  # where the contact is lost, the gel goes down and up again
         if gone >= self._length:
             return Ended(True, f"slid {1e3 * gone:.0f} mm")
+        if gone > self._farthest:
+            self._farthest, self._since = gone, now
+        elif now - self._since > _UNSETTLED_FOR:
+            return Ended(False, f"it gets no farther than {1e3 * gone:.0f} mm; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
-            self._lost = None
+            self._touched, self._lost = True, None
             if servo.off_centre @ self._along < 0:
                 return Ended(False, f"the contact leaves the gel after {1e3 * gone:.0f} mm: over an edge")
             beside = servo.gain * servo.off_centre
             beside = beside - (beside @ self._along) * self._along
             return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + beside)
         if self._lost is None:
-            if gone == 0.0:
+            if not self._touched:
                 return Ended(False, "nothing touches: touch first")
             self._lost = pose[:3, 3].copy()
         if np.linalg.norm(pose[:3, 3] - self._lost) > self._depth + _REACH:

@@ -81,3 +81,17 @@ def test_a_slower_pipeline_is_approached_and_answered_more_slowly():
     assert slow.delay > quick.delay
     assert slow.gain < quick.gain
     assert slow.approach_speed(0.5e-3) < quick.approach_speed(0.5e-3) <= Limits().air_speed
+
+
+def test_what_has_just_touched_is_slower_at_once():
+    servo = servo_at(0.0, 0.0)
+    for k in range(1, 40):
+        servo.command(0.01 * k, np.array([0.0, 0, -1, 0, 0, 0]))
+    assert np.linalg.norm(servo.command(0.4, np.array([0.0, 0, -1, 0, 0, 0]))) == pytest.approx(Limits().air_speed)
+    servo.measure(0.41, Measured(0.4, 1e-4, np.zeros(2), np.zeros(2)))
+    assert np.linalg.norm(servo.command(0.41, np.array([0.0, 0, -1, 0, 0, 0]))) <= Limits().speed
+
+
+def test_an_approach_is_no_faster_than_a_contact_may_be():
+    servo = servo_at(0.0, 0.0)
+    assert servo.approach_speed(1.0) == Limits().speed

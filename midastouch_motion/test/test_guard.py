@@ -65,3 +65,8 @@ def test_the_arm_moves_late_and_stops_without_commands():
     assert arm.advance(0.049)[0, 3] == 0.0
     assert arm.advance(0.1)[0, 3] == pytest.approx(0.01 * 0.05)
     assert arm.advance(5.0)[0, 3] == pytest.approx(0.01 * 0.1)
+
+
+def test_what_is_a_little_ahead_of_the_clock_is_no_younger_than_it_is_here():
+    """Else, where the clock went back, what comes no more would be taken for new until the clock is there again."""
+    assert [GUARD.counted(10.0, stamp) for stamp in (9.9, 10.05, 10.5)] == [9.9, 10.0, 10.5]

@@ -80,6 +80,51 @@ def test_what_gives_way_is_not_followed_for_ever():
     assert arm.pose[2, 3] > -0.03
 
 
+def rehearsed(look, limits=None):
+    """A gel at the origin, to which `look(pose)` [m] is the depth."""
+    limits, arm = limits or Limits(), SimulatedArm(np.eye(4))
+    controller = Controller(
+        ContactServo(limits, 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), limits.depth, stale=0.2)
+    )
+    there = Rehearsal(
+        arm, lambda: arm.pose, lambda pose: (look(pose), np.zeros(2), np.zeros(2)), controller, 30.0, lambda: 0.05
+    )
+    return there, arm
+
+
+def test_a_touch_that_comes_and_goes_ends():
+    """Read too deep from the first image on, it is left again, and again."""
+    there, _ = rehearsed(lambda pose: 6.5e-4 if pose[2, 3] < -5e-3 else 0.0)
+    ended = there.carry_out(Touch(DEPTH, 0.02), 60.0)
+    assert ended is not None
+    assert not ended.success
+    assert "does not settle" in ended.message
+
+
+def test_what_a_slide_goes_up_and_down_is_no_way_along():
+    there, arm = rehearsed(lambda pose: 1.1e-3 if pose[2, 3] < 0 else 0.0, Limits(depth=1.4e-3))
+    there.carry_out(Touch(DEPTH, 0.02), 3.0)
+    slide = Slide(0.0, 0.03, DEPTH)
+    ended = there.carry_out(slide, 300.0)
+    assert ended is not None
+    assert slide.path == pytest.approx(arm.pose[0, 3], rel=0.1, abs=2e-3)
+
+
+def test_a_slide_that_does_not_get_on_ends():
+    """Read so deep that it does not slide, and is not pulled back."""
+    there, _ = rehearsed(lambda pose: 1.2e-3, Limits(depth=1.4e-3))
+    ended = there.carry_out(Slide(0.0, 0.03, DEPTH), 60.0)
+    assert ended is not None
+    assert "it gets no farther than" in ended.message
+
+
+def test_a_slide_that_loses_its_contact_at_once_looks_for_it():
+    there, arm = rehearsed(lambda pose: 5e-4 if pose[0, 3] < 1e-4 else 0.0)
+    ended = there.carry_out(Slide(0.0, 0.03, DEPTH), 20.0)
+    assert "was lost after 0 mm" in ended.message
+    assert arm.pose[2, 3] < -1e-3
+
+
 def test_a_slide_in_the_air_is_refused(world):
     there = world("ball")
     run = there.run(above(there.mesh, np.random.default_rng(5), 0.02), [Slide(0.0, 0.01, DEPTH)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -55,7 +55,8 @@ class Exploration:
     Attributes: path [m] on the surface; slides and lifts, how many; touching, whether the gel does after the newest
     act; verdict, once it is over.
     Args: max_path [m], after which it gives up; reach, what is out of which is left out; down [m], how far it looks for
-    a surface that it knows nothing of; size [m] of an object of which nothing is known.
+    a surface that it knows nothing of; size [m] of an object of which nothing is known; held(): whether it is to begin
+    no further motion by itself.
     """
 
     def __init__(
@@ -65,8 +66,10 @@ class Exploration:
         reach: Reach = EVERYWHERE,
         down: float = 0.05,
         size: float = 0.1,
+        held: Callable[[], bool] = lambda: False,
     ):
         self._rng, self._max_path, self._reach, self._down, self._size = rng, max_path, reach, down, size
+        self._held = held
         self.restart()
 
     def restart(self) -> None:
@@ -87,7 +90,7 @@ class Exploration:
         if not done.touching:
             lifted = yield from self._do(Lift(max(done.path, CLEARANCES[0])))
             yield from self.go([], Surroundings(lifted.pose))
-        if not self.touching:
+        if not (self.touching or self._held()):
             self.verdict = Verdict(False, f"the finger reaches nothing below it: {done.message}")
 
     def decide(self, advice: Advice | None, around: Surroundings) -> tuple[str, Plan[None]]:
@@ -108,7 +111,7 @@ class Exploration:
         return reason, self.go([Motion(each.heading, each.length, each.lift) for each in able], around)
 
     def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
-        """The first of these motions that can be carried out; without one of them one at random.
+        """The first of these motions that can be carried out; without one of them one at random; none while it is held.
 
         Lifts come first where the last slide was blocked: what it was to find out is behind that.
         """
@@ -119,6 +122,8 @@ class Exploration:
         at_random = [*leaps, *slides] if leap_first else [*slides, *leaps]
         self._why_not = "every way is out of the arm's reach"
         for motion in [*suggested, *at_random]:
+            if self._held():
+                return
             if self._reachable(motion, around) and (yield from self.obey(motion, around)):
                 return
         self.verdict = Verdict(
@@ -205,18 +210,19 @@ class Exploration:
         if self._reach.asks and not (yield from self._said_to_be_reached(_way(motion, around))):
             return False
         done = yield from self._do(Slide(motion.heading, motion.length))
-        self._blocked = done.path < _BLOCKED * motion.length
         self.path += done.path
         self.slides += done.path > 0
         if not done.touching:  # over an edge
-            yield from self._watched(leap([around.gel[None]]))
+            yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
+        self._blocked = done.path < _BLOCKED * motion.length
         return done.path > 0
 
     def _can_leap(self, way: np.ndarray) -> bool:
         """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
         return self._reach.holds(np.concatenate([_raised(way), way[-1:]]))
 
-    def _leap(self, ways: Sequence[np.ndarray], around: Surroundings) -> Plan[bool]:
+    def _leap(self, ways: Sequence[np.ndarray], around: Surroundings, searched: float | None = None) -> Plan[bool]:
+        searched = searched or (self._down if around.mesh is None else SEARCHED)
         able = []
         for way in ways:
             if not self._can_leap(way):
@@ -229,7 +235,7 @@ class Exploration:
         if not able:
             return False
         self._blocked = False
-        went = yield from self._watched(leap(able, self._down if around.mesh is None else SEARCHED))
+        went = yield from self._watched(leap(able, searched))
         self.lifts += went
         return went
 

@@ -48,8 +48,8 @@ def ways_to(around: Surroundings, position: np.ndarray) -> list[np.ndarray]:
 
 
 def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
-    """Up, over and down at the end of the first of the ways where that can be done, else down again where it was;
-    whether it touches at the end of one.
+    """Up, over and down at the end of the first of the ways where that can be done, else down again where it was,
+    as long as the arm comes back there; whether it touches at the end of one.
 
     searched: m below the last pose in which it looks for the surface. What led nowhere is retraced: that way is free.
     """
@@ -64,7 +64,9 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
             through = len(passed) == len(left[0])
             if through and (yield Touch(clearance + searched)).touching:
                 return True
-            yield from _fly([*reversed(passed), lifted.pose])
+            back = [*reversed(passed), lifted.pose]
+            if len((yield from _fly(back))) < len(back):
+                return False  # where it is now, nobody has planned to go down
             if not through:  # higher up: the other ways lead by the same obstacle
                 break
             del left[0]

@@ -53,8 +53,8 @@ class Explorer(PipelineNode):
         p = self._settings = Parameters(self, PARAMETERS)
         reach = Reach(p["reach_low"], p["reach_high"], np.radians(p["reach_cone"]), bool(p["reach_service"]))
         rng = np.random.default_rng(p["seed"])
-        self._exploration = Exploration(rng, p["max_path"], reach, p["touch_distance"], p["object_size"])
-
+        what = rng, p["max_path"], reach, p["touch_distance"], p["object_size"]
+        self._exploration = Exploration(*what, held=lambda: self._report.state == ExplorerStatus.STATE_PAUSED)
         self._on_end, self._progressed_at = on_end, time.monotonic()
         self.gave_up, self._begun, self._held = False, False, p["start_paused"]
         self._plan: Plan | None = None

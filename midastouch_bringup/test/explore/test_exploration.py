@@ -72,6 +72,28 @@ def test_a_slide_over_an_edge_ends_where_it_began():
     assert exploration.path == pytest.approx(0.008)
 
 
+def test_before_the_leap_back_from_an_edge_it_asks():
+    arm = Scripted(over_an_edge)
+    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
+    arm.follow(exploration.touch())
+    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    assert [type(act) for act in arm.acts] == [Touch, CheckReach, Slide, CheckReach, Lift, Approach, Touch]
+
+
+def test_while_it_is_held_it_begins_no_further_motion():
+    """A motion that came to nothing, because nobody enables it any more, is not followed by others."""
+    held = []
+    arm = Scripted(lambda act: (held.append(act) or False, "not enabled", 0.0, True, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, held=lambda: bool(held))
+    for motion in (Motion(0.0, 0.03), Motion(0.0, 0.03, lift=True)):
+        held.clear()
+        exploration.touching = True
+        arm.acts.clear()
+        arm.follow(exploration.go([motion] * 3, Surroundings(np.eye(4))))
+        assert len(arm.acts) <= 2  # a lift that fails is put down again
+    assert exploration.verdict is None
+
+
 @pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])
 def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, exploration, degrees, motions_are):
     finger = world.finger

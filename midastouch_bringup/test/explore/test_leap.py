@@ -60,6 +60,14 @@ def test_if_nothing_can_be_touched_it_comes_down_where_it_was():
     assert arm.kinds[-1] is Touch
 
 
+def test_where_the_way_back_is_barred_it_stays_in_the_air():
+    """Nobody has asked whether it may go down there."""
+    arm = Air(lambda act: isinstance(act, Touch) or (isinstance(act, Approach) and act.pose[0, 3] == 0))
+    assert not arm.follow(leap([THERE, BEYOND]))
+    assert arm.kinds == [Lift, Approach, Touch, Approach, Approach]
+    assert arm.pose[0, 3] == pytest.approx(THERE[0, 0, 3])
+
+
 def test_around_an_object_it_goes_from_pose_to_pose(world):
     around = seen(world)
     way = ways_along(around, 0.0, 0.03 * np.pi)[0]

@@ -130,6 +130,11 @@ class TransformSource:
             if any((self._buffer.newest(frame) or stamp) > stamp + _JUMP_NS for frame in self._between):
                 self._forget()
 
+    def forget(self) -> None:
+        """Forget all transforms that move, as after a jump of time that is too short to be seen in their stamps."""
+        with self._lock:
+            self._forget()
+
     def _on_wake(self) -> None:
         if self._closed:  # in the same round of the executor
             return

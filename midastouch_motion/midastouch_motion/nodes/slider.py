@@ -30,9 +30,8 @@ from ..guard import Guard, Seen
 from .requests import SKILL_OF
 from .slider_parameters import PARAMETERS
 from .touch_images import TouchImages
-from .twist_topic import vectors
+from .twist_topic import followers_and_commanders, vectors
 
-_NO_ARMS = "recorder", "rosbag2_recorder", "_ros2cli"  # how nodes are named that read twists and follow none
 _SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
 
 
@@ -69,14 +68,15 @@ class Slider(ManagedNode):
         ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
         guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, p["max_force"] or math.inf)
         self._controller = Controller(ContactServo(limits, p["arm_latency"]), guard)
-        self._seen, self._area = Seen(), 0.0
+        self._forget()
 
     def unload(self) -> None:
         """Nothing is loaded."""
 
     def connect(self) -> None:
         """Listen to contacts, clouds, forces, the filter, TF and `~/enable`."""
-        self._seen = Seen()
+        self._forget()
+        self._more_zeros = 0
         self.create_subscription(Bool, "~/enable", self._on_enable, qos.COMMAND)
         TouchImages(self, self.parameters["queue_depth"], self._measure)
         self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched())
@@ -126,6 +126,10 @@ class Slider(ManagedNode):
     def _now(self) -> float:
         return self.get_clock().now().nanoseconds / SECOND
 
+    def _forget(self) -> None:
+        self._seen, self._area = Seen(), 0.0
+        self._image = self._pose = self._ticked = -math.inf  # s: newest stamps, however far ahead, and the last period
+
     def _on_enable(self, msg: Bool) -> None:
         self._seen.enabled = self._now() if msg.data else -math.inf
 
@@ -136,7 +140,7 @@ class Slider(ManagedNode):
         force = msg.wrench.force
         # what is not a number is not known to be small
         self._seen.force = math.inf if math.isnan(norm := math.hypot(force.x, force.y, force.z)) else norm
-        self._seen.wrench = stamp_ns(msg.header.stamp) / SECOND
+        self._seen.wrench = self._controller.guard.counted(self._now(), stamp_ns(msg.header.stamp) / SECOND)
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
         """A contact and its points (K, 3)."""
@@ -144,28 +148,27 @@ class Slider(ManagedNode):
         if early := self._controller.guard.early("image", now, stamp):
             self.diagnostics.problem("early_images", f"tactile/contact: {early}; is the sensor's clock right?")
             return
-        if stamp <= self._seen.image:
+        if stamp <= self._image:
             return
         depth = contact.depth if contact.in_contact else 0.0
         self._controller.servo.measure(now, Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points)))
-        self._seen.image, self._area = stamp, float(contact.area)
+        self._image, self._area = stamp, float(contact.area)
+        self._seen.image = self._controller.guard.counted(now, stamp)
         if self._goal is not None:
             self._feed_back()
 
     def _look(self) -> None:
         """Where the gel is, and who is on the topic of the twists."""
-        topic = self._twists.topic_name
-        readers = (info.node_name for info in self.get_subscriptions_info_by_topic(topic))
-        self._seen.listeners = sum(not reader.startswith(_NO_ARMS) for reader in readers)
-        self._seen.commanders = self.count_publishers(topic)
+        self._seen.listeners, self._seen.commanders = followers_and_commanders(self, self._twists.topic_name)
         try:
             newest = self._transforms.latest_stamp(*self._frames)
             stamp = self.get_clock().now().nanoseconds if newest is None else newest
             pose = self._transforms.lookup(*self._frames, stamp)
         except TransformError:
             return
-        if not isinstance(pose, Wait):
-            self._seen.pose, self._seen.gel = stamp / SECOND, pose
+        if not isinstance(pose, Wait) and stamp / SECOND > self._pose:
+            self._pose, self._seen.gel = stamp / SECOND, pose
+            self._seen.pose = self._controller.guard.counted(self._now(), self._pose)
 
     # --- goals
 
@@ -194,13 +197,17 @@ class Slider(ManagedNode):
 
     def _on_time_jump(self) -> None:
         """What was measured and commanded has no meaning any more."""
-        self._seen = Seen()  # nor has where the gel was, in the result
+        self._forget()  # nor has where the gel was, in the result
+        self._transforms.forget()
         self._stop("time ran back")
         self.configure()
 
     # --- motion
 
     def _on_timer(self) -> None:
+        before, self._ticked = self._ticked, self._now()
+        if self._ticked < before:
+            self._on_time_jump()
         if self._goal is None:
             if self._more_zeros:
                 self._more_zeros -= 1

@@ -8,6 +8,7 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
@@ -25,7 +26,9 @@ PATIENT = {"hold": 10.0, "stale_after": 10.0}
 
 
 class Rig:
-    """Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
+    """With `use_sim_time`, the time that stamps are of is on `/clock`.
+
+    Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
     arm goes along with the twists; depth [m]; force [N]; late [s], of the stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
@@ -36,6 +39,7 @@ class Rig:
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
         self._wrench = graph.publisher(WrenchStamped, "wrench", qos.stream_publisher())
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
+        self._clock = graph.publisher(Clock, "/clock", qos.TF) if parameters.get("use_sim_time") else None
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
         self.enabled = self.images = self.poses = self.forces = self.follows = True
         self.late, self.bad = 0.0, ""
@@ -51,6 +55,8 @@ class Rig:
         self._sent = time.monotonic()
         now = (self.graph.companion.get_clock().now() - Duration(seconds=self.late)).to_msg()
         gel = Header(stamp=now, frame_id="digit_gel_frame")
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=now))
         if self.enabled:
             self._enable.publish(Bool(data=True))
         if self.poses:

@@ -84,11 +84,12 @@ def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parame
     rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
 
 
-def test_a_simulator_that_starts_again_stops_the_arm(graph):
-    rig = Rig(graph)
+@pytest.mark.parametrize(("simulated", "seconds"), [(False, 100.0), (True, 100.0), (True, 0.9)])
+def test_a_simulator_that_starts_again_stops_the_arm(graph, simulated, seconds):
+    rig = Rig(graph, use_sim_time=simulated)
     asked = rig.ask(Lift, height=0.2)
     asked.moves()
-    rig.late = 100.0
+    rig.late = seconds
     result = asked.ended()
     assert result.message == "time ran back"
     assert result.pose.header.frame_id == "", "where it was before says nothing"
