@@ -205,11 +205,11 @@ def calibrate(
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
-    felt = figures["felt_radius_after"]
-    if abs(felt / radius - 1) > _MOST_RADIUS_ERROR:
+    by_colours = figures["felt_radius_after"]
+    if abs(by_colours / radius - 1) > _MOST_RADIUS_ERROR:
         raise InputError(
-            f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * felt:.2f} mm by the colours of presses "
-            f"that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one ball, "
+            f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * by_colours:.2f} mm by the colours of "
+            f"presses that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one ball, "
             "more often and all over the gel, straight and without sliding"
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
