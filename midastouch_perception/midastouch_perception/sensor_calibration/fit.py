@@ -209,8 +209,8 @@ def calibrate(
     if abs(by_colours / radius - 1) > _MOST_RADIUS_ERROR:
         raise InputError(
             f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * by_colours:.2f} mm by the colours of "
-            f"presses that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one ball, "
-            "more often and all over the gel, straight and without sliding"
+            f"presses that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one "
+            "ball, more often and all over the gel, straight and without sliding"
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}
