@@ -145,6 +145,10 @@ class ContactServo:
         centre = self._measured.centre
         return centre * max(1.0 - _CENTRAL / max(float(np.linalg.norm(centre)), 1e-12), 0.0)
 
+    def back(self, depth: float) -> np.ndarray:
+        """Velocity (2,) m/s that brings the contact to where all of it is seen, no faster than at `slide_speed`."""
+        return _within(self.gain * self.off_centre, self.slide_speed(depth))
+
     def approach_speed(self, depth: float) -> float:
         """m/s at which the gel gets half as deep as `depth` [m] before the arm has answered to the first contact."""
         return min(self.limits.speed, 0.5 * depth / self.delay)

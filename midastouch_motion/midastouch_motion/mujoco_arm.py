@@ -177,3 +177,9 @@ class MujocoArm:
     def _site(self, name: str) -> np.ndarray:
         site = self._sites[name]
         return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
+
+
+def over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:
+    """T_base_gel (4, 4), facing down, `height` m over the highest point of an object at T_base_obj (4, 4)."""
+    points = base_from_object[:3, :3] @ mesh.vertices.T + base_from_object[:3, 3:]
+    return se3.translation(points[:, points[2].argmax()] + (0.0, 0.0, height))

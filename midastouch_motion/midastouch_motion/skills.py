@@ -16,6 +16,7 @@ from .contact_servo import ContactServo
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
 _UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more, and a slide not get on
 _STEP = 5e-4  # m
+_STALLED_FOR = 0.3  # s in which a gel turns to a surface that bends away; for longer it would turn about an edge
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
 _THICK = 5e-3  # m, of a gel
 _THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
@@ -48,13 +49,10 @@ class _Moving:
     def __init__(self) -> None:
         self.path, self._at = 0.0, None
 
-    def _gone(self, pose: np.ndarray, across: bool = False) -> float:
-        """The path so far, with the step to a pose (4, 4); of which, if it is asked for `across`, only what lies in the
-        gel's plane counts."""
+    def _gone(self, pose: np.ndarray) -> float:
         position = pose[:3, 3]
         self._at = position.copy() if self._at is None else self._at
-        way = pose[:3, :3].T @ (position - self._at)
-        step = float(np.linalg.norm(way[:2] if across else way))
+        step = float(np.linalg.norm(position - self._at))
         if step > _STEP:
             self.path += step
             self._at = position.copy()
@@ -62,8 +60,9 @@ class _Moving:
 
 
 class Touch(_Moving):
-    """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, and hold
-    `depth` m. What touches is followed no farther than a gel is thick, and not for ever."""
+    """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, get over it so
+    that all of the contact is seen, and hold `depth` m. What touches is followed no farther than a gel is thick, and
+    not for ever."""
 
     def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
         super().__init__()
@@ -86,50 +85,54 @@ class Touch(_Moving):
             if gone > self._distance:
                 return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
-        if abs(servo.depth - self._depth) > _SETTLED:
+        if abs(servo.depth - self._depth) > _SETTLED or servo.off_centre.any():
             self._settled = None
         elif self._settled is None:
             self._settled = now
         elif now - self._settled > _SETTLED_FOR:
             return Ended(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
-        return servo.pressed(self._depth, np.zeros(2))
+        return servo.pressed(self._depth, servo.back(self._depth))
 
 
-class Slide(_Moving):
+class Slide:
     """Go on for `length` m in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
 
-    Where the contact is lost, it is looked for straight below.
+    The gel waits for a contact that falls behind, as it has to turn; where that does not help, the surface ends. Where
+    the contact is lost, it is looked for straight below.
     """
 
+    leaves = False
+
     def __init__(self, heading: float, length: float, depth: float):
-        super().__init__()
+        self.path = 0.0
         self._along = np.array([np.cos(heading), np.sin(heading)])
         self._length, self._depth = length, depth
         self._touched = False
         self._lost: np.ndarray | None = None
-        self._farthest, self._since = -1.0, 0.0  # m, and s, when it came there
+        self._before: np.ndarray | None = None  # (3,) m
+        self._farthest, self._since = -_STEP, 0.0  # m, and s, when it came there
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
-        gone = self._gone(pose, across=True)  # where the contact is lost, the gel goes down and up again
-        if gone >= self._length:
-            return Ended(True, f"slid {1e3 * gone:.0f} mm")
-        if gone > self._farthest:
-            self._farthest, self._since = gone, now
-        elif now - self._since > _UNSETTLED_FOR:
-            return Ended(False, f"it gets no farther than {1e3 * gone:.0f} mm; {1e3 * servo.depth:.2f} mm deep")
+        if self._before is not None:  # along the heading: hops on and off the surface do not count
+            self.path += float(self._along @ (pose[:3, :2].T @ (pose[:3, 3] - self._before)))
+        self._before, on = pose[:3, 3].copy(), f"{1e3 * self.path:.0f} mm"
+        if self.path >= self._length:
+            return Ended(True, f"slid {on}")
+        if self.path >= self._farthest + _STEP:
+            self._farthest, self._since = self.path, now
+        if now - self._since > _UNSETTLED_FOR:
+            return Ended(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
             self._touched, self._lost = True, None
-            if servo.off_centre @ self._along < 0:
-                return Ended(False, f"the contact leaves the gel after {1e3 * gone:.0f} mm: over an edge")
-            beside = servo.gain * servo.off_centre
-            beside = beside - (beside @ self._along) * self._along
-            return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + beside)
+            if now - self._since > _STALLED_FOR and servo.off_centre @ self._along < 0:
+                return Ended(False, f"the contact leaves the gel after {on}: over an edge")
+            return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + servo.back(self._depth))
         if self._lost is None:
             if not self._touched:
                 return Ended(False, "nothing touches: touch first")
             self._lost = pose[:3, 3].copy()
         if np.linalg.norm(pose[:3, 3] - self._lost) > self._depth + _REACH:
-            return Ended(False, f"the contact was lost after {1e3 * gone:.0f} mm: over an edge, or off the object")
+            return Ended(False, f"the contact was lost after {on}: over an edge, or off the object")
         return np.array([0, 0, -servo.approach_speed(self._depth), 0, 0, 0.0])
 
 

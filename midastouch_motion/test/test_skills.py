@@ -80,16 +80,35 @@ def test_what_gives_way_is_not_followed_for_ever():
     assert arm.pose[2, 3] > -0.03
 
 
-def rehearsed(look, limits=None):
-    """A gel at the origin, to which `look(pose)` [m] is the depth."""
+def rehearsed(look, limits=None, centre=lambda pose: np.zeros(2)):
+    """A gel at the origin, to which `look(pose)` [m] is the depth, and `centre(pose)` that of the contact."""
     limits, arm = limits or Limits(), SimulatedArm(np.eye(4))
     controller = Controller(
         ContactServo(limits, 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), limits.depth, stale=0.2)
     )
     there = Rehearsal(
-        arm, lambda: arm.pose, lambda pose: (look(pose), np.zeros(2), np.zeros(2)), controller, 30.0, lambda: 0.05
+        arm, lambda: arm.pose, lambda pose: (look(pose), np.zeros(2), centre(pose)), controller, 30.0, lambda: 0.05
     )
     return there, arm
+
+
+def test_a_touch_gets_over_what_its_rim_touches():
+    there, arm = rehearsed(lambda pose: 5e-4, centre=lambda pose: np.array([9e-3 - pose[0, 3], 0.0]))
+    ended = there.carry_out(Touch(DEPTH, 0.02), 20.0)
+    assert ended.success, ended.message
+    assert 2.5e-3 < arm.pose[0, 3] < 5e-3
+
+
+def test_a_slide_waits_for_a_contact_that_falls_behind_but_not_for_ever():
+    """5 mm on the contact is behind, for three images or from then on."""
+    for images, said in ((3, "slid 20 mm"), (1000, "over an edge")):
+        left = iter(range(images))
+
+        def behind(pose, left=left):
+            return np.array([-7e-3 if pose[0, 3] > 5e-3 and next(left, None) is not None else 0.0, 0.0])
+
+        there, _ = rehearsed(lambda pose: 5e-4, centre=behind)
+        assert said in there.carry_out(Slide(0.0, 0.02, DEPTH), 60.0).message
 
 
 def test_a_touch_that_comes_and_goes_ends():

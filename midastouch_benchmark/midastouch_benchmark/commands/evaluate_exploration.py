@@ -20,11 +20,11 @@ def add_parser(subparsers) -> None:
         "A simulated finger begins anywhere on the object, and nothing is known. It decides as the node explorer\n"
         "does: by what suggest_motion says, asked for slides or for lifts, too, or at random, until the filter is\n"
         "converged, it is said that nothing tells the remaining places apart, or the way is too long. Policies begin\n"
-        "at the same places.\n"
+        "at the same places; that of an arm in MuJoCo (arm) over the object, which it presses and slides on.\n"
         "Codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
     )
     parser.add_argument("--trials", type=arguments.positive_int, default=10, help="per object and policy (default 10)")
-    parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: all)")
+    parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: these), arm")
     parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
     options.add_campaign_options(parser, "trial")

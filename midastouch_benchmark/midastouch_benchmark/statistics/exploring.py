@@ -14,7 +14,8 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     the latter those with the truth among the modes; rivalled, fraction in which another hypothesis competed with the
     true one, and of these `told_apart`, those that end right, and `said_alike`, those in which the advice was that
     nothing tells the hypotheses apart; path_m, median until converged and right, infinite for all others; asked_ms, the
-    95 % quantile over trials of the CPU time of the slowest answer; path_ratio, of the median path to that of `random`.
+    95 % quantile over trials of the CPU time of the slowest answer; seconds, of an arm, as path_m; path_ratio, of the
+    median path to that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -41,6 +42,8 @@ def _of_policy(trials: list[dict]) -> dict:
         return figures.fraction([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
 
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
+    timed = any(t.get("seconds") for t in trials)
+    seconds = np.array([t.get("seconds") if r else np.inf for r, t in zip(right, trials, strict=True)], float)
     return {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
@@ -53,6 +56,7 @@ def _of_policy(trials: list[dict]) -> dict:
         "said_alike": of_rivalled(alike),
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
+        "seconds": figures.value(seconds, np.median) if timed else None,
     }
 
 

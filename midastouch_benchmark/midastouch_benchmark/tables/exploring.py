@@ -32,6 +32,7 @@ EXPLORATION: dict[str, Form] = {
     "path until right, median": _PATH,
     "over that of random": text("path_ratio", "{:.2f}"),
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
+    "simulated time until right, median": value("seconds", "{:.0f}", " s"),
 }
 _COMPETING: dict[str, Form] = {
     "another hypothesis competed": fraction("rivalled"),
@@ -80,7 +81,11 @@ def exploration() -> pd.DataFrame:
     if "exploration" not in reported():
         return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
     rows = []
-    for name, objects in {"exploration": "the ten", "exploration_cad": "CAD parts"}.items():
+    for name, objects in {
+        "exploration": "the ten",
+        "exploration_cad": "CAD parts",
+        "exploration_arm": "the ten",
+    }.items():
         if name in reported():
             content = report(name)
             part = exploration_rows(content["trials"], content["config"]["policies"])

@@ -122,6 +122,7 @@ COMMANDS = {
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",
+    "exploration_arm": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy arm",
     "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 20",
     "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
     "--policy suggested",

@@ -1,4 +1,5 @@
-"""Closed loop: a simulated finger explores until the filter is converged, where it is told to or at random.
+"""Closed loop: a simulated finger, or that of an arm in MuJoCo, explores until the filter is converged, where it is
+told to or at random.
 
 It decides as the node `explorer` does, by the same code.
 """
@@ -15,6 +16,7 @@ import numpy as np
 from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
 from midastouch_bringup.explore.acts import Plan
 from midastouch_bringup.explore.exploration import Exploration
+from midastouch_bringup.explore.reach import EVERYWHERE
 from midastouch_bringup.explore.surroundings import Surroundings
 from midastouch_bringup.explore.world import World
 from midastouch_common import se3
@@ -27,10 +29,13 @@ from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
+from midastouch_motion.mujoco_arm import require_mujoco
+from midastouch_perception.pipeline import Touch
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
 from ..evidence import fingerprint
+from .arm_world import ArmWorld
 from .cache import Cache
 from .setup import Networks
 from .trial import FRAME_TIME
@@ -41,7 +46,9 @@ POLICIES = {
     "suggested": "where `suggest_motion` says, which is asked for slides only",
     "lifts": "the same, asked for lifts, too",
     "random": "slides and lifts in random directions",
+    "arm": "of an arm in MuJoCo, where `suggest_motion` says, which is asked for lifts, too",
 }
+_BY_DEFAULT = "suggested", "lifts", "random"  # what needs no further package
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
 _COMPETING = 0.2  # probability of a place that competes
 
@@ -53,7 +60,7 @@ class ExplorationPlan:
 
     cache: Cache
     config: FilterConfig
-    policies: tuple[str, ...] = tuple(POLICIES)
+    policies: tuple[str, ...] = _BY_DEFAULT
     trials: int = 10
     length: float = 1.0
 
@@ -78,11 +85,13 @@ class ExplorationPlan:
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
-    """Policies by name, all of them by default; InputError for an unknown one."""
+    """Policies by name, by default those without an arm; InputError for an unknown one, or one without MuJoCo."""
     for name in names or ():
         if name not in POLICIES:
             raise InputError(f"--policy {name}: not known; there are {', '.join(POLICIES)}")
-    return tuple(dict.fromkeys(names or POLICIES))
+    if names and "arm" in names:
+        require_mujoco()
+    return tuple(dict.fromkeys(names or _BY_DEFAULT))
 
 
 def run_exploration(
@@ -115,7 +124,7 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
 
 
 class _Trial:
-    """One finger on one object, until it knows where it is."""
+    """One finger on one object, until it is known where it is."""
 
     def __init__(
         self,
@@ -127,11 +136,13 @@ class _Trial:
         yardstick: Yardstick,
     ):
         self._rng = np.random.default_rng(seed)
-        self._world = World(mesh, networks.sensor, self._rng, STEP)
-        self._exploration = Exploration(np.random.default_rng([seed, 1]), np.inf, size=mesh.diagonal)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
         self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
+        self._arm = ArmWorld(mesh, networks.sensor, self._perceive, self._rng) if policy == "arm" else None
+        self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
+        reach = self._arm.reach if self._arm else EVERYWHERE
+        self._exploration = Exploration(np.random.default_rng([seed, 1]), np.inf, reach, size=mesh.diagonal)
         self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
@@ -146,14 +157,18 @@ class _Trial:
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
         the first touch to where that began; error_mm of the pose then, modulo symmetry, and whether it is right;
         whether a mode was; rivalled: before some motion the true pose and another hypothesis were both probable;
-        asked_ms, median and longest CPU time of an answer.
+        asked_ms, median and longest CPU time of an answer; seconds, simulated, of an arm.
         """
         ending, began = self._follow(self._exploration.touch())
         while self._path < length and ending == "given up" and self._exploration.verdict is None:
             _, plan = self._exploration.decide(self._advice(), self._around())
             ending, began = self._follow(plan)
         began = length if ending == "given up" else began
-        truth, pose = self._world.finger.pose, self.estimate.pose[None]
+        seconds = self._arm.seconds if self._arm else None
+        if self.estimate is None or not self.estimate.modes:
+            return {"ending": ending, "path_m": float(began), "error_mm": None, "right": False, "rivalled": False,
+                    "truth_among_places": False, "places": 0, "asked_ms": None, "seconds": seconds}  # fmt: skip
+        truth, pose = self._world.gel_on_object, self.estimate.pose[None]
         places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
         return {
             "ending": ending,
@@ -164,6 +179,7 @@ class _Trial:
             "rivalled": self._competed,
             "places": len(places),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
+            "seconds": seconds,
         }
 
     def _advice(self) -> Advice | None:
@@ -172,7 +188,7 @@ class _Trial:
         if self._policy == "random" or self.estimate is None:  # no touch was measured yet
             return None
         began = time.process_time()
-        advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
+        advice = self._advisor.advise(Wanted(lifts=self._policy in ("lifts", "arm")))
         self._asked_ms.append(1e3 * (time.process_time() - began))
         self._alike = self._alike + 1 if advice.indistinguishable else 0
         return advice
@@ -188,7 +204,7 @@ class _Trial:
         """Whether the true pose and another hypothesis are probable."""
         likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
         poses = np.array([each.pose for each in likely]).reshape(-1, 4, 4)
-        return len(likely) > 1 and bool(self._yardstick.right(poses, self._world.finger.pose).any())
+        return len(likely) > 1 and bool(self._yardstick.right(poses, self._world.gel_on_object).any())
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
         """Carry out a plan, until a trial's end."""
@@ -198,19 +214,28 @@ class _Trial:
                 return "converged", self._converged_at
         return ("alike" if self._alike >= 2 else "given up"), self._path
 
-    def _frame(self, pose: np.ndarray) -> None:
-        """One image at a pose (4, 4)."""
+    def _perceive(self, pose: np.ndarray) -> Touch:
+        """What an image at a pose (4, 4) shows."""
         penetration, normals = self._renderer.render_with_normals(pose[None])
         image = self._camera.image(penetration[0], normals[0], self._rng)
-        measurement = measurement_of(self._pipeline.process(image, self._camera.background))
-        measured = measure_poses(pose[None], self._rng, NOISE_T, NOISE_R)[0]
+        return self._pipeline.process(image, self._camera.background)
+
+    def _frame(self, pose: np.ndarray) -> None:
+        """One image at a pose (4, 4)."""
+        if self._arm:
+            touch, measured = self._arm.sensed
+        else:
+            touch, measured = self._perceive(pose), measure_poses(pose[None], self._rng, NOISE_T, NOISE_R)[0]
+        measurement = measurement_of(touch)
         if self.estimate is None and not measurement.in_contact:
             return
         odometry = None if self._measured is None else se3.inverse(self._measured) @ measured
         if self._before is not None:
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
         self._measured, self._before = measured, pose
-        self.estimate = self._filter.step(odometry, measurement, elapsed=FRAME_TIME)
+        self.estimate = self._filter.step(
+            odometry, measurement, elapsed=self._arm.frame_time if self._arm else FRAME_TIME
+        )
         if self.estimate.status.state != CONVERGED:
             self._converged_at = None
         elif self._converged_at is None:

@@ -13,33 +13,24 @@ import midastouch_motion
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
-from midastouch_motion.controller import Controller
-from midastouch_motion.gel_layer import Gel
+from midastouch_motion.contact_servo import Limits
 from midastouch_motion.guard import Guard
-from midastouch_motion.mujoco_arm import MujocoArm, Setting
 from midastouch_motion.rehearsal import PERIOD, Moment, Rehearsal
 from midastouch_motion.skills import Slide, Touch
+from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import DepthStage
-from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.simulation.slide import MIN_PROGRESS, somewhere, straight_on
 from midastouch_perception.tdn import load_tdn
 
+from . import arm_rig
+from .arm_rig import AT, DEPTH, ArmRig, turn
 from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
-DEPTH = 5e-4
-"""m that is asked for."""
-_AT = np.array([0.45, 0.0, 0.3])  # m in the base frame: where the object is touched
 _STEEPEST = np.radians(60.0)  # of the surface there: an arm does not reach below
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
-_MOUNT = 2e-3, np.radians(2.0)
-_LATENCIES = 0.02, 0.08  # s of the arm, which the controller takes for 0.05
-_DELAYS, _JITTER = (0.02, 0.04), 0.01  # s of images: at 30 Hz the newest is no older than the guard allows
-_FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
-_RATES = 30.0, 60.0  # Hz
 _LENGTHS = 0.02, 0.06  # m
 _TIMEOUT = 20.0  # s of a motion
 _GOES_ON = 3e-3, np.radians(30.0)  # the surface, so far ahead, turns by less
@@ -94,7 +85,7 @@ class MotionPlan:
             "sensor": self.sensor,
             "depth_mm": 1e3 * DEPTH,
             "tdn": load_tdn("fast", SensorModel.load(self.sensor)).network_id,
-            "code": source_digest(here, Path(__file__)),
+            "code": source_digest(here, Path(__file__), Path(arm_rig.__file__)),
         }
 
 
@@ -125,44 +116,26 @@ class _Trial:
         sensor = SensorModel.load(sensor_name)
         self._background = no_contact_image(sensor, rng)
         self._digit = SimulatedDigit(mesh, sensor, self._background, seed)
-        self._stage, self._small = DepthStage(load_tdn("fast", sensor)), sensor.for_maps
+        self._stage = DepthStage(load_tdn("fast", sensor))
         self._moments: list[tuple[float, bool]] = []
         touched, base_from_object = self._placed(sensor)
-        tilt, off = _turn(rng, _TILT), _turn(rng, _MOUNT[1])
-        off[:3, 3] = _MOUNT[0] * _direction(rng)
-        setting = Setting(
-            base_from_object,
-            base_from_object @ touched @ tilt,
-            off,
-            Gel(friction=rng.uniform(*_FRICTIONS)),
-            rng.choice([math.inf, rng.uniform(*_HOLDING)]),
-            rng.uniform(*_LATENCIES),
-        )
-        self._arm = MujocoArm(mesh, sensor, setting)
-        limits = Limits()
         box = np.full(3, -1.5), np.full(3, 1.5)
-        self._controller = Controller(ContactServo(limits, 0.05), Guard(*box, limits.depth, stale=_STALE, force=_FORCE))
-        delay, fps = rng.uniform(*_DELAYS), rng.choice(_RATES)
-        self._rehearsal = Rehearsal(
-            self._arm, lambda: self._arm.gel_on_object, self._look, self._controller, fps,
-            lambda: delay + rng.uniform(0.0, _JITTER),
-        )  # fmt: skip
+        guard = Guard(*box, Limits().depth, stale=_STALE, force=_FORCE)
+        start = base_from_object @ touched @ turn(rng, _TILT)
+        rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
+        self._arm, self._controller, self._rehearsal = rig.arm, rig.controller, rig.rehearsal
 
     def _placed(self, sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
         """T_obj_gel (4, 4) over a random place that can be touched, and T_base_obj (4, 4) that an arm reaches it."""
         rng, mesh = self._rng, self._mesh
         point = somewhere(mesh, Reachability(mesh, sensor), DEPTH, rng)
         frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 2 * np.pi, 1))[0]
-        up = _turn(rng, rng.uniform(0, _STEEPEST))
+        up = turn(rng, rng.uniform(0, _STEEPEST))
         gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
-        return gel, se3.make(up[:3, :3], _AT) @ se3.inverse(se3.make(frame, point))
+        return gel, se3.make(up[:3, :3], AT) @ se3.inverse(se3.make(frame, point))
 
-    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        contact = self._stage.process(self._digit.look(T_obj_gel).image, self._background)
-        if not contact.in_contact:
-            return 0.0, np.zeros(2), np.zeros(2)
-        points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._small)
-        return contact.depth_m, slope_of(points, self._small), centre_of(points)
+    def _see(self, T_obj_gel: np.ndarray) -> Contact:
+        return self._stage.process(self._digit.look(T_obj_gel).image, self._background)
 
     def run(self) -> dict:
         """touch and slide: how each ended, in words; whether it succeeded; deepest_mm; touch: depth_mm in the end;
@@ -202,12 +175,12 @@ class _Trial:
 
     def _goes_on(self, heading: float) -> bool:
         """Whether the surface below the gel goes on in a direction of its plane, about as it is."""
-        ahead, turn = _GOES_ON
+        ahead, bend = _GOES_ON
         pose = self._arm.gel_on_object
         (point,), _, _ = self._mesh.closest_points(pose[None, :3, 3])
         (normal,) = self._mesh.smooth_normals(point[None])
         way = straight_on(self._mesh, point, pose[:3, :2] @ (np.cos(heading), np.sin(heading)), ahead)
-        return way.moved > MIN_PROGRESS * ahead and bool(way.normal @ normal > np.cos(turn))
+        return way.moved > MIN_PROGRESS * ahead and bool(way.normal @ normal > np.cos(bend))
 
     def _fault(self) -> dict | None:
         """Something goes wrong while it slides back."""
@@ -228,14 +201,3 @@ class _Trial:
             return None
         periods = None if stopped == math.inf else max(math.ceil((stopped - known) / PERIOD - 1e-6), 0)
         return {"name": name, "periods": periods, "message": ended.message if ended else "did not end"}
-
-
-def _turn(rng: np.random.Generator, angle: float) -> np.ndarray:
-    """A turn (4, 4) by `angle` rad about a random axis in the plane x y."""
-    about = rng.uniform(0, 2 * np.pi)
-    return se3.exp(np.array([0, 0, 0, angle * np.cos(about), angle * np.sin(about), 0]))
-
-
-def _direction(rng: np.random.Generator) -> np.ndarray:
-    vector = rng.standard_normal(3)
-    return vector / np.linalg.norm(vector)

@@ -57,6 +57,19 @@ def test_the_same_command_goes_on_and_finds_the_same(explored):
 
 
 @pytest.mark.slow
+def test_an_arm_in_mujoco_explores_too(tmp_path):
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install -r tools/requirements/mujoco.txt")
+    cache = Cache(tmp_path, codebook_size=400)
+    config = FilterConfig(max_particles=1000, threads=1)
+    plan = ExplorationPlan(cache, config, ("arm",), trials=1, length=0.05)
+    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
+    with open_cluster() as cluster:
+        (trial,), _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    assert trial["seconds"] > 3
+    assert trial["path_m"] >= 0.05 or trial["ending"] != "given up"
+
+
+@pytest.mark.slow
 def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
     measured, numb = exploration.measurement_of, iter([True] * 60)
     monkeypatch.setattr(

@@ -126,6 +126,9 @@ class Exploration:
                 return
             if self._reachable(motion, around) and (yield from self.obey(motion, around)):
                 return
+        if around.mesh is not None:  # where the object is believed to be, which may be wrong
+            yield from self.go([], Surroundings(self._gel))
+            return
         self.verdict = Verdict(
             False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self._why_not}"
         )
@@ -212,7 +215,7 @@ class Exploration:
         done = yield from self._do(Slide(motion.heading, motion.length))
         self.path += done.path
         self.slides += done.path > 0
-        if not done.touching:  # over an edge
+        if not (done.touching and self._reach.holds(done.pose[None])):  # over an edge, or where nothing is within reach
             yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
         self._blocked = done.path < _BLOCKED * motion.length
         return done.path > 0

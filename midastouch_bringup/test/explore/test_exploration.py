@@ -6,6 +6,7 @@ from midastouch_bringup.explore.acts import Approach, CheckReach, Lift, Slide, T
 from midastouch_bringup.explore.exploration import Exploration, Motion
 from midastouch_bringup.explore.reach import Reach
 from midastouch_bringup.explore.surroundings import Surroundings
+from midastouch_common import se3
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion
 
 STEP = 1.5e-3
@@ -70,6 +71,27 @@ def test_a_slide_over_an_edge_ends_where_it_began():
     assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
     assert exploration.touching
     assert exploration.path == pytest.approx(0.008)
+
+
+def test_from_where_the_arm_is_not_to_be_it_comes_back():
+    """A slide follows the surface wherever that leads."""
+    tilted = se3.exp(np.array([0.02, 0, 0, 0, np.pi / 2, 0]))
+    arm = Scripted(lambda act: (True, "", 0.03, True, tilted if isinstance(act, Slide) else np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(70)))
+    arm.follow(exploration.touch())
+    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
+
+
+def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_straight(world):
+    """The ball is believed to be beside the gel, whose ways over it lean to the side."""
+    arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(50)))
+    arm.follow(exploration.touch())
+    beside = Surroundings(np.eye(4), se3.translation([-0.03, 0, 0]), world.mesh)
+    arm.follow(exploration.go([Motion(0.0, 0.03)], beside))
+    assert len(arm.acts) > 1
+    assert exploration.verdict is None
 
 
 def test_before_the_leap_back_from_an_edge_it_asks():

@@ -14,7 +14,6 @@ from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import qos, spin
 from midastouch_common.ros.addresses import load_mesh
@@ -27,7 +26,7 @@ from midastouch_perception.sensor_model import SensorModel
 from ..arm.rtde import JOINT_NAMES
 from ..arm.twists import TwistLimits
 from ..gel_layer import Gel
-from ..mujoco_arm import MujocoArm, Setting
+from ..mujoco_arm import MujocoArm, Setting, over
 from .twist_topic import twist_of, vectors
 
 PARAMETERS = (
@@ -72,7 +71,7 @@ class MujocoArmNode(PipelineNode):
         self._settings = p = Parameters(self, PARAMETERS)
         mesh, sensor = load_mesh(p["mesh"]), SensorModel.load(p["sensor_model"])
         base_from_object = se3.from_xyzquat(np.array(p["object_pose"]))
-        self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, _over(mesh, base_from_object, p["above"])))
+        self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, over(mesh, base_from_object, p["above"])))
         self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # those of the joints
         self._began, self._period = time.time_ns(), 1.0 / p["rate"]
         self._behind, self._contact = time.monotonic(), (-math.inf, time.monotonic())
@@ -133,12 +132,6 @@ def _setting(p: Parameters, base_from_object: np.ndarray, start: np.ndarray) -> 
     mount = se3.exp(np.array(p["mount_error"]))
     holding = p["holding"] or math.inf
     return Setting(base_from_object, start, mount, Gel(friction=p["friction"]), holding, p["latency"], p["timeout"])
-
-
-def _over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:
-    """T_base_gel (4, 4), facing down, `height` m over the highest point of the object."""
-    highest = base_from_object[:3, :3] @ mesh.vertices.T + base_from_object[:3, 3:]
-    return se3.translation(highest[:, highest[2].argmax()] + (0.0, 0.0, height))
 
 
 def main(args=None) -> int:

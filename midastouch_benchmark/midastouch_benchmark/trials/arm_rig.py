@@ -1,0 +1,84 @@
+"""An arm in MuJoCo with sensor and controller: delays, friction, mount, and how firmly the object is held, are drawn at
+random."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
+from midastouch_motion.controller import Controller
+from midastouch_motion.gel_layer import Gel
+from midastouch_motion.guard import Guard
+from midastouch_motion.mujoco_arm import MujocoArm, Setting
+from midastouch_motion.rehearsal import Rehearsal
+from midastouch_perception.contact import Contact
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
+
+DEPTH = 5e-4
+"""m that is held."""
+AT = np.array([0.45, 0.0, 0.3])
+"""m in the base frame: where the object is touched."""
+
+_MOUNT = 2e-3, np.radians(2.0)
+_ARM_LATENCY = 0.05  # s that the controller takes it for
+_LATENCIES = 0.02, 0.08  # s of the arm
+_DELAYS, _JITTER = (0.02, 0.04), 0.01  # s of images: at 30 Hz the newest is no older than the guard allows
+_FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
+_RATES = 30.0, 60.0  # Hz
+
+
+class ArmRig:
+    """Args: mesh; sensor, full size; base_from_object T_base_obj and start T_base_gel (4, 4); guard; see(T_obj_gel):
+    the contact that an image there shows; rng.
+
+    Attributes: arm; controller; rehearsal; frame_time [s] between images.
+    """
+
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        sensor: SensorModel,
+        base_from_object: np.ndarray,
+        start: np.ndarray,
+        guard: Guard,
+        see: Callable[[np.ndarray], Contact],
+        rng: np.random.Generator,
+    ):
+        self._see, self._sensor = see, sensor.for_maps
+        mount = turn(rng, _MOUNT[1])
+        mount[:3, 3] = _MOUNT[0] * _direction(rng)
+        gel = Gel(friction=rng.uniform(*_FRICTIONS))
+        holding = rng.choice([math.inf, rng.uniform(*_HOLDING)])
+        latency = rng.uniform(*_LATENCIES)
+        self.arm = MujocoArm(mesh, sensor, Setting(base_from_object, start, mount, gel, holding, latency))
+        self.controller = Controller(ContactServo(Limits(depth=guard.depth), _ARM_LATENCY), guard)
+        delay, fps = rng.uniform(*_DELAYS), rng.choice(_RATES)
+        self.frame_time = 1 / fps
+        self.rehearsal = Rehearsal(
+            self.arm, lambda: self.arm.gel_on_object, self._look, self.controller, fps,
+            lambda: delay + rng.uniform(0.0, _JITTER),
+        )  # fmt: skip
+
+    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        contact = self._see(T_obj_gel)
+        if not contact.in_contact:
+            return 0.0, np.zeros(2), np.zeros(2)
+        points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._sensor)
+        return contact.depth_m, slope_of(points, self._sensor), centre_of(points)
+
+
+def turn(rng: np.random.Generator, angle: float) -> np.ndarray:
+    """A turn (4, 4) by `angle` rad about a random axis in the plane x y."""
+    about = rng.uniform(0, 2 * np.pi)
+    return se3.exp(np.array([0, 0, 0, angle * np.cos(about), angle * np.sin(about), 0]))
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.standard_normal(3)
+    return vector / np.linalg.norm(vector)

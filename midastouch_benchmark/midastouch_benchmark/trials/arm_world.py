@@ -1,0 +1,117 @@
+"""A `World` whose finger is that of an arm in MuJoCo: acts are carried out by the motions of the node `slider`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from midastouch_bringup.explore.acts import Act, Approach, Done, Lift, Plan, Slide, Touch, carried_out
+from midastouch_bringup.explore.reach import Reach
+from midastouch_bringup.processes.parameter_files import read_parameters
+from midastouch_bringup.ros.launch_arguments import SHARE
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_motion import skills
+from midastouch_motion.guard import Guard
+from midastouch_motion.mujoco_arm import over
+from midastouch_perception.contact import Contact
+from midastouch_perception.pipeline import Touch as Touched
+from midastouch_perception.sensor_model import SensorModel
+
+from .arm_rig import AT, DEPTH, ArmRig
+
+_ABOVE = 0.03  # m over the highest point of the object, where the gel begins
+_TIMEOUT = 120.0  # s of an act
+
+_T = TypeVar("_T")
+
+
+class Sensed(NamedTuple):
+    """Of an image: what was measured, and T_base_gel (4, 4) as the arm's own joints have it."""
+
+    touch: Touched
+    measured: np.ndarray
+
+
+class ArmWorld:
+    """Limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
+
+    Attributes: reach, of the arm; sensed, of the image last yielded.
+    Args: mesh, which lies on a random side; sensor, full size; perceive(T_obj_gel): what an image there is measured as;
+    rng.
+    """
+
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        sensor: SensorModel,
+        perceive: Callable[[np.ndarray], Touched],
+        rng: np.random.Generator,
+    ):
+        settings = read_parameters(SHARE / "config" / "arm_mujoco.yaml")
+        of_slider, of_explorer = settings["slider"], settings["explorer"]
+        box = np.array(of_slider["box_low"]), np.array(of_slider["box_high"])
+        guard = Guard(*box, of_slider["max_depth"], force=of_slider["max_force"])
+        cone = np.radians(of_explorer["reach_cone"])
+        self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=False)
+        self._perceive, self._coming = perceive, []
+        self._rig: ArmRig | None = None  # which takes its first image as it is made
+        base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)
+        start = over(mesh, base_from_object, _ABOVE)
+        self._rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
+
+    @property
+    def gel_on_object(self) -> np.ndarray:
+        """T_obj_gel (4, 4)."""
+        return self._rig.arm.gel_on_object
+
+    @property
+    def base_from_gel(self) -> np.ndarray:
+        """T_base_gel (4, 4), as the arm has it."""
+        return self._rig.arm.pose
+
+    @property
+    def seconds(self) -> float:
+        """Simulated so far."""
+        return self._rig.rehearsal.now
+
+    @property
+    def frame_time(self) -> float:
+        """s between images."""
+        return self._rig.frame_time
+
+    def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
+        """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns what it came to."""
+        return (yield from carried_out(plan, self.carry_out))
+
+    def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
+        """Move the arm; yields T_obj_gel (4, 4), one per image, once it is done, and returns how it ended."""
+        skill = _skill(act)
+        ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT)
+        if ended is None:
+            self._rig.controller.cancel(self.seconds)
+            ended = skills.Ended(False, f"not done after {_TIMEOUT:.0f} s")
+        coming, self._coming = self._coming, []
+        for pose, self.sensed in coming:
+            yield pose
+        return Done(*ended, skill.path, self._rig.controller.servo.touching, self.base_from_gel)
+
+    def _see(self, T_obj_gel: np.ndarray) -> Contact:
+        touch = self._perceive(T_obj_gel)
+        if self._rig is not None:
+            self._coming.append((T_obj_gel, Sensed(touch, self._rig.arm.pose)))
+        return touch.contact
+
+
+def _skill(act: Act) -> skills.Skill:
+    match act:
+        case Touch(distance, direction):
+            return skills.Touch(DEPTH, distance, np.array(direction))
+        case Slide(heading, length):
+            return skills.Slide(heading, length, DEPTH)
+        case Lift(height):
+            return skills.Lift(height)
+        case Approach(pose):
+            return skills.Approach(pose)
