@@ -171,12 +171,12 @@ class BackOff(_Moving):
 class Approach(_Moving):
     """Through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
 
-    What touches on the way ends it, backed off from.
+    It begins off the surface; what touches on the way ends it, backed off from.
     """
 
     def __init__(self, goal: np.ndarray):
         super().__init__()
-        self._goal = goal
+        self._goal, self._free = goal, False
         self._back: BackOff | None = None
         self._touched = Ended(False, "")
 
@@ -186,6 +186,12 @@ class Approach(_Moving):
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
+        if not self._free:
+            self._free, self._back = not servo.touching, self._back or BackOff(clear=True)
+            answer = self._back.step(servo, now, pose)
+            if not isinstance(answer, Ended):
+                return answer
+            self._free, self._back = True, None
         if self._back is None and servo.touching:
             self._back = BackOff(clear=True)
             self._touched = Ended(False, f"touched on the way after {1e3 * gone:.0f} mm")

@@ -80,6 +80,7 @@ class Exploration:
         self._unmeasured = self._refused = self._hopeless = self._sure = 0
         self._blocked = False
         self._why_not, self._gel = "", np.eye(4)
+        self._there: np.ndarray | None = None  # where it has touched last within the arm's reach
 
     # --- what comes next
 
@@ -128,6 +129,8 @@ class Exploration:
                 return
         if around.mesh is not None:  # where the object is believed to be, which may be wrong
             yield from self.go([], Surroundings(self._gel))
+            return
+        if self._there is not None and (yield from self._leap([self._there[None]], Surroundings(self._gel), SEARCHED)):
             return
         self.verdict = Verdict(
             False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self._why_not}"
@@ -257,6 +260,8 @@ class Exploration:
         """One act, whose end is noted."""
         done = yield act
         self.touching, self._gel = done.touching, done.pose
+        if done.touching and self._reach.holds(done.pose[None]):
+            self._there = done.pose
         if not done.success:
             self._why_not = done.message
         return done
