@@ -63,11 +63,6 @@ class ArmWorld:
         self._rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
 
     @property
-    def gel_on_object(self) -> np.ndarray:
-        """T_obj_gel (4, 4)."""
-        return self._rig.arm.gel_on_object
-
-    @property
     def base_from_gel(self) -> np.ndarray:
         """T_base_gel (4, 4), as the arm has it."""
         return self._rig.arm.pose

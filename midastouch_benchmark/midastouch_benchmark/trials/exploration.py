@@ -168,7 +168,7 @@ class _Trial:
         if self.estimate is None or not self.estimate.modes:
             return {"ending": ending, "path_m": float(began), "error_mm": None, "right": False, "rivalled": False,
                     "truth_among_places": False, "places": 0, "asked_ms": None, "seconds": seconds}  # fmt: skip
-        truth, pose = self._world.gel_on_object, self.estimate.pose[None]
+        truth, pose = self._before, self.estimate.pose[None]
         places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
         return {
             "ending": ending,
@@ -204,7 +204,7 @@ class _Trial:
         """Whether the true pose and another hypothesis are probable."""
         likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
         poses = np.array([each.pose for each in likely]).reshape(-1, 4, 4)
-        return len(likely) > 1 and bool(self._yardstick.right(poses, self._world.gel_on_object).any())
+        return len(likely) > 1 and bool(self._yardstick.right(poses, self._before).any())
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
         """Carry out a plan, until a trial's end."""

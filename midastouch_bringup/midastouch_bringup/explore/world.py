@@ -37,11 +37,6 @@ class World:
         """T_base_gel (4, 4)."""
         return self.base_from_object @ self.finger.pose
 
-    @property
-    def gel_on_object(self) -> np.ndarray:
-        """T_obj_gel (4, 4)."""
-        return self.finger.pose
-
     def put(self, mesh: ObjectMesh) -> None:
         """Another object instead of the present one, the finger over a random point of it."""
         self.finger = SimulatedFinger(mesh, self._sensor, self._rng, self._step)
