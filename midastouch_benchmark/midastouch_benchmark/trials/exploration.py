@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,15 +34,18 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_motion.mujoco_arm import require_mujoco
 from midastouch_perception.pipeline import Touch
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
 from ..evidence import fingerprint
-from .arm_world import ArmWorld
 from .cache import Cache
 from .setup import Networks
 from .trial import FRAME_TIME
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 from .yardstick import Yardstick
+
+if TYPE_CHECKING:
+    from .arm_world import ArmWorld
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, which is asked for slides only",
@@ -123,6 +128,15 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
     return _Trial(mesh, plan.cache.networks, particle_filter, policy, seed, yardstick).run(plan.length)
 
 
+def _arm(
+    mesh: ObjectMesh, sensor: SensorModel, perceive: Callable[[np.ndarray], Touch], rng: np.random.Generator
+) -> ArmWorld:
+    """Its settings are in a launch file's: of ROS, which fingers without mechanics do without."""
+    from .arm_world import ArmWorld
+
+    return ArmWorld(mesh, sensor, perceive, rng)
+
+
 class _Trial:
     """One finger on one object, until it is known where it is."""
 
@@ -139,7 +153,7 @@ class _Trial:
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
         self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
-        self._arm = ArmWorld(mesh, networks.sensor, self._perceive, self._rng) if policy == "arm" else None
+        self._arm = _arm(mesh, networks.sensor, self._perceive, self._rng) if policy == "arm" else None
         self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
         reach = self._arm.reach if self._arm else EVERYWHERE
         self._exploration = Exploration(np.random.default_rng([seed, 1]), np.inf, reach, size=mesh.diagonal)
