@@ -110,16 +110,20 @@ class Slide:
         self._touched = False
         self._lost: np.ndarray | None = None
         self._before: np.ndarray | None = None  # (3,) m
-        self._farthest, self._since = -_STEP, 0.0  # m, and s, when it came there
+        self._on = 0.0  # m along the heading: hops on and off the surface do not count
+        self._since = 0.0  # s, when it came farther last
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
-        if self._before is not None:  # along the heading: hops on and off the surface do not count
-            self.path += float(self._along @ (pose[:3, :2].T @ (pose[:3, 3] - self._before)))
-        self._before, on = pose[:3, 3].copy(), f"{1e3 * self.path:.0f} mm"
+        if self._before is None:
+            self._since = now
+        else:
+            self._on += float(self._along @ (pose[:3, :2].T @ (pose[:3, 3] - self._before)))
+        self._before = pose[:3, 3].copy()
+        if self._on >= min(self.path + _STEP, self._length):
+            self.path, self._since = self._on, now
+        on = f"{1e3 * self.path:.0f} mm"
         if self.path >= self._length:
             return Ended(True, f"slid {on}")
-        if self.path >= self._farthest + _STEP:
-            self._farthest, self._since = self.path, now
         if now - self._since > _UNSETTLED_FOR:
             return Ended(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
@@ -187,9 +191,8 @@ class Approach(_Moving):
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
         if not self._free:
-            self._free, self._back = not servo.touching, self._back or BackOff(clear=True)
-            answer = self._back.step(servo, now, pose)
-            if not isinstance(answer, Ended):
+            self._back = self._back or BackOff(clear=True)
+            if not isinstance(answer := self._back.step(servo, now, pose), Ended):
                 return answer
             self._free, self._back = True, None
         if self._back is None and servo.touching:
