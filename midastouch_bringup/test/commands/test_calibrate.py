@@ -36,10 +36,10 @@ def write(path: Path, image: np.ndarray) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, digit):
-    """Seven presses, one image of the ball lifted, and the no-contact image."""
+    """Five presses, one image of the ball lifted, and the no-contact image."""
     path = tmp_path_factory.mktemp("presses")
     lifted = {"lifted.png": digit.background, "background.png": digit.background}
-    for name, image in {**digit.presses(7), **lifted}.items():
+    for name, image in {**digit.presses(5), **lifted}.items():
         write(path / name, image)
     return path
 
@@ -50,9 +50,9 @@ def test_presses_become_a_calibration_under_the_serial_number(folder, tmp_path, 
     assert cli.main(arguments) == 0
     said = capsys.readouterr().out
     kept = SensorCalibration.load(tmp_path / "D20123.calibration.npz")
-    assert (kept.serial, kept.ball_diameter, kept.presses) == ("D20123", 0.006, 7)
+    assert (kept.serial, kept.ball_diameter, kept.presses) == ("D20123", 0.006, 5)
     assert "lifted.png: not used: nothing touches the gel" in said
-    assert "calibration from 7 presses" in said
+    assert "calibration from 5 presses" in said
     page = (tmp_path / "page" / "index.html").read_text()
     assert "Calibration of D20123" in page
     assert (tmp_path / "page" / "presses.png").stat().st_size > 20000

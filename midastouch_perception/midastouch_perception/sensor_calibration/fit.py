@@ -35,7 +35,6 @@ _WIDEST_CONTACT = 0.93  # median contact radius, of the ball's: the search ends 
 _SAME_POSITION = 0.3e-3  # m between contacts, of which
 _SAME_RADIUS = 0.1  # fraction that the radii differ by: one press, saved again
 _LEAST_AGREEMENT = 0.5  # fraction of the slopes that the fit explains on presses it has not seen
-_MOST_RADIUS_ERROR = 0.1  # fraction of the ball's radius, by the colours of these
 FEWEST = 5
 _FOLDS = 5
 _LEAST_STEEP = 0.05
@@ -204,13 +203,6 @@ def calibrate(
             f"the presses do not agree with one ball of {1e3 * ball_diameter:g} mm (a calibration explains "
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
-        )
-    by_colours = figures["felt_radius_after"]
-    if abs(by_colours / radius - 1) > _MOST_RADIUS_ERROR:
-        raise InputError(
-            f"the ball has a radius of {1e3 * radius:.2f} mm, and one of {1e3 * by_colours:.2f} mm by the colours of "
-            f"presses that the calibration has not seen, off by more than {100 * _MOST_RADIUS_ERROR:.0f} %; press one "
-            "ball, more often and all over the gel, straight and without sliding"
         )
     figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}

@@ -14,10 +14,10 @@ def real():
 
 @pytest.fixture(scope="session")
 def another_digit(real):
-    """Makes imaginary sensors of a seed, on which a ball is pressed: of 6 mm, unless the radius is given."""
+    """Makes imaginary sensors of a seed, on which a ball of 6 mm is pressed."""
     rows, columns = np.mgrid[-1 : 1 : real.height * 1j, -1 : 1 : real.width * 1j]
     lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return lambda seed, radius=RADIUS: PressedSensor(real, lamps[None], radius, np.random.default_rng(seed))
+    return lambda seed: PressedSensor(real, lamps[None], RADIUS, np.random.default_rng(seed))
 
 
 @pytest.fixture

@@ -60,13 +60,6 @@ def test_without_a_no_contact_image_one_is_made(digit, presses, real):
     assert made.figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.15)
 
 
-def test_presses_of_two_balls_are_refused(another_digit, real):
-    larger, smaller = another_digit(6), another_digit(6, radius=2e-3)
-    images = larger.presses(3) | {f"smaller_{name}": image for name, image in smaller.presses(5).items()}
-    with pytest.raises(InputError, match=r"radius of 2.00 mm, and one of 1.7\d mm by the colours.*; press one ball"):
-        calibrate(images, larger.background, 4e-3, real)
-
-
 SPOILED = {
     "nothing touches the gel": lambda digit: digit.image([]),
     "two contacts": lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]),
