@@ -178,22 +178,26 @@ class _Trial:
             _, plan = self._exploration.decide(self._advice(), self._around())
             ending, began = self._follow(plan)
         began = length if ending == "given up" else began
-        seconds = self._arm.seconds if self._arm else None
-        if self.estimate is None or not self.estimate.modes:
-            return {"ending": ending, "path_m": float(began), "error_mm": None, "right": False, "rivalled": False,
-                    "truth_among_places": False, "places": 0, "asked_ms": None, "seconds": seconds}  # fmt: skip
-        truth, pose = self._before, self.estimate.pose[None]
-        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
         return {
             "ending": ending,
             "path_m": float(began),
+            "rivalled": self._competed,
+            "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
+            "seconds": self._arm.seconds if self._arm else None,
+            **self._answer(),
+        }
+
+    def _answer(self) -> dict:
+        """What the last estimate comes to, if there is one."""
+        if self.estimate is None or not self.estimate.modes:
+            return {"error_mm": None, "right": False, "truth_among_places": False, "places": 0}
+        truth, pose = self._before, self.estimate.pose[None]
+        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
+        return {
             "error_mm": 1e3 * float(pose_errors(self._yardstick.counted(pose, truth), truth)[0][0]),
             "right": bool(self._yardstick.right(pose, truth)[0]),
             "truth_among_places": bool(self._yardstick.right(places, truth).any()),
-            "rivalled": self._competed,
             "places": len(places),
-            "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
-            "seconds": seconds,
         }
 
     def _advice(self) -> Advice | None:

@@ -56,15 +56,18 @@ def test_the_same_command_goes_on_and_finds_the_same(explored):
     assert run() == first
 
 
+def trials_of(folder, mesh, policy, length, trials=1):
+    """Tried with a small codebook and few particles."""
+    config = FilterConfig(max_particles=1000, threads=1)
+    plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
+    with open_cluster() as cluster:
+        return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), Workforce(cluster))[0]
+
+
 @pytest.mark.slow
 def test_an_arm_in_mujoco_explores_too(tmp_path):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install -r tools/requirements/mujoco.txt")
-    cache = Cache(tmp_path, codebook_size=400)
-    config = FilterConfig(max_particles=1000, threads=1)
-    plan = ExplorationPlan(cache, config, ("arm",), trials=1, length=0.05)
-    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
-    with open_cluster() as cluster:
-        (trial,), _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    (trial,) = trials_of(tmp_path, ObjectMesh.load(bundled_objects()["handle_tool"]), "arm", 0.05)
     assert trial["seconds"] > 3
     assert trial["path_m"] >= 0.05 or trial["ending"] != "given up"
 
@@ -75,12 +78,7 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
     monkeypatch.setattr(
         exploration, "measurement_of", lambda answer: Measurement(False) if next(numb, False) else measured(answer)
     )
-    cache = Cache(tmp_path, codebook_size=400)
-    config = FilterConfig(max_particles=1000, threads=1)
-    plan = ExplorationPlan(cache, config, ("suggested",), trials=1, length=0.01)
-    mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
-    with open_cluster() as cluster:
-        (trial,), _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    (trial,) = trials_of(tmp_path, ObjectMesh.load(bundled_objects()["eyebolt"]), "suggested", 0.01)
     assert trial["path_m"] > 0
 
 
@@ -88,9 +86,5 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
 def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
     """As with the second seed on this flange."""
     CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
-    mesh = ObjectMesh.load(tmp_path / "flange_4.ply")
-    cache = Cache(tmp_path, codebook_size=400)
-    plan = ExplorationPlan(cache, FilterConfig(max_particles=1000, threads=1), ("random",), trials=2, length=0.01)
-    with open_cluster() as cluster:
-        trials, _ = run_exploration(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+    trials = trials_of(tmp_path, ObjectMesh.load(tmp_path / "flange_4.ply"), "random", 0.01, trials=2)
     assert all(trial["path_m"] > 0 for trial in trials)

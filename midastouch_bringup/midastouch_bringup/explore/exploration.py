@@ -127,6 +127,8 @@ class Exploration:
                 return
             if self._reachable(motion, around) and (yield from self.obey(motion, around)):
                 return
+        if self._held():
+            return
         if around.mesh is not None:  # where the object is believed to be, which may be wrong
             yield from self.go([], Surroundings(self._gel))
             return

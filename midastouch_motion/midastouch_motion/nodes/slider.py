@@ -24,15 +24,12 @@ from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
 from .. import skills
-from ..contact_servo import ContactServo, Limits, Measured, centre_of, slope_of
-from ..controller import Controller
-from ..guard import Guard, Seen
+from ..contact_servo import Measured, centre_of, slope_of
+from ..guard import Seen
 from .requests import SKILL_OF
-from .slider_parameters import PARAMETERS
+from .slider_parameters import PARAMETERS, controller_of
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
-
-_SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
 
 
 class Slider(ManagedNode):
@@ -58,16 +55,8 @@ class Slider(ManagedNode):
 
     def configure(self) -> None:
         """Check the limits."""
-        p = self.parameters
-        if p["depth"] >= p["max_depth"]:
-            raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
-        self._sensor = SensorModel.load(p["sensor_model"])
-        limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
-        box = np.array(p["box_low"]), np.array(p["box_high"])
-        stale, simulated = p["stale_after"], self.get_parameter("use_sim_time").value
-        ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
-        guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, p["max_force"] or math.inf)
-        self._controller = Controller(ContactServo(limits, p["arm_latency"]), guard)
+        self._controller = controller_of(self.parameters, self.get_parameter("use_sim_time").value)
+        self._sensor = SensorModel.load(self.parameters["sensor_model"])
         self._forget()
 
     def unload(self) -> None:

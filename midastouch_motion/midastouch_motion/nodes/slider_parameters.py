@@ -1,12 +1,23 @@
-"""The parameters of `slider`."""
+"""The parameters of `slider`, and what they make its controller."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+from midastouch_common.errors import InputError
 from midastouch_common.ros.managed_node import AUTOSTART
-from midastouch_common.ros.parameters import Parameter
+from midastouch_common.ros.parameters import Parameter, Parameters
+
+from ..contact_servo import ContactServo, Limits
+from ..controller import Controller
+from ..guard import Guard
 
 SHALLOWEST = 1e-4
 """m, of a depth to hold: the less it is, the slower the gel approaches."""
+
+_SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
 
 PARAMETERS = (
     Parameter("base_frame_id", "base_link", "Frame at rest, in which the box is"),
@@ -54,3 +65,15 @@ PARAMETERS = (
     Parameter("queue_depth", 1, "Messages kept while the node is busy", minimum=1, maximum=10000, at_start=True),
     AUTOSTART,
 )
+
+
+def controller_of(p: Parameters, simulated: bool) -> Controller:
+    """The controller with these limits, in `simulated` time or not; InputError for limits that leave nothing."""
+    if p["depth"] >= p["max_depth"]:
+        raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
+    limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
+    box = np.array(p["box_low"]), np.array(p["box_high"])
+    stale = p["stale_after"]
+    ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
+    guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, p["max_force"] or math.inf)
+    return Controller(ContactServo(limits, p["arm_latency"]), guard)
