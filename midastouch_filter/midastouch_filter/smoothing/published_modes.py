@@ -76,14 +76,18 @@ def _covariance(modes: list[Mode], belief: Belief) -> np.ndarray:
 def owners_of(
     hypotheses: list[PoseHypothesis], modes: list[Mode], comparison: Comparison, config: FilterConfig
 ) -> Iterator[int | None]:
-    """The number of the narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
+    """The number of the heaviest narrow mode at each hypothesis, None if none is nearest to it.
+
+    Clustering splits a mode in two at times; both parts are at one hypothesis.
+    """
     if not hypotheses or not modes:
         return
     at = np.stack([each.pose for each in hypotheses])
     distance = np.stack([comparison.symmetry.distance(at, mode.pose) for mode in modes], axis=1)
-    for i, k in enumerate(distance.argmin(axis=1)):
-        is_at = distance[i, k] < config.converged_error and distance[:, k].argmin() == i
-        yield int(k) if is_at and is_narrow(modes[k], config) else None
+    narrow = np.array([is_narrow(mode, config) for mode in modes]) & (distance.min(axis=0) < config.converged_error)
+    nearest = np.where(narrow, distance.argmin(axis=0), -1)
+    for i in range(len(hypotheses)):
+        yield next((int(k) for k in np.flatnonzero(nearest == i)), None)
 
 
 def _without_particles(hypothesis: PoseHypothesis, weight: float) -> Mode:
