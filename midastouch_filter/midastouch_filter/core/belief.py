@@ -28,7 +28,7 @@ class Belief:
     Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
     aligned, by number of the mode, the alignment of each mode that the present penetration maps fitted; aligned_to,
     names of the fingers that measured these maps (both empty once the particles change); answers, the modes to be
-    published, sharpened where they are aligned.
+    published, sharpened where they are aligned; explained, names of the fingers whose last maps the heaviest mode fitted.
     The belief is one over poses modulo the symmetry of the object: no mode is another one's copy.
     """
 
@@ -41,6 +41,7 @@ class Belief:
         self._path = 0.0  # since the last look-up
         self.modes: list[Mode] = []
         self.answers: list[Mode] = []
+        self.explained: frozenset[str] = frozenset()
         self._forget_alignment()
         self.hold(particles)
 
@@ -144,11 +145,6 @@ class Belief:
             sharpened(mode, self.aligned[k], widening(self.aligned[k])) if k in self.aligned else mode
             for k, mode in enumerate(self.modes)
         ]
-
-    @property
-    def explained(self) -> frozenset[str]:
-        """Names of the fingers whose last maps the heaviest mode fitted; none once the particles have changed."""
-        return self.aligned_to if 0 in self.aligned else frozenset()
 
     @property
     def dominant_mass(self) -> float:

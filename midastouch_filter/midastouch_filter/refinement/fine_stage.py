@@ -116,10 +116,11 @@ class FineStage(CoarseOnly):
         if not mapped:
             return False
         with self._watch.stage("refinement"):
-            return self._refine(belief, mapped, tempering)
+            belief.explained = self._refine(belief, mapped, tempering)
+        return bool(belief.explained)
 
-    def _refine(self, belief: Belief, mapped: list[Finger], tempering: float) -> bool:
-        """Let the maps place the particles of narrow modes."""
+    def _refine(self, belief: Belief, mapped: list[Finger], tempering: float) -> frozenset[str]:
+        """Let the maps place the particles of narrow modes; names of the fingers whose maps the heaviest one fits."""
         modes = belief.modes
         mapped = [finger for finger in mapped if self._refinement.reaches(modes, finger.touch.T_gel_finger)]
         aligned = {}
@@ -127,12 +128,12 @@ class FineStage(CoarseOnly):
             touches = [finger.touch for finger in mapped]
             aligned = self._refinement.apply(belief.particles, belief.members, modes, touches)
         if self._gates.skips("wide_modes", not aligned):
-            return False
+            return frozenset()
         fitting = {k: each for k, each in aligned.items() if each.fit > self._config.penetration_fit}
         gains = self._refinement.gains(modes, aligned, tempering)
         names = frozenset(finger.name for finger in mapped)
         belief.align(fitting, gains, names, self.region.widening)
-        return 0 in belief.aligned
+        return names if 0 in belief.aligned else frozenset()
 
     def sharpened(self, belief: Belief) -> Particles:
         if not belief.aligned:

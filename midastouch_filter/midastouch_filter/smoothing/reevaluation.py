@@ -204,10 +204,12 @@ class Reevaluation:
         compared = self._compared(window, likelihood, competitors, asked)
         back = se3.inverse(self._window.motion) @ newest
         leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
-        if images := self._look_alikes(leading, likelihood, newest):
-            asked_images = yield from self._follow_some(likelihood, race, images)
-            compared = self._compared(window, likelihood, competitors, asked)
-            compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
+        images = self._look_alikes(leading, likelihood, newest)
+        asked_images = yield from self._follow_some(likelihood, race, images)
+        for start in leading:
+            yield from likelihood.follow_again(start)
+        compared = self._compared(window, likelihood, competitors, asked)
+        compared = replace(compared, exhaustive=compared.exhaustive and asked_images == len(images))
         self._alignments = Alignments(likelihood.followed, window.keyframes)
         possible = [each.pose for each in compared.hypotheses if each.probability > _POSSIBLE]
         self._carried, self._carried_at = possible[: self._effort.carried], self._window.motion

@@ -154,6 +154,10 @@ class WindowLikelihood:
             found = yield from self._back_to(0, found.pose @ onward)
         self.followed.append(found)
 
+    def follow_again(self, start: np.ndarray) -> Iterator[None]:
+        """Align `start` (4, 4) at the newest keyframe, where a hypothesis ended, to all of them."""
+        self.followed.append((yield from self._back_to(0, start)))
+
     def _back_to(self, oldest: int, pose: np.ndarray) -> Generator[None, None, Followed]:
         """Align a pose (4, 4) at the newest keyframe to those from number `oldest` on, as long as there is hope."""
         keyframes, weights, jitter = self._window.keyframes, self._window.weights, self._noise.jitter
