@@ -28,7 +28,7 @@ class Belief:
     Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
     aligned, by number of the mode, the alignment of each mode that the present penetration maps fitted; aligned_to,
     names of the fingers that measured these maps (both empty once the particles change); answers, the modes to be
-    published, sharpened where they are aligned; explained, names of the fingers whose last maps the heaviest mode fitted.
+    published, sharpened where they are aligned; explained, names of the fingers whose last maps the heaviest one fits.
     The belief is one over poses modulo the symmetry of the object: no mode is another one's copy.
     """
 

@@ -58,6 +58,7 @@ class FixedLagSmoother(FineStage):
         self._in_contact = False
         self.comparison: Comparison | None = None
         self._compared_at = np.eye(4)
+        self._dominant: tuple[np.ndarray, np.ndarray] | None = None  # its pose, and the motion until then
         self._reevaluation.restart(prior)
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
@@ -76,10 +77,19 @@ class FixedLagSmoother(FineStage):
         self._in_contact = in_contact
 
     def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
+        self._forget_corrections(belief.modes[0].pose)
         explained = super().__call__(belief, measured, tempering)
         if mapped_of(measured):
             self.doubt = self._doubt_of(belief) if explained else "the last touch does not fit it"
         return explained
+
+    def _forget_corrections(self, pose: np.ndarray) -> None:
+        """Unless the dominant mode, now at `pose` (4, 4), is where it was, what maps corrected says nothing of it."""
+        motion = self._reevaluation.motion
+        before, at = self._dominant or (pose, motion)
+        if another()((before @ (se3.inverse(at) @ motion))[None], pose)[0]:
+            self.region.restart()
+        self._dominant = pose, motion
 
     def deferred_update(self, belief: Belief, measured: list[Finger], elapsed: float | None, in_time: InTime) -> None:
         if mapped_of(measured):
@@ -144,12 +154,9 @@ class FixedLagSmoother(FineStage):
             exact=comparison.exhaustive,
         )
         self._gates.count("rivals", new)
-        before = belief.modes[0].pose
         belief.hold(particles)
         self._resample(belief)
         belief.cluster()
-        if another()(before[None], belief.modes[0].pose)[0]:
-            self.region.restart()  # what maps corrected there says nothing of how they will fit here
 
     def _born(self, comparison: Comparison, hypothesis: int | None, count: int) -> Particles:
         """Particles at one of the hypotheses, or (None) wherever codes put them."""
