@@ -78,7 +78,7 @@ def training_options(args: argparse.Namespace) -> TrainingOptions:
         minutes=args.minutes,
         steps=args.steps,
         seed=args.seed,
-        workers=max((os.cpu_count() or 2) - 1, 1),
+        workers=max(len(os.sched_getaffinity(0)) - 1, 1),
         device=args.device,
         resume=resume,
         start=args.start,

@@ -186,12 +186,14 @@ def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[s
     nearest entry, nats.
     """
     loss, top, nll, scores = [], [], [], []
+    device = next(model.parameters()).device
     temperature = float(torch.exp(model.log_temperature))
     for item in objects:
-        touched = model(torch.from_numpy(item.touched))
-        loss.append(float(contrastive_loss(touched, model(torch.from_numpy(item.entries)), model.log_temperature)))
-        codes = touched.numpy()
-        book = np.concatenate([model(torch.from_numpy(part)).numpy() for part in np.array_split(item.book, 8)])
+        touched, entries = (model(torch.from_numpy(maps).to(device)) for maps in (item.touched, item.entries))
+        loss.append(float(contrastive_loss(touched, entries, model.log_temperature)))
+        codes = touched.cpu().numpy()
+        parts = np.array_split(item.book, 8)
+        book = np.concatenate([model(torch.from_numpy(part).to(device)).cpu().numpy() for part in parts])
         score = codes @ book.T
         distance = geodesic_distances(item.poses[:, None], item.book_poses)
         best = np.argsort(-score, axis=1)[:, :25]

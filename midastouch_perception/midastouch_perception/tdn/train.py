@@ -148,7 +148,7 @@ def validate(model: nn.Module, batches: list) -> dict[str, float]:
     for difference, geometry, penetration in batches:
         out = model(difference, geometry)
         mask, truth = out[:, 1] > 0, penetration > CONTACT * 1e3
-        predicted = torch.where(mask, out[:, 0].clamp(min=0), torch.zeros(()))
+        predicted = out[:, 0].clamp(min=0) * mask
         squared += float(((predicted - penetration) ** 2).sum())
         pixels += penetration.numel()
         both += int((mask & truth).sum())
@@ -170,7 +170,7 @@ def train(options: TrainingOptions) -> Path:
         unfold(model, network_path("tdn", options.start), *batch[:2])
     run = TrainingRun(model, options, 3e-4 if options.start or options.resume else 3e-3)
     validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.light, options.seed + 1000)
-    checks = list(itertools.islice(iter(validation), _CHECKS))
+    checks = [tuple(part.to(options.device) for part in one) for one in itertools.islice(validation, _CHECKS)]
     seed = options.seed + 7919 * run.step
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.light, seed)
     batches = rendered_batches(stream, options, ahead=8)

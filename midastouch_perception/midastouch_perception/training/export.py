@@ -19,11 +19,12 @@ def export_onnx(
 ) -> Path:
     """Write `model` as ONNX with a free batch size, and its model card as JSON beside it; returns `path`.
 
-    inputs: example tensors by name, in the order of `forward`; outputs: names of what it returns.
+    model: is moved to the CPU; inputs: example tensors by name, in the order of `forward`; outputs: names of what it
+    returns.
     """
     with atomic_path(path) as temporary:
         torch.onnx.export(
-            model,
+            model.cpu(),
             tuple(inputs.values()),
             str(temporary),
             input_names=list(inputs),
@@ -42,8 +43,8 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
     """Give `model` the weights of an ONNX export of the same architecture, so that both compute the same.
 
     A folded convolution says what comes out of its normalisation, not what its mean and variance were: those are
-    measured on `batch`, the model's inputs, and the normalisation's factors follow. Raises InputError if the
-    convolutions or linear layers are others.
+    measured on `batch`, the model's inputs on any device, and the normalisation's factors follow. Raises InputError if
+    the convolutions or linear layers are others.
     """
     graph = onnx.load(str(path)).graph
     values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
@@ -65,7 +66,8 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
             for convolution, norm in zip(group, list(group)[1:], strict=False):
                 if isinstance(norm, nn.BatchNorm2d):
                     hooks.append(norm.register_forward_pre_hook(_measure(biases[convolution])))
-    model.eval()(*batch)
+    device = next(model.parameters()).device
+    model.eval()(*(part.to(device) for part in batch))
     for hook in hooks:
         hook.remove()
 

@@ -141,8 +141,8 @@ class TrainingRun:
                 self.average[name].copy_(value)
 
     def averaged(self, build: Callable[[], torch.nn.Module]) -> torch.nn.Module:
-        """A fresh model in evaluation mode with the averaged weights."""
-        model = build()
+        """A fresh model in evaluation mode with the averaged weights, on the run's device."""
+        model = build().to(self._options.device)
         model.load_state_dict(self.average)
         return model.eval()
 
@@ -167,7 +167,7 @@ class TrainingRun:
             state = torch.load(folder / "state.pt", weights_only=True)
             self.model.load_state_dict(state["model"])
             self.optimiser.load_state_dict(state["optimiser"])
-            self.average = load_file(folder / "checkpoint.safetensors")
+            self.average = load_file(folder / "checkpoint.safetensors", self._options.device)
             self.step = state["step"]
             with (folder / "log.csv").open(newline="") as stream:
                 self.rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(stream)]
