@@ -53,10 +53,10 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
     shapes = [(tuple(values[w].shape), tuple(values[b].shape)) for _, w, b in exported]
     if shapes != [(tuple(layer.weight.shape), tuple(layer.weight.shape[:1])) for layer in layers]:
         raise InputError(f"{path}: its layers are not those of the network to train; start from another one")
-    bias = []
+    device, bias = next(model.parameters()).device, []
     for layer, (_, weight, offset) in zip(layers, exported, strict=True):
         layer.weight.copy_(values[weight])
-        bias.append(values[offset])
+        bias.append(values[offset].to(device))
         if layer.bias is not None:
             layer.bias.copy_(values[offset])
     biases = dict(zip(layers, bias, strict=True))
@@ -66,7 +66,6 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
             for convolution, norm in zip(group, list(group)[1:], strict=False):
                 if isinstance(norm, nn.BatchNorm2d):
                     hooks.append(norm.register_forward_pre_hook(_measure(biases[convolution])))
-    device = next(model.parameters()).device
     model.eval()(*(part.to(device) for part in batch))
     for hook in hooks:
         hook.remove()
