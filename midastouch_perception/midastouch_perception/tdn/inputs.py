@@ -5,6 +5,8 @@ A sensor's light changes slowly, as LEDs warm up and gel settles: the no-contact
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 
@@ -26,6 +28,7 @@ DRIFT_GRID = (5, 4)
 LARGEST_DRIFT = 15.0
 """Grey levels: what differs more is another sensor or another light, which the fit check reports."""
 _DRIFT_RATE = 0.1  # per frame without contact
+_JUMP = LARGEST_DRIFT / 3  # grey levels: light changes by less from frame to frame, so that a touch counts little
 _BLOCK = 8  # px
 _DRIFT_ROUNDS = 6
 _QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
@@ -88,21 +91,33 @@ def geometry_input(sensor: SensorModel) -> np.ndarray:
 
 
 class LightDrift:
-    """What the no-contact image has become, learned while nothing is touched and taken off while something is."""
+    """What the no-contact image has become, learned while nothing is touched and taken off while something is.
+
+    A smooth field: cubic between the nodes of a coarse grid, fitted by least squares.
+    """
 
     def __init__(self) -> None:
-        self._offset = np.zeros((*DRIFT_GRID, 3), np.float32)
+        self._nodes = np.zeros((*DRIFT_GRID, 3), np.float32)
 
     def learn(self, difference: np.ndarray) -> None:
         """One frame without contact: its difference (H, W, 3), grey levels, to the stored no-contact image."""
-        now = cv2.resize(difference, DRIFT_GRID[::-1], interpolation=cv2.INTER_AREA)
-        self._offset += _DRIFT_RATE * (np.clip(now, -LARGEST_DRIFT, LARGEST_DRIFT) - self._offset)
+        new = np.clip(self.correct(difference), -_JUMP, _JUMP)
+        rows, columns = (_fit(length, nodes) for length, nodes in zip(new.shape, DRIFT_GRID, strict=False))
+        off = np.einsum("rwc,nw->rnc", np.tensordot(rows, new, 1), columns)
+        self._nodes = np.clip(self._nodes + _DRIFT_RATE * off, -LARGEST_DRIFT, LARGEST_DRIFT)
 
     def correct(self, difference: np.ndarray) -> np.ndarray:
         """Difference (H, W, 3) to the no-contact image of today."""
-        if not self._offset.any():
+        if not self._nodes.any():
             return difference
-        return difference - cv2.resize(self._offset, difference.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+        return difference - cv2.resize(self._nodes, difference.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+
+
+@cache
+def _fit(length: int, nodes: int) -> np.ndarray:
+    """(nodes, length): from the values along an axis to those of the nodes that cubic interpolation fits best."""
+    interpolated = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
+    return np.linalg.pinv(interpolated)
 
 
 def without_drift(change: np.ndarray) -> np.ndarray:

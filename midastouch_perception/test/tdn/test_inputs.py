@@ -99,7 +99,6 @@ def test_warm_up_is_no_contact():
     stage = DepthStage(tdn)
     in_contact = [stage.process(frame(3e-4 * i), background).in_contact for i in range(200)]
     assert np.mean(in_contact) < 0.05
-    stage.process(frame(0.06), background)
-    learned = np.abs(tdn.last).mean()
+    assert tdn.last is None, "all of it was learned: the network was not asked"
     stage.process(frame(0.06), background.copy())
-    assert np.abs(tdn.last).mean() > 1.5 * learned, "another background: what was learned is forgotten"
+    assert tdn.last is not None, "another background: what was learned is forgotten"
