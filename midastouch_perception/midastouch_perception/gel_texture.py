@@ -137,6 +137,11 @@ class GelCheck:
         self.problem = ""
 
     @property
+    def another(self) -> bool:
+        """Whether the images are of another gel than the no-contact image."""
+        return self.problem == _OF_ANOTHER_GEL
+
+    @property
     def values(self) -> dict[str, str]:
         """For the diagnostics."""
         return {"gel_likeness": "" if self.sigmas is None else f"{self.sigmas:.0f}"}

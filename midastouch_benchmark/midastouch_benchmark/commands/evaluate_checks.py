@@ -8,6 +8,8 @@ from midastouch_bringup.commands import arguments
 
 from . import options
 
+_RECORDS = 12  # of slow light on each calibrated sensor
+
 
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
@@ -58,6 +60,7 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_perception.training.setting import load_backgrounds
 
     from ..perception.check_quality import (
+        TOUCHES,
         CheckQuality,
         causes_named,
         diameter_checks,
@@ -65,7 +68,8 @@ def _measured(args: argparse.Namespace) -> dict:
         layout_quality,
         real_checks,
     )
-    from ..perception.gel_quality import gels_known, slow_light
+    from ..perception.contact_quality import Reading, measured_readings, mini_reading, missed_touches, slow_light
+    from ..perception.gel_quality import gels_known
 
     sensor = SensorModel.load(args.sensor)
     presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
@@ -80,6 +84,9 @@ def _measured(args: argparse.Namespace) -> dict:
     real = SensorModel.load("digit_real")
     tdn_of_real = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
+    digits = [Reading("DIGIT", tdn_of_real, background) for background in large]
+    measured = measured_readings(args.tdn, rng)
+    calibrated = [each for each in measured if each.tdn.calibration_in_use] + [mini_reading(args.tdn)]
     return to_json(
         {
             "network": tdn.network_id,
@@ -93,9 +100,10 @@ def _measured(args: argparse.Namespace) -> dict:
             "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
+            "light_touches": missed_touches(measured, TOUCHES * args.sensors, rng),
             "real_sensors": {name: real_checks(tdn_of_real, each, rng) for name, each in presses.items()},
             "gels": gels_known(tdn_of_real, presses, large, real, rng),
-            "slow_light": slow_light(tdn_of_real, large, real, rng),
+            "slow_light": slow_light(digits, 1, rng) + slow_light(calibrated, _RECORDS, rng),
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )

@@ -35,7 +35,7 @@ from midastouch_perception.tdn.fit_check import FitCheck
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""
-_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_fraction=0.0)
+LIGHT_TOUCHES = ContactSampling(press=(0.05e-3, 0.6e-3), free_fraction=0.0)
 _FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_fraction=0.0)
 DEPTHS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.7e-3)
 """Edges [m] of the classes of true penetration in which missed contacts are counted."""
@@ -70,7 +70,7 @@ def imaginary_sensors(
     renderers = {name: PenetrationRenderer(mesh, sensor) for name, mesh in meshes.items()}
     poses = {}
     for name, mesh in meshes.items():
-        sampling = _FIRM if name == "handle_tool" else _LIGHT
+        sampling = _FIRM if name == "handle_tool" else LIGHT_TOUCHES
         poses[name] = sample_contact_poses(mesh, n * TOUCHES, rng, sensor, sampling).reshape(n, TOUCHES, 4, 4)
     for i in range(n):
         drawn = RandomSensor(sensor, backgrounds, rng, ranges)
@@ -158,19 +158,7 @@ class CheckQuality:
 
     def contact(self) -> dict:
         """Fraction of light touches missed, by part and by true penetration, and of false contacts by brightness."""
-        missed = {}
-        for name, touches in self._light.items():
-            depth, in_contact = np.array(touches, float).T
-            classes = np.digitize(depth, DEPTHS)
-            missed[name] = [
-                {
-                    "from_mm": 1e3 * DEPTHS[k - 1],
-                    "to_mm": 1e3 * DEPTHS[k],
-                    "touches": int((classes == k).sum()),
-                    "missed": float(1 - in_contact[classes == k].mean()) if (classes == k).any() else None,
-                }
-                for k in range(1, len(DEPTHS))
-            ]
+        missed = {name: missed_by_depth(touches) for name, touches in self._light.items()}
         false = [{"brighter": gain, "false_contacts": float(np.mean(some))} for gain, some in self._free.items()]
         return {"missed": missed, "false": false, "false_while_warming": float(np.mean(self._warming))}
 
@@ -232,6 +220,22 @@ def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarr
     """Every image and the mean layout of the others."""
     for i, image in enumerate(backgrounds):
         yield image, mean_layout(np.delete(backgrounds, i, axis=0))
+
+
+def missed_by_depth(touches: Sequence[tuple[float, bool]]) -> list[dict]:
+    """By `DEPTHS`, how many touches there are and the fraction missed; of each its true deepest penetration [m] and
+    whether it is seen as a contact."""
+    depth, in_contact = np.array(touches, float).T
+    classes = np.digitize(depth, DEPTHS)
+    return [
+        {
+            "from_mm": 1e3 * DEPTHS[k - 1],
+            "to_mm": 1e3 * DEPTHS[k],
+            "touches": int((classes == k).sum()),
+            "missed": float(1 - in_contact[classes == k].mean()) if (classes == k).any() else None,
+        }
+        for k in range(1, len(DEPTHS))
+    ]
 
 
 _DRAWS = 2

@@ -1,11 +1,10 @@
-"""How reliably a gel is known by its texture, and how often a change of its light is taken for a contact.
-
-On presses of real sensors, each against its own no-contact image and those of other sensors.
+"""How reliably a gel is known by its texture: on presses of real sensors, each against its own no-contact image and
+those of other sensors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
 from itertools import combinations
 
 import cv2
@@ -13,8 +12,7 @@ import numpy as np
 
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_perception.gel_texture import GelCheck, gel_texture, likeness
-from midastouch_perception.pipeline import DepthStage
-from midastouch_perception.sensor_calibration.response import position_terms
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
@@ -23,10 +21,8 @@ _DRAWS = 40  # verdicts on each sensor with its own no-contact image
 _TWICE = 2  # and on each other one's
 _MOVED = (4, -3)  # px, rows and columns
 _SPOT = 60  # px, 3 mm
-SLOW_LIGHT = (0.05, 0.1, 0.2)
-"""Largest change of the light within a record, as a fraction of the no-contact image."""
-_RECORD = 60  # frames of one
-_NOISE = 1.5  # grey levels
+_NO_RESPONSE = np.zeros((12, 6, 2))  # of a calibration: another gel is known without it
+_BRIGHTER, _NOISE = 0.1, 1.5  # standard deviation of the light's logarithm by colour; of a pixel, grey levels
 
 
 def gels_known(
@@ -43,7 +39,16 @@ def gels_known(
     """
     said: dict[str, list[bool]] = {
         name: []
-        for name in ("as it should be", "another gel's no-contact image", "the gel has moved", "a spot of 3 mm")
+        for name in (
+            "as it should be",
+            "another gel's no-contact image",
+            "the gel has moved",
+            "a spot of 3 mm",
+            "another gel's calibration",
+            "its own calibration, in another light",
+            "another gel's calibration, by colours alone",
+            "its own calibration, in another light, by colours alone",
+        )
     }
     for name, each in presses.items():
         images = list(each.images.values())
@@ -62,9 +67,44 @@ def gels_known(
             said["as it should be"].append(bool(warns(each.background)))
             said["the gel has moved"].append("moved" in warns(np.roll(each.background, _MOVED, axis=(0, 1))))
             said["a spot of 3 mm"].append("dirty or worn" in warns(_with_spot(each.background, other, rng)))
+        for calibration, how in _calibrations(each, penetrations, sensor):
+            said["another gel's calibration" + how] += [bool(calibration.background_problem(other)) for other in others]
+            said["its own calibration, in another light" + how] += [
+                bool(calibration.background_problem(_in_another_light(each.background, rng))) for _ in range(_DRAWS)
+            ]
     textures = [gel_texture(each) for each in backgrounds]
     said["two no-contact images taken for one gel"] = [likeness(*pair).same for pair in combinations(textures, 2)]
     return {name: {"trials": len(warned), "said": float(np.mean(warned))} for name, warned in said.items() if warned}
+
+
+def _calibrations(
+    presses: BallPresses, penetrations: list[np.ndarray], sensor: SensorModel
+) -> list[tuple[SensorCalibration, str]]:
+    """What `midastouch calibrate` would keep of a gel by which it knows it again; without its texture, too."""
+    seen = sum(
+        gel_texture(image, penetration > 0)
+        for image, penetration in zip(presses.images.values(), penetrations, strict=True)
+    )
+    texture = gel_texture(presses.background)
+    calibration = SensorCalibration(
+        serial="",
+        ball_diameter=1.0,
+        sensor=sensor.name,
+        pixel_size=sensor.pixel_size,
+        coefficients=_NO_RESPONSE,
+        background=background_colours(presses.background),
+        presses=len(presses.images),
+        date="",
+        texture=texture,
+        texture_sigmas=likeness(texture, seen).sigmas,
+    )
+    return [(calibration, ""), (dataclasses.replace(calibration, texture_sigmas=0.0), ", by colours alone")]
+
+
+def _in_another_light(background: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Another no-contact image of the same gel: each lamp brighter or darker, with fresh noise."""
+    light = np.exp(_BRIGHTER * rng.standard_normal(3))
+    return np.clip(np.rint(background * light + rng.normal(0, _NOISE, background.shape)), 0, 255).astype(np.uint8)
 
 
 def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -75,26 +115,3 @@ def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generat
     spoiled = background.copy()
     spoiled[square] = np.clip(light[0] + other - light[1], 0, 255)[square]
     return spoiled
-
-
-def slow_light(
-    tdn: DepthNet, backgrounds: Sequence[np.ndarray], sensor: SensorModel, rng: np.random.Generator
-) -> list[dict[str, float]]:
-    """By `SLOW_LIGHT`, frames without contact and the fraction that is taken for a contact.
-
-    In each record the light of a no-contact image changes evenly with the time, by a quadratic in the position for
-    each colour. sensor: full size.
-    """
-    rows = []
-    for most in SLOW_LIGHT:
-        contacts = []
-        for background in backgrounds:
-            pattern = position_terms(sensor.height, sensor.width) @ rng.normal(size=(6, 3))
-            pattern *= most / np.abs(pattern).max()
-            stage = DepthStage(tdn)
-            for time in np.linspace(0, 1, _RECORD):
-                image = background * (1 + time * pattern) + rng.normal(0, _NOISE, background.shape)
-                image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-                contacts.append(stage.process(image, background).in_contact)
-        rows.append({"change": most, "frames": len(contacts), "false_contacts": float(np.mean(contacts))})
-    return rows

@@ -37,13 +37,19 @@ def diameters(content: dict | None = None) -> pd.DataFrame:
 def contacts(content: dict | None = None) -> pd.DataFrame:
     """Presses that the contact decision misses."""
     content = content or report("checks")
-    missed = content["contact"]["missed"]
+    missed = {f"{what}; simulator's light": bins for what, bins in content["contact"]["missed"].items()}
+    missed |= content["light_touches"]
     rows = [{"what": what} | one for what, bins in missed.items() for one in bins if one["touches"]]
 
     def pressed(row: Row) -> str:
         return f"{row['from_mm']:g} to {row['to_mm']:g} mm"
 
-    about = {"object": text("what"), "pressed": pressed, "touches": text("touches"), "missed": percent("missed")}
+    about = {
+        "object; sensor": text("what"),
+        "pressed": pressed,
+        "touches": text("touches"),
+        "missed": percent("missed"),
+    }
     return written(tidy(rows), about, {})
 
 
@@ -72,7 +78,12 @@ def slow_light(content: dict | None = None) -> pd.DataFrame:
     def light(row: Row) -> str:
         return f"up to {100 * row['change']:.0f} %"
 
-    about = {"light that changes slowly, unevenly": light, "frames": text("frames")}
+    about = {
+        "sensor": text("sensor"),
+        "light that changes unevenly": light,
+        "within so many images": text("images"),
+        "frames": text("frames"),
+    }
     return written(tidy(content["slow_light"]), about | {"taken for contact": percent("false_contacts")}, {})
 
 

@@ -165,8 +165,8 @@ def wanted() -> pd.DataFrame:
     rows = [
         *_wanted_of_presses(),
         ("slow change of the light that is taken for a contact", slow_light, 3, None, 0),
-        ("another gel is known by its texture", gels["another gel's no-contact image"]["said"], 2, 0.95, None),
-        ("the sensor's own gel is taken for another", gels["as it should be"]["said"], 2, None, 0),
+        ("another gel's calibration is refused", gels["another gel's calibration"]["said"], 2, 0.95, None),
+        ("a gel's own calibration is refused", gels["its own calibration, in another light"]["said"], 2, None, 0),
         ("slides of another renderer: RMSE, mm", tacto["rmse_mm"], 3, None, 0.050),
         ("slides of another renderer: IoU", tacto["contact_iou"], 3, 0.965, None),
     ]

@@ -122,7 +122,8 @@ def test_every_table_is_on_the_page(tmp_path):
         "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46}]},
         "capture": {"a touch refused": 0.98},
         "gels": {"another gel's no-contact image": {"trials": 26, "said": 0.96}},
-        "slow_light": [{"change": 0.05, "frames": 60, "false_contacts": 0.03}],
+        "light_touches": {"eyebolt; DIGIT": [touches[0] | {"missed": 0.29}]},
+        "slow_light": [{"sensor": "DIGIT", "images": 12, "change": 0.05, "frames": 60, "false_contacts": 0.03}],
         "contact": {
             "missed": {"wire": touches},
             "false": [{"brighter": 0.02, "false_contacts": 0.03}],
@@ -131,7 +132,8 @@ def test_every_table_is_on_the_page(tmp_path):
     }
     content = write_results_page([("checks.json", result)], tmp_path).read_text()
     for text in ("tdn_x-1", "25 %", "upside down", "98 %", "83 %", "67 %", "wire", "0.05 to 0.1 mm", "14 %", "1.50",
-                 "2 % brighter", "d20641", "97 %", "46 %", "3 %", "1 %", "96 %", "up to 5 %"):  # fmt: skip
+                 "2 % brighter", "d20641", "97 %", "46 %", "3 %", "1 %", "96 %", "up to 5 %", "29 %",
+                 "eyebolt; DIGIT"):  # fmt: skip
         assert text in content
 
 

@@ -163,6 +163,8 @@ class TdnNode(ManagedNode):
         contact = self._stage.process(image, self._background.image)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
         self._stage.deferred_update()
+        if self._gel.another:
+            self._calibration.refuse(self._gel.problem)
         self._rate.add(time.perf_counter() - started)
 
     def _observe_background(self, image: np.ndarray) -> None:

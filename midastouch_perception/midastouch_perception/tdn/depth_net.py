@@ -98,7 +98,7 @@ class DepthNet(ABC):
 
 
 class CalibrationInUse:
-    """Gives a calibration to a depth network, and takes it back where the no-contact image is another gel's.
+    """Gives a calibration to a depth network, and takes it back where the no-contact image or the gel is another one.
 
     Args: tdn; calibration, of the same kind of sensor: of another scale, it is not given; sensor, tdn's, full size.
     Attribute: problem, why it is not used; empty if it is, or there is none.
@@ -113,6 +113,11 @@ class CalibrationInUse:
         """The no-contact image (H, W, 3) uint8 RGB in use from now on."""
         if self._calibration is not None:
             self._decide(self._other_scale or self._calibration.background_problem(background))
+
+    def refuse(self, problem: str) -> None:
+        """Take the calibration back until the next no-contact image, for a reason in words."""
+        if self._calibration is not None and not self.problem:
+            self._decide(problem)
 
     def _decide(self, problem: str) -> None:
         self.problem = problem

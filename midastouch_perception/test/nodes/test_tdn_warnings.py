@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numpy as np
 import pytest
@@ -15,7 +17,10 @@ from tdn_rig import REPLAY, start, warnings_of
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import TactileContact
+from midastouch_perception.gel_texture import GelCheck
+from midastouch_perception.nodes import tdn
 from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore
@@ -169,3 +174,43 @@ def test_two_publishers_of_the_images_are_named(graph, depth, background):
         graph.add(Node, node_name=name, namespace="cell").create_publisher(Image, "/image_raw", qos.stream_publisher())
     graph.spin_until(lambda: warned())
     assert all(name in warned()[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))
+
+
+def grained_gel(seed: int) -> np.ndarray:
+    """A gel of its own (320, 240, 3), lit as every other one."""
+    grains = cv2.GaussianBlur(np.random.default_rng(seed).normal(0, 1, (320, 240)), (0, 0), 1.5)
+    return np.clip(np.rint(lit_gel() + 2.5 * (grains / grains.std())[..., None]), 0, 255).astype(np.uint8)
+
+
+def test_a_calibration_is_not_used_on_another_gel_whose_no_contact_image_is_the_former_one(
+    graph, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tdn, "GelCheck", functools.partial(GelCheck, every=1, window=8))
+    former, present, real = grained_gel(1), grained_gel(2), SensorModel.load("digit_real")
+    cv2.imwrite(str(tmp_path / "former.png"), former[..., ::-1])
+    colours, date = background_colours(former), "2026-11-22T09:00:00+00:00"
+    calibration = SensorCalibration("D1", 6e-3, "digit_real", real.pixel_size, np.zeros((12, 6, 2)), colours, 10, date)
+    calibration.save(BackgroundStore(tmp_path, "D1").calibration_path)
+    parameters = {"background": str(tmp_path / "former.png"), "background_folder": str(tmp_path), "serial": "D1"}
+    graph.add(TdnNode, REPLAY | parameters | {"sensor_model": "digit_real"})
+    images = graph.publisher(Image, "image_raw")
+    contacts = graph.listen(TactileContact, "tactile/contact")
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def calibrations():
+        return [v.value for m in statuses for s in m.status for v in s.values if v.key == "calibration"]
+
+    def show(gel: np.ndarray) -> None:
+        for k in range(8):
+            image = gel.astype(float)
+            image[100 + 10 * k : 150 + 10 * k, 80:130] *= (1.5, 0.7, 1.2)
+            images.publish(image_msg(np.clip(image, 0, 255).astype(np.uint8), len(contacts) + 1))
+            heard = len(contacts)
+            graph.spin_until(lambda heard=heard: len(contacts) > heard)
+        statuses.clear()
+
+    show(former)
+    graph.spin_until(lambda: calibrations() and calibrations()[-1].startswith("10 presses"))
+    show(present)
+    graph.spin_until(lambda: calibrations() and calibrations()[-1] == "refused")
+    assert any("of another gel" in s.message for m in statuses for s in m.status)

@@ -65,9 +65,20 @@ def test_it_is_used_for_its_own_gel_only(real, background, calibration):
     assert tdn.calibration is calibration
 
 
+def test_of_another_gel_it_is_not_used_until_the_next_no_contact_image(real, background, calibration):
+    tdn = load_tdn("fast", real)
+    in_use = CalibrationInUse(tdn, calibration, real)
+    in_use.check(background)
+    in_use.refuse("the gel is another one")
+    assert (tdn.calibration, in_use.problem, str(in_use)) == (None, "the gel is another one", "refused")
+    in_use.check(background)
+    assert tdn.calibration is calibration
+
+
 def test_without_one_nothing_is_used(real, background):
     in_use = CalibrationInUse(None, None, real)
     in_use.check(background)
+    in_use.refuse("the gel is another one")
     assert (str(in_use), in_use.problem) == ("none", "")
 
 
