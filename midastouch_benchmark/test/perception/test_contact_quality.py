@@ -34,7 +34,7 @@ def test_light_that_is_taken_for_a_contact_is_counted(readings, monkeypatch):
     rows = slow_light(readings[::2], 3, np.random.default_rng(0))
     assert [(row["images"], row["change"], row["frames"]) for row in rows] == [(2, 0.05, 12), (2, 0.8, 12)]
     assert [row["false_contacts"] for row in rows] == [0, 0]
-    monkeypatch.setattr(pipeline, "_EXPLAINED_BY_CONTACT", 0.0)
+    monkeypatch.setattr(pipeline, "explained_fraction", lambda *_, **__: 1.0)
     assert slow_light(readings[::2], 3, np.random.default_rng(0))[1]["false_contacts"] > 0.2
 
 

@@ -97,11 +97,11 @@ def figure_rows(result: Result) -> list[list[str]]:
     rows = [
         _row(figures, "steepness", "steepness of the slopes, of the true ones", 1.0),
         _row(figures, "explained", "fraction of the slopes explained", 1.0),
-        _row(lengths, "felt_error", "error of the measured depth, mm", 0.0),
+        _row(lengths, "felt_error", "error of the measured penetration, mm", 0.0),
     ]
     if diameter:
         rows.insert(0, _row(lengths, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
-        rows.insert(1, _row(lengths, "depth_radius", "radius of the ball by the depth, mm", 500 * diameter))
+        rows.insert(1, _row(lengths, "depth_radius", "radius of the ball by the penetration, mm", 500 * diameter))
     return rows
 
 
