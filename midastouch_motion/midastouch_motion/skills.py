@@ -69,6 +69,7 @@ class Touch(_Moving):
         self._depth, self._distance = depth, distance
         self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
         self._touched: float | None = None  # s, when it touched first
+        self._at_contact = 0.0  # m gone when it touched last
         self._settled: float | None = None  # s, since when at that depth
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
@@ -77,6 +78,10 @@ class Touch(_Moving):
             return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
         if servo.touching and self._touched is None:
             self._touched = now
+        if servo.touching:
+            self._at_contact = gone
+        elif gone > self._at_contact + self._depth + _REACH:  # the surface is farther on: that was something else
+            self._touched = None
         # a contact that comes and goes has not settled either
         if self._touched is not None and now - self._touched > _UNSETTLED_FOR:
             return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")

@@ -10,12 +10,12 @@ from .intervals import ENOUGH, Figures
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
 
-    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of
-    the latter those with the truth among the modes; rivalled, fraction in which another hypothesis competed with the
-    true one, and of these `told_apart`, those that end right, and `said_alike`, those in which the advice was that
-    nothing tells the hypotheses apart; path_m, median until converged and right, infinite for all others; asked_ms, the
-    95 % quantile over trials of the CPU time of the slowest answer; seconds, of an arm, as path_m; path_ratio, of the
-    median path to that of `random`.
+    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`,
+    of the latter those with the truth among the modes; rivalled, fraction in which another hypothesis competed with
+    the true one, and of these `told_apart`, those that end right, and `said_alike`, those in which the advice was
+    that nothing tells the hypotheses apart; path_m, median until converged and right, infinite for all others;
+    asked_ms, the 95 % quantile over trials of the CPU time of the slowest answer; seconds, of an arm, as path_m,
+    and deepest_mm, the most of all; path_ratio, of the median path to that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -57,6 +57,7 @@ def _of_policy(trials: list[dict]) -> dict:
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
         "seconds": figures.value(seconds, np.median) if timed else None,
+        "deepest_mm": max((t["deepest_mm"] for t in trials if t.get("deepest_mm")), default=None),
     }
 
 

@@ -33,6 +33,7 @@ EXPLORATION: dict[str, Form] = {
     "over that of random": text("path_ratio", "{:.2f}"),
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
     "simulated time until right, median": value("seconds", "{:.0f}", " s"),
+    "deepest in the gel": text("deepest_mm", "{:.2f} mm"),
 }
 _COMPETING: dict[str, Form] = {
     "another hypothesis competed": fraction("rivalled"),

@@ -16,6 +16,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_motion import skills
 from midastouch_motion.guard import Guard
 from midastouch_motion.mujoco_arm import over
+from midastouch_motion.rehearsal import Moment
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import Touch as Touched
 from midastouch_perception.sensor_model import SensorModel
@@ -38,7 +39,7 @@ class Sensed(NamedTuple):
 class ArmWorld:
     """Limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
 
-    Attributes: reach, of the arm; sensed, of the image last yielded.
+    Attributes: reach, of the arm; sensed, of the image last yielded; deepest [m] that the object was in the gel.
     Args: mesh, which lies on a random side; sensor, full size; perceive(T_obj_gel): what an image there is measured as;
     rng.
     """
@@ -57,6 +58,7 @@ class ArmWorld:
         cone = np.radians(of_explorer["reach_cone"])
         self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=False)
         self._perceive, self._coming = perceive, []
+        self.deepest = 0.0
         self._rig: ArmRig | None = None  # which takes its first image as it is made
         base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)
         start = over(mesh, base_from_object, _ABOVE)
@@ -84,7 +86,7 @@ class ArmWorld:
     def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
         """Move the arm; yields T_obj_gel (4, 4), one per image, once it is done, and returns how it ended."""
         skill = _skill(act)
-        ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT)
+        ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
         if ended is None:
             self._rig.controller.cancel(self.seconds)
             ended = skills.Ended(False, f"not done after {_TIMEOUT:.0f} s")
@@ -92,6 +94,9 @@ class ArmWorld:
         for pose, self.sensed in coming:
             yield pose
         return Done(*ended, skill.path, self._rig.controller.servo.touching, self.base_from_gel)
+
+    def _watch(self, _: Moment) -> None:
+        self.deepest = max(self.deepest, self._rig.arm.deepest)
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
         touch = self._perceive(T_obj_gel)

@@ -125,7 +125,7 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
     particle_filter = ParticleFilter(mesh, plan.cache.codebook(mesh), plan.config, seed)
     particle_filter.initialise_uniform()
     yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
-    return _Trial(mesh, plan.cache.networks, particle_filter, policy, seed, yardstick).run(plan.length)
+    return _Trial(mesh, plan.cache.networks, particle_filter, policy, seed, yardstick, plan.length).run()
 
 
 def _arm(
@@ -148,6 +148,7 @@ class _Trial:
         policy: str,
         seed: int,
         yardstick: Yardstick,
+        length: float,
     ):
         self._rng = np.random.default_rng(seed)
         self._camera = TactoCamera(networks.sensor, self._rng)
@@ -156,24 +157,26 @@ class _Trial:
         self._arm = _arm(mesh, networks.sensor, self._perceive, self._rng) if policy == "arm" else None
         self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
         reach = self._arm.reach if self._arm else EVERYWHERE
-        self._exploration = Exploration(np.random.default_rng([seed, 1]), np.inf, reach, size=mesh.diagonal)
+        self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
         self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
         self._measured: np.ndarray | None = None
-        self._path, self._before = 0.0, None
+        self._path, self._before, self._length = 0.0, None, length
         self._converged_at: float | None = None
         self._alike, self._competed = 0, False
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
-    def run(self, length: float) -> dict:
+    def run(self) -> dict:
         """How it ended.
 
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
         the first touch to where that began; error_mm of the pose then, modulo symmetry, and whether it is right;
         whether a mode was; rivalled: before some motion the true pose and another hypothesis were both probable;
-        asked_ms, median and longest CPU time of an answer; seconds, simulated, of an arm.
+        asked_ms, median and longest CPU time of an answer. Of an arm the pose counts as known by its explorer, and the
+        path is that in contact: seconds, simulated, until then; deepest_mm, how far the object was in the gel.
         """
         ending, began = self._follow(self._exploration.touch())
+        length = self._length
         while self._path < length and ending == "given up" and self._exploration.verdict is None:
             _, plan = self._exploration.decide(self._advice(), self._around())
             ending, began = self._follow(plan)
@@ -184,6 +187,7 @@ class _Trial:
             "rivalled": self._competed,
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
             "seconds": self._arm.seconds if self._arm else None,
+            "deepest_mm": 1e3 * self._arm.deepest if self._arm else None,
             **self._answer(),
         }
 
@@ -228,9 +232,22 @@ class _Trial:
         """Carry out a plan, until a trial's end."""
         for pose in self._world.follow(plan):
             self._frame(pose)
-            if self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH:
+            if self._arm is None and self._lasts():
                 return "converged", self._converged_at
+        if self._arm is not None and self._is_known():
+            return "converged", self._path
         return ("alike" if self._alike >= 2 else "given up"), self._path
+
+    def _lasts(self) -> bool:
+        return self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
+
+    def _is_known(self) -> bool:
+        """Whether the pose is known after a motion, as the node `explorer` judges that."""
+        if self.estimate is not None:
+            status = self.estimate.status
+            self._exploration.judge(status.state, status.reason, measured=True)
+        verdict = self._exploration.verdict
+        return verdict is not None and verdict.known
 
     def _perceive(self, pose: np.ndarray) -> Touch:
         """What an image at a pose (4, 4) shows."""
@@ -248,7 +265,7 @@ class _Trial:
         if self.estimate is None and not measurement.in_contact:
             return
         odometry = None if self._measured is None else se3.inverse(self._measured) @ measured
-        if self._before is not None:
+        if self._before is not None and (self._arm is None or measurement.in_contact):
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
         self._measured, self._before = measured, pose
         self.estimate = self._filter.step(

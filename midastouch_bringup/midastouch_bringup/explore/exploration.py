@@ -92,7 +92,8 @@ class Exploration:
             lifted = yield from self._do(Lift(max(done.path, CLEARANCES[0])))
             yield from self.go([], Surroundings(lifted.pose))
         if not (self.touching or self._held()):
-            self.verdict = Verdict(False, f"the finger reaches nothing below it: {done.message}")
+            words = f"the finger reaches nothing below it: {done.message}"
+            self.verdict = Verdict(False, f"{words}; is the mount right, and does the sensor see what it touches?")
 
     def decide(self, advice: Advice | None, around: Surroundings) -> tuple[str, Plan[None]]:
         """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none."""

@@ -62,7 +62,7 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
         while left:
             passed = yield from _fly(left[0] @ se3.translation([0.0, 0.0, clearance]))
             through = len(passed) == len(left[0])
-            if through and (yield Touch(clearance + searched)).touching:
+            if through and (yield from _down(left[0][-1], clearance, searched)):
                 return True
             back = [*reversed(passed), lifted.pose]
             if len((yield from _fly(back))) < len(back):
@@ -72,8 +72,19 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
             del left[0]
         if not left:
             break
-    yield Touch(height + SEARCHED)
+    yield from _down(lifted.pose @ se3.translation([0.0, 0.0, -height]), height, SEARCHED)
     return False
+
+
+def _down(pose: np.ndarray, height: float, searched: float) -> Plan[bool]:
+    """From `height` m over a pose (4, 4) onto the surface, looked for `searched` m below it; whether it touches then.
+
+    A touch is slow: down to the lowest clearance, or to what is in the way there, it goes through the air.
+    """
+    if height > CLEARANCES[0]:
+        came = yield Approach(pose @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
+        height = max(float((se3.inverse(pose) @ came.pose)[2, 3]), 0.0)
+    return (yield Touch(height + searched)).touching
 
 
 def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:

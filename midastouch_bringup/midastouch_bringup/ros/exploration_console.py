@@ -28,10 +28,7 @@ from ..explore.result import Ended
 from ..output_paths import quick_codebook
 from ..progress import progress_bar
 
-KEYS_HELP = (
-    "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
-    "space: take over, or let it go on; q, Ctrl-C: end"
-)
+_OF_A_FINGER = "p: push the object; o: another object; "
 _NUDGE = 0.01  # m
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
@@ -167,6 +164,12 @@ class Console(Node):
         explorer, known = self._explorer, self._filter
         line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
         self._bar.set_description_str(line, refresh=False)
+
+
+def keys_help(finger: bool) -> str:
+    """What the keys do; finger: whether the one that explores is without mechanics."""
+    of_finger = _OF_A_FINGER if finger else ""
+    return f"arrows: slide; l: lift, touch elsewhere; {of_finger}space: take over, or let it go on; q, Ctrl-C: end"
 
 
 def file_of(address: str) -> str:

@@ -31,7 +31,7 @@ from ..progress import close_bars
 from ..replay.keyboard import Keyboard
 from ..result_file import write_json
 from ..text_table import text_table
-from .exploration_console import KEYS_HELP, Console, file_of
+from .exploration_console import Console, file_of, keys_help
 from .launch_parameters import explored, quick_codebooks
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
@@ -52,18 +52,19 @@ def own_folder(out: Path) -> Iterator[None]:
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
-    programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as `explored` returns them. domain:
-    ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it, by key or by
-    a signal; 1: not, or a node died. KeyboardInterrupt: another signal, once it has ended.
+    programs: the nodes, `explorer` among them; given: arm, and mesh, codebook and objects, as `explored` returns them.
+    domain: ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it, by
+    key or by a signal; 1: not, or a node died. KeyboardInterrupt: another signal, once it has ended.
     """
     touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / _RECORDING, time.monotonic()
     unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
-    print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
+    finger = given["arm"] == "finger"
+    print(f"{'a simulated finger' if finger else 'an arm in MuJoCo'} explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     # Ctrl-C is the key for the end that everybody knows
     with woken_by_signals() as wait, atomic_path(bag) as temporary:
-        console = _explore(programs, touched, not objects, temporary, out / "log", domain, wait)
+        console = _explore(programs, touched, not objects, finger, temporary, out / "log", domain, wait)
         if wait(0.0):
             raise KeyboardInterrupt
     seconds = time.monotonic() - started
@@ -96,6 +97,7 @@ def _explore(
     programs: Sequence[Program],
     mesh: str,
     given: bool,
+    finger: bool,
     bag: Path,
     logs: Path,
     domain: int,
@@ -114,7 +116,7 @@ def _explore(
             supervisor.start(_held_back(program) if program.ends else program)
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
-                print(KEYS_HELP, flush=True)
+                print(keys_help(finger), flush=True)
             _follow(executor, supervisor, recorder, console, stopped=lambda: wait(0.0))
         return console
 

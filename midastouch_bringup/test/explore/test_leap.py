@@ -3,7 +3,7 @@ import pytest
 from fake_arms import Scripted, followed, seen
 
 from midastouch_bringup.explore.acts import Approach, Lift, Touch
-from midastouch_bringup.explore.leap import CLEARANCES, leap, ways_along, ways_to
+from midastouch_bringup.explore.leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from midastouch_bringup.explore.surroundings import Surroundings
 from midastouch_common import se3
 
@@ -41,9 +41,19 @@ def test_up_over_and_down():
 def test_where_something_is_in_the_way_it_goes_higher():
     arm = Air(lambda act: isinstance(act, Approach) and act.pose[0, 3] > 0 and act.pose[2, 3] < 0.02)
     assert arm.follow(leap([THERE, BEYOND]))
-    assert arm.kinds == [Lift, Approach, Approach, Lift, Approach, Touch]
+    assert arm.kinds == [Lift, Approach, Approach, Lift, Approach, Approach, Touch]
     assert arm.acts[3].height == pytest.approx(CLEARANCES[1] - CLEARANCES[0])
     assert arm.acts[4].pose[0, 3] == pytest.approx(THERE[0, 0, 3])
+    assert arm.acts[6].distance == pytest.approx(CLEARANCES[1] + SEARCHED), "from where it came to on the way down"
+
+
+def test_from_high_up_it_comes_down_through_the_air_before_it_touches():
+    barred = iter([False, True])
+    arm = Air(lambda act: isinstance(act, Approach) and next(barred, False))
+    assert arm.follow(leap([np.concatenate([THERE, BEYOND])]))
+    assert arm.kinds == [Lift, *[Approach] * 4, Lift, *[Approach] * 3, Touch]
+    np.testing.assert_allclose(arm.acts[8].pose, BEYOND[0] @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
+    assert arm.acts[9].distance == pytest.approx(CLEARANCES[0] + SEARCHED)
 
 
 def test_what_cannot_be_touched_is_retraced_and_the_next_way_is_tried():
