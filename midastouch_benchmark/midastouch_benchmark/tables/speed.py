@@ -19,6 +19,7 @@ SCALING: dict[str, Form] = {
 }
 _STAGES = {
     "tdn_ms": "depth network",
+    "calibrated_tdn_ms": "depth network of a calibrated sensor, with integration and depth",
     "tcn_ms": "code network",
     "fit_check_ms": "fit check, every fifth frame",
     "fcrn_ms": "the paper's depth network, FCRN",
