@@ -10,9 +10,11 @@ from ..statistics.intervals import Figures
 from .reports import frame_of, report, reported
 from .table import Form, fraction, text, tidy, written
 
+_HALTED = "... of these over an edge, into a corner, off the object"
 _WITHIN, _DEEPEST, _IN_TIME = 0.5, 1.5, 2  # mm beside the wanted depth, mm, and periods of control, as wanted
 _CLAIMS: dict[str, Form] = {
     "ended as wanted": fraction("success"),
+    "ended with a reason": text("ended"),
     "at the wanted depth": fraction("held", 1),
     "deeper than 1.5 mm": text("too_deep"),
     "deepest": text("deepest", "{:.2f} mm"),
@@ -40,9 +42,11 @@ def motion_table(trials: list[dict], depth_mm: float = 0.5) -> pd.DataFrame:
     held = of_touches.fraction([abs(each["depth_mm"] - depth_mm) <= _WITHIN for each in touches])
     held_sliding = of_slides.fraction([each["held"] for each in slid], [each["images"] for each in slid])
     lost = of_slides.fraction([each["lost"] for each in slid])
+    halted = [trial for trial in slides if not trial["slide"]["success"]]
     rows = [
         _row("touch", touches, of_touches) | {"held": held},
         _row("slide", slid, of_slides) | {"held": held_sliding, "lost": lost},
+        _row(_HALTED, [trial["slide"] for trial in halted], Figures.by_seed(halted)),
     ]
     return written(tidy(rows), {"motion": text("what"), "trials": text("trials")}, _CLAIMS)
 
@@ -72,6 +76,7 @@ def _row(what: str, motions: list[dict], figures: Figures) -> dict:
         "what": what,
         "trials": len(motions),
         "success": figures.fraction([each["success"] for each in motions]),
+        "ended": f"{sum(each['ended'] for each in motions)} of {len(motions)}",
         "too_deep": f"{sum(depth > _DEEPEST for depth in deepest)} of {len(deepest)}",
         "deepest": max(deepest, default=math.nan),
     }

@@ -138,10 +138,10 @@ class _Trial:
         return self._stage.process(self._digit.look(T_obj_gel).image, self._background)
 
     def run(self) -> dict:
-        """touch and slide: how each ended, in words; whether it succeeded; deepest_mm; touch: depth_mm in the end;
-        slide: images, and how many of them within 0.25 mm of the depth; path_mm; whether the contact was lost where
-        the surface goes on. fault: which, and periods until the twist was zero, None if it never was; None if there was
-        no slide left to disturb."""
+        """touch and slide: how each ended, in words; whether it did, and succeeded; deepest_mm; touch: depth_mm in
+        the end; slide: images, and how many of them within 0.25 mm of the depth; path_mm; whether the contact was
+        lost where the surface goes on. fault: which, and periods until the twist was zero, None if it never was; None
+        if there was no slide left to disturb."""
         rng = self._rng
         touch = self._motion(Touch(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
         trial = {"touch": touch, "slide": None, "fault": None}
@@ -164,6 +164,7 @@ class _Trial:
         self._moments.clear()
         ended = self._rehearsal.carry_out(skill, _TIMEOUT, self._keep)
         return {
+            "ended": ended is not None,
             "success": ended is not None and ended.success,
             "message": "did not end" if ended is None else ended.message,
             "deepest_mm": 1e3 * max(depth for depth, _ in self._moments),
