@@ -76,9 +76,8 @@ class Touch(_Moving):
         gone = self._gone(pose)
         if servo.touching and gone > self._distance + _THICK:
             return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
-        if servo.touching and self._touched is None:
-            self._touched = now
         if servo.touching:
+            self._touched = now if self._touched is None else self._touched
             self._at_contact = gone
         elif gone > self._at_contact + self._depth + _REACH:  # the surface is farther on: that was something else
             self._touched = None

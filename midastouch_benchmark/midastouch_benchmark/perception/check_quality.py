@@ -81,11 +81,12 @@ def imaginary_sensors(
             depths[name] = penetration.max(axis=(1, 2))
         nothing = np.zeros((1, sensor.height, sensor.width), np.float32)
         free, _ = drawn.images(nothing, np.zeros((*nothing.shape, 3), np.float32), rng)
-        light = {name: (_bytes(images[name]), depths[name]) for name in ("eyebolt", "wire")}
-        yield ImaginarySensor(_bytes(background), _bytes(images["handle_tool"]), light, _bytes(free[0]))
+        light = {name: (as_bytes(images[name]), depths[name]) for name in ("eyebolt", "wire")}
+        yield ImaginarySensor(as_bytes(background), as_bytes(images["handle_tool"]), light, as_bytes(free[0]))
 
 
-def _bytes(image: np.ndarray) -> np.ndarray:
+def as_bytes(image: np.ndarray) -> np.ndarray:
+    """Grey levels as uint8."""
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
@@ -97,8 +98,8 @@ FAULTS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray,
     "images upside down": lambda own, other: (own.touches[:, ::-1, ::-1], own.background),
     "images and background upside down": lambda own, other: (own.touches[:, ::-1, ::-1], _turned(own.background)),
     "another sensor's background": lambda own, other: (own.touches, other.background),
-    "15 % brighter than the background": lambda own, other: (_bytes(own.touches * 1.15), own.background),
-    "light saturated": lambda own, other: (_bytes(own.touches * 2.5), _bytes(own.background * 2.5)),
+    "15 % brighter than the background": lambda own, other: (as_bytes(own.touches * 1.15), own.background),
+    "light saturated": lambda own, other: (as_bytes(own.touches * 2.5), as_bytes(own.background * 2.5)),
     "background taken in contact": lambda own, other: (own.touches[1:], own.touches[0]),
 }
 """What can be wrong, as images and background made from those of a sensor and of another."""
@@ -125,10 +126,10 @@ class CheckQuality:
             in_contact = [self._in_contact(image, own.background) for image in images]
             self._light.setdefault(name, []).extend(zip(depths.tolist(), in_contact, strict=True))
         for gain, contacts in self._free.items():
-            contacts.append(self._in_contact(_bytes(own.free * (1 + gain)), own.background))
+            contacts.append(self._in_contact(as_bytes(own.free * (1 + gain)), own.background))
         stage = DepthStage(self._tdn)
         for gain in np.linspace(WARM_UP[0], WARM_UP[-1], _WARM_UP_FRAMES):
-            contact = stage.process(_bytes(own.free * (1 + gain)), own.background)
+            contact = stage.process(as_bytes(own.free * (1 + gain)), own.background)
             self._warming.append(contact.in_contact)
         for name, candidate, present in (
             ("a touch refused", own.touches[0], own.background),
@@ -199,7 +200,7 @@ def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
     Each is compared with the mean of the others.
     """
     wrong = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
-    wrong["saturated"] = lambda image: _bytes(image * 2.5)
+    wrong["saturated"] = lambda image: as_bytes(image * 2.5)
     refused: dict[str, list[bool]] = {name: [] for name in wrong}
     for image, layout in _each_against_the_others(backgrounds):
         for name, make in wrong.items():

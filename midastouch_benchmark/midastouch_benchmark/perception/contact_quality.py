@@ -22,7 +22,7 @@ from midastouch_perception.simulation.measured_optics import MeasuredOptics, Mea
 from midastouch_perception.tdn import DepthNet, load_tdn
 
 from ..trials.real_sensor import calibrate_measured
-from .check_quality import LIGHT_TOUCHES, missed_by_depth, wire
+from .check_quality import LIGHT_TOUCHES, as_bytes, missed_by_depth, wire
 
 SLOW_LIGHT = (0.05, 0.1, 0.2, 0.4)
 """Largest change of the light within a record, as a fraction of the no-contact image."""
@@ -61,7 +61,7 @@ def mini_reading(tdn: str) -> Reading:
     mini = SensorModel.load("gelsight_mini")
     colours = SensorCalibration.default(mini).background
     background = cv2.resize(colours, (mini.width, mini.height), interpolation=cv2.INTER_CUBIC)
-    return Reading("GelSight Mini, by its model's calibration", load_tdn(tdn, mini), _bytes(background))
+    return Reading("GelSight Mini, by its model's calibration", load_tdn(tdn, mini), as_bytes(background))
 
 
 def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generator) -> list[dict]:
@@ -80,7 +80,7 @@ def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generat
                     lobes = most * rng.choice([-1, 1], _LAMPS) * _lobes(*background.shape[:2], rng)
                     for time in np.linspace(0, 1, frames):
                         image = background * (1 + time * lobes) + rng.normal(0, _NOISE, background.shape)
-                        some.append(stage.process(_bytes(image), background).in_contact)
+                        some.append(stage.process(as_bytes(image), background).in_contact)
     return [
         {
             "sensor": what,
@@ -124,7 +124,3 @@ def _touches(
     for penetration, image in zip(maps, camera.images(maps), strict=True):
         stage = DepthStage(reading.tdn)
         yield float(penetration.max()), stage.process(image, camera.background).in_contact
-
-
-def _bytes(image: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)

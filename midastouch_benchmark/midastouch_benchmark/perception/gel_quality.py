@@ -16,6 +16,8 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
+from .check_quality import as_bytes
+
 _WINDOW = 12  # images that a verdict is of
 _DRAWS = 40  # verdicts on each sensor with its own no-contact image
 _TWICE = 2  # and on each other one's
@@ -104,7 +106,7 @@ def _calibrations(
 def _in_another_light(background: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Another no-contact image of the same gel: each lamp brighter or darker, with fresh noise."""
     light = np.exp(_BRIGHTER * rng.standard_normal(3))
-    return np.clip(np.rint(background * light + rng.normal(0, _NOISE, background.shape)), 0, 255).astype(np.uint8)
+    return as_bytes(background * light + rng.normal(0, _NOISE, background.shape))
 
 
 def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> np.ndarray:

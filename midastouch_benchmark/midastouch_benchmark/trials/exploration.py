@@ -160,7 +160,8 @@ class _Trial:
         self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
         self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
         self._measured: np.ndarray | None = None
-        self._path, self._before, self._length = 0.0, None, length
+        self._length = length
+        self._path, self._before = 0.0, None
         self._converged_at: float | None = None
         self._alike, self._competed = 0, False
         self._asked_ms: list[float] = []
@@ -176,11 +177,10 @@ class _Trial:
         path is that in contact: seconds, simulated, until then; deepest_mm, how far the object was in the gel.
         """
         ending, began = self._follow(self._exploration.touch())
-        length = self._length
-        while self._path < length and ending == "given up" and self._exploration.verdict is None:
+        while self._path < self._length and ending == "given up" and self._exploration.verdict is None:
             _, plan = self._exploration.decide(self._advice(), self._around())
             ending, began = self._follow(plan)
-        began = length if ending == "given up" else began
+        began = self._length if ending == "given up" else began
         return {
             "ending": ending,
             "path_m": float(began),

@@ -273,8 +273,9 @@ def test_if_nothing_is_anywhere_it_ends():
     arm = Scripted(lambda act: (not isinstance(act, Touch), "nothing touched", 0.01, False, np.eye(4)))
     exploration = Exploration(np.random.default_rng(4), 0.5)
     arm.follow(exploration.touch())
-    assert exploration.verdict.words.startswith(
-        "the finger reaches nothing below it: nothing touched; is the mount right"
+    assert exploration.verdict.words == (
+        "the finger reaches nothing below it: nothing touched; "
+        "is the mount right, and does the sensor see what it touches?"
     )
 
 

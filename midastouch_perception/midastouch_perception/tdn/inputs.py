@@ -98,6 +98,7 @@ class LightDrift:
 
     def __init__(self) -> None:
         self._nodes = np.zeros((*DRIFT_GRID, 3), np.float32)
+        self._field: np.ndarray | None = None  # (H, W, 3) between them, None before anything is learned
 
     def learn(self, difference: np.ndarray) -> None:
         """One frame without contact: its difference (H, W, 3), grey levels, to the stored no-contact image."""
@@ -105,12 +106,11 @@ class LightDrift:
         rows, columns = (_fit(length, nodes) for length, nodes in zip(new.shape, DRIFT_GRID, strict=False))
         off = np.einsum("rwc,nw->rnc", np.tensordot(rows, new, 1), columns)
         self._nodes = np.clip(self._nodes + _DRIFT_RATE * off, -LARGEST_DRIFT, LARGEST_DRIFT)
+        self._field = cv2.resize(self._nodes, difference.shape[1::-1], interpolation=cv2.INTER_CUBIC)
 
     def correct(self, difference: np.ndarray) -> np.ndarray:
         """Difference (H, W, 3) to the no-contact image of today."""
-        if not self._nodes.any():
-            return difference
-        return difference - cv2.resize(self._nodes, difference.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+        return difference if self._field is None else difference - self._field
 
 
 @cache
