@@ -34,9 +34,10 @@ class Seen:
 
 @dataclass(frozen=True)
 class Guard:
-    """low, high (3,) m: the box in the base frame that the gel keeps to; depth m and force N, not to be exceeded, an
-    infinite force is not looked at; hold and stale, s for which an `enable` holds, and after which images, poses and
-    wrenches are too old; ahead, s that they may be ahead of the clock. Raises InputError for an empty box."""
+    """low, high (3,) m: the box in the base frame that the gel keeps to, and cone rad, the largest angle between the z
+    axes of gel and base; depth m and force N, not to be exceeded, an infinite force is not looked at; hold and stale, s
+    for which an `enable` holds, and after which images, poses and wrenches are too old; ahead, s that they may be ahead
+    of the clock. Raises InputError for an empty box."""
 
     low: np.ndarray
     high: np.ndarray
@@ -45,6 +46,7 @@ class Guard:
     stale: float = 0.1
     ahead: float = 0.1
     force: float = math.inf
+    cone: float = math.pi
 
     def __post_init__(self) -> None:
         if not (np.asarray(self.low) < self.high).all():
@@ -92,16 +94,30 @@ class Guard:
         return f"a force of {seen.force:.1f} N, more than {self.force:.1f}" if seen.force > self.force else ""
 
     def outside(self, seen: Seen, twist: np.ndarray | None = None) -> str:
-        """That the gel is outside of the box, in words, empty if it is not, or if a twist (6,) leads it back."""
-        position = seen.gel[:3, 3]
+        """That the gel is outside of box or cone, in words, empty if it is not, or if a twist (6,) leads it back."""
+        return self._out_of_box(seen.gel, twist) or self._out_of_cone(seen.gel, twist)
+
+    def _out_of_box(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
+        position = gel[:3, 3]
         out = (position > self.high).astype(int) - (position < self.low)
         if not out.any():
             return ""
         if twist is not None:
-            outwards = out * (seen.gel[:3, :3] @ twist[:3])
+            outwards = out * (gel[:3, :3] @ twist[:3])
             if not twist.any() or ((outwards <= 0).all() and (outwards < 0).any()):
                 return ""
         return f"the gel is at {_in_mm(position)} mm, outside of the box"
+
+    def _out_of_cone(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
+        """What leads straight off the surface is allowed everywhere: nothing could be turned back before."""
+        angle = math.acos(min(max(gel[2, 2], -1.0), 1.0))
+        if angle <= self.cone:
+            return ""
+        if twist is not None:
+            upwards = gel[2, 0] * twist[4] - gel[2, 1] * twist[3]  # change of the z axis along the base's
+            if upwards > 0 or (not twist[3:].any() and twist[2] >= 0):
+                return ""
+        return f"the gel is tilted by {math.degrees(angle):.0f} deg, outside of the cone"
 
 
 def _in_mm(position: np.ndarray) -> str:

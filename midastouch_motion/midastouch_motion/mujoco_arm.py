@@ -52,8 +52,10 @@ class Setting:
 class MujocoArm:
     """Args: mesh of the object; sensor, whose gel it has; setting.
 
-    Attributes: time [s] since it was made; deepest [m], how far the object is in the gel.
-    Raises InputError where it does not reach the start.
+    An arm that meets the table or itself stays where it is from then on, as in a UR's protective stop.
+
+    Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
+    something. Raises InputError where it does not reach the start.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, setting: Setting):
@@ -69,7 +71,7 @@ class MujocoArm:
         self._latency, self._timeout = setting.latency, setting.timeout
         self._twists: Late[np.ndarray] = Late()
         self._twist, self._until = np.zeros(6), -math.inf
-        self._wrench = np.zeros(6)
+        self._wrench, self.stopped = np.zeros(6), False
         self._reach(setting.start)
 
     @property
@@ -117,12 +119,15 @@ class MujocoArm:
             self._follow()
             self._press()
             self._mujoco.mj_step(self._model, self._data)
+            if self._data.ncon > 0 and not self.stopped:
+                self.stopped = True
+                self._data.ctrl[:] = self._data.qpos[self._places]
         return self.pose
 
     def _follow(self) -> None:
         for begins, twist in self._twists.arrived(self.time):
             self._twist, self._until = twist, begins + self._timeout
-        if self.time < self._until:
+        if self.time < self._until and not self.stopped:
             speeds = self._joint_speeds(self._twist)
             self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
 
@@ -168,7 +173,9 @@ class MujocoArm:
             if np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]:
                 self._data.ctrl[:] = self._data.qpos[self._places]
                 self._mujoco.mj_forward(self._model, self._data)
-                return
+                if self._data.ncon == 0:
+                    return
+                break
             step = self._joint_speeds(error)
             self._data.qpos[self._places] += step * min(1.0, 0.2 / float(np.abs(step).max()))
         where = ", ".join(f"{1e3 * each:.0f}" for each in goal[:3, 3])

@@ -37,7 +37,7 @@ def ur_model(mount: np.ndarray, base_from_object: np.ndarray, holding: float, pe
 
     Bodies `gel` and `object`; sites `drawn_gel`, where the drawing has the gel, and `gel`, where it is: T_drawn_gel
     (4, 4) is `mount`. The object is at T_base_obj (4, 4) and gives way, level with the table, to more than `holding` N,
-    or never if that is infinite. Links collide with the table alone. period: s of a step.
+    or never if that is infinite. Links meet the table, and the sensor's housing both. period: s of a step.
     """
     root = ElementTree.Element("mujoco", model="ur5e")
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -45,6 +45,8 @@ def ur_model(mount: np.ndarray, base_from_object: np.ndarray, holding: float, pe
     world = ElementTree.SubElement(root, "worldbody")
     ElementTree.SubElement(world, "geom", name="table", type="plane", size="1 1 0.1")
     _object(world, base_from_object, holding)
+    bolted = ElementTree.SubElement(root, "contact")
+    ElementTree.SubElement(bolted, "exclude", body1="world", body2="link0")
     actuators = ElementTree.SubElement(root, "actuator")
     fixed = BASE_LINK_FROM_BASE
     body = world

@@ -6,7 +6,12 @@ from midastouch_common.errors import InputError
 from midastouch_motion.guard import Guard, Seen
 from midastouch_motion.rehearsal import SimulatedArm
 
-GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0)
+GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0, cone=np.radians(60.0))
+
+
+def tilted(angle: float) -> np.ndarray:
+    """A gel (4, 4) turned about its x axis by so many deg."""
+    return se3.exp(np.array([0, 0, 0, np.radians(angle), 0, 0]))
 
 
 def seen(**changes) -> Seen:
@@ -41,6 +46,7 @@ def test_while_all_is_well_the_arm_may_move():
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
         ({"lost": True}, "the filter is lost"),
         ({"gel": se3.translation([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
+        ({"gel": tilted(70.0)}, "tilted by 70 deg, outside of the cone"),
     ],
 )
 def test_each_fault_stops_it(changes, reason):
@@ -51,6 +57,20 @@ def test_each_fault_stops_it(changes, reason):
 def test_without_a_limit_of_force_nobody_has_to_measure_one():
     guard = Guard(GUARD.low, GUARD.high, GUARD.depth)
     assert guard.problem(10.0, seen(wrench=-np.inf)) == ""
+
+
+@pytest.mark.parametrize("angle", [-70.0, 70.0])
+def test_outside_of_the_cone_a_gel_may_turn_back_or_leave_the_surface(angle):
+    def allowed(*twist: float) -> bool:
+        return not GUARD.outside(seen(gel=tilted(angle)), np.array(twist))
+
+    back = -np.sign(angle)
+    assert allowed(0.01, 0, 0, 0.1 * back, 0, 0)
+    assert allowed(0, 0, 0.01, 0, 0, 0)
+    assert not allowed(0.01, 0, 0, -0.1 * back, 0, 0)
+    assert not allowed(0, 0, 0.01, -0.1 * back, 0, 0)
+    assert not allowed(0, 0, -0.01, 0, 0, 0)
+    assert not GUARD.outside(seen(gel=tilted(0.8 * angle)), np.array([0, 0, -0.01, -0.1 * back, 0, 0]))
 
 
 def test_an_empty_box_is_refused():

@@ -69,6 +69,18 @@ def test_it_stops_when_twists_stop_coming():
     np.testing.assert_allclose(there.pose, rest, atol=2e-5)
 
 
+def test_an_arm_that_meets_the_table_stays_where_it_is():
+    there = arm(0.03)
+    push(there, [0, 0, -0.1, 0, 0, 0], 1.0)
+    assert not there.stopped
+    push(there, [0, 0, -0.1, 0, 0, 0], 2.0)  # through the ball, to the table 0.2 m below
+    assert there.stopped
+    push(there, [0, 0, 0.1, 0, 0, 0], 0.5)
+    rest = there.pose
+    push(there, [0, 0, 0.1, 0, 0, 0], 0.5)
+    np.testing.assert_allclose(there.pose[:3, 3], rest[:3, 3], atol=2e-3)  # it creeps out of what it presses on
+
+
 def test_pressing_pushes_back_along_the_gel_and_friction_is_bounded():
     there = arm(1e-3, gel=Gel(friction=0.3))
     push(there, [0, 0, -0.005, 0, 0, 0], 0.4)

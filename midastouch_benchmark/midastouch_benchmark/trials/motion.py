@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import numpy as np
 import midastouch_motion
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.contact_servo import Limits
 from midastouch_motion.guard import Guard
@@ -22,18 +24,20 @@ from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
-from midastouch_perception.simulation.slide import MIN_PROGRESS, somewhere, straight_on
+from midastouch_perception.simulation.slide import MIN_PROGRESS, Ahead, somewhere, straight_on
 from midastouch_perception.tdn import load_tdn
 
 from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
 from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
-_STEEPEST = np.radians(60.0)  # of the surface there: an arm does not reach below
+_REACH, _CONE = np.radians((75.0, 90.0))  # of where it is asked to go, and keeps to, as of `arm:=mujoco`
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
-_LENGTHS = 0.02, 0.06  # m
+_LENGTHS, _ONWARD = (0.02, 0.06), 0.03  # m
 _TIMEOUT = 20.0  # s of a motion
-_GOES_ON = 3e-3, np.radians(30.0)  # the surface, so far ahead, turns by less
+_STEP = 3e-3  # m, along the surface
+_GOES_ON = np.radians(30.0)  # the surface turns by less in a step
+_TRIES = 32
 _FORCE, _STALE = 40.0, 0.1  # N, s: what the guard stops at
 
 Fault = Callable[[Rehearsal], float]
@@ -118,21 +122,24 @@ class _Trial:
         self._digit = SimulatedDigit(mesh, sensor, self._background, seed)
         self._stage = DepthStage(load_tdn("fast", sensor))
         self._moments: list[tuple[float, bool]] = []
-        touched, base_from_object = self._placed(sensor)
-        box = np.full(3, -1.5), np.full(3, 1.5)
-        guard = Guard(*box, Limits().depth, stale=_STALE, force=_FORCE)
-        start = base_from_object @ touched @ turn(rng, _TILT)
-        rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
+        rig = self._placed(sensor)
         self._arm, self._controller, self._rehearsal = rig.arm, rig.controller, rig.rehearsal
 
-    def _placed(self, sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
-        """T_obj_gel (4, 4) over a random place that can be touched, and T_base_obj (4, 4) that an arm reaches it."""
+    def _placed(self, sensor: SensorModel) -> ArmRig:
+        """An arm whose gel is over a random place that can be touched."""
         rng, mesh = self._rng, self._mesh
+        box = np.full(3, -1.5), np.full(3, 1.5)
+        guard = Guard(*box, Limits().depth, stale=_STALE, force=_FORCE, cone=_CONE)
         point = somewhere(mesh, Reachability(mesh, sensor), DEPTH, rng)
-        frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 2 * np.pi, 1))[0]
-        up = turn(rng, rng.uniform(0, _STEEPEST))
-        gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
-        return gel, se3.make(up[:3, :3], AT) @ se3.inverse(se3.make(frame, point))
+        for _ in range(_TRIES):
+            frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 2 * np.pi, 1))[0]
+            up = turn(rng, rng.uniform(0, _REACH))
+            base_from_object = se3.make(up[:3, :3], AT) @ se3.inverse(se3.make(frame, point))
+            gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
+            start = base_from_object @ gel @ turn(rng, _TILT)
+            with contextlib.suppress(InputError):  # the arm does not reach it
+                return ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
+        raise InputError(f"{mesh.name}: the arm reaches no place on it")
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
         return self._stage.process(self._digit.look(T_obj_gel).image, self._background)
@@ -147,8 +154,9 @@ class _Trial:
         trial = {"touch": touch, "slide": None, "fault": None}
         if not touch["success"]:
             return trial
-        heading = rng.uniform(-np.pi, np.pi)
-        slide = self._motion(Slide(heading, rng.uniform(*_LENGTHS), DEPTH))
+        length = rng.uniform(*_LENGTHS)
+        heading = self._heading(length)
+        slide = self._motion(Slide(heading, length, DEPTH))
         off = any(word in slide["message"] for word in ("was lost", "leaves the gel"))
         depths = np.array([depth for depth, image in self._moments if image])
         trial["slide"] = slide | {
@@ -174,17 +182,35 @@ class _Trial:
     def _keep(self, moment: Moment) -> None:
         self._moments.append((self._arm.deepest, moment.image))
 
+    def _heading(self, length: float) -> float:
+        """A direction of the gel's plane; the arm reaches the surface on the way there if any such was found."""
+        for _ in range(_TRIES):
+            heading = self._rng.uniform(-np.pi, np.pi)
+            normals = [each.normal for each in self._ahead(heading, length)]
+            if (np.array(normals) @ self._arm.base_from_object[2, :3] > np.cos(_REACH)).all():
+                break
+        return heading
+
     def _goes_on(self, heading: float) -> bool:
         """Whether the surface below the gel goes on in a direction of its plane, about as it is."""
-        ahead, bend = _GOES_ON
+        begin, *ahead = self._ahead(heading, _STEP)
+        return len(ahead) == 1 and bool(begin.normal @ ahead[0].normal > np.cos(_GOES_ON))
+
+    def _ahead(self, heading: float, length: float) -> list[Ahead]:
+        """Steps over the surface from below the gel on, in a direction of its plane, as far as they lead."""
         pose = self._arm.gel_on_object
         (point,), _, _ = self._mesh.closest_points(pose[None, :3, 3])
         (normal,) = self._mesh.smooth_normals(point[None])
-        way = straight_on(self._mesh, point, pose[:3, :2] @ (np.cos(heading), np.sin(heading)), ahead)
-        return way.moved > MIN_PROGRESS * ahead and bool(way.normal @ normal > np.cos(bend))
+        way = [Ahead(point, normal, pose[:3, :2] @ (np.cos(heading), np.sin(heading)), 0.0)]
+        for _ in range(math.ceil(length / _STEP)):
+            ahead = straight_on(self._mesh, way[-1].point, way[-1].heading, _STEP)
+            if ahead.moved <= MIN_PROGRESS * _STEP:
+                break
+            way.append(ahead)
+        return way
 
     def _fault(self) -> dict | None:
-        """Something goes wrong while it slides back."""
+        """Something goes wrong while it slides on."""
         name = list(FAULTS)[self._seed % len(FAULTS)]
         begin = self._rehearsal.now + self._rng.uniform(0.2, 0.5)
         known, moving, stopped = math.inf, False, math.inf
@@ -197,7 +223,7 @@ class _Trial:
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
-        ended = self._rehearsal.carry_out(Slide(self._rng.uniform(-np.pi, np.pi), 0.03, DEPTH), _TIMEOUT, after)
+        ended = self._rehearsal.carry_out(Slide(self._heading(_ONWARD), _ONWARD, DEPTH), _TIMEOUT, after)
         if not moving:
             return None
         periods = None if stopped == math.inf else max(math.ceil((stopped - known) / PERIOD - 1e-6), 0)

@@ -149,8 +149,9 @@ def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
 
 
 def _keep_to_box(nodes: dict[str, dict]) -> None:
-    """Have an explorer that is given no reach of its own keep to the arm's box; InputError for a box of nothing."""
-    corners = [nodes.get("slider", {}).get(f"box_{corner}") for corner in ("low", "high")]
+    """Have an explorer that is given no reach of its own keep to the arm's; InputError for a box of nothing."""
+    slider = nodes.get("slider", {})
+    corners = [slider.get(f"box_{corner}") for corner in ("low", "high")]
     if None in corners:
         return
     if not all(low < high for low, high in zip(*corners, strict=True)):
@@ -158,8 +159,11 @@ def _keep_to_box(nodes: dict[str, dict]) -> None:
             "where may the arm move? Give box_low and box_high of slider, opposite corners of a box in the base "
             "frame [m], in a parameter file: params_overlay:=FILE"
         )
+    explorer = nodes.setdefault("explorer", {})
     for name, corner in zip(("reach_low", "reach_high"), corners, strict=True):
-        nodes.setdefault("explorer", {}).setdefault(name, corner)
+        explorer.setdefault(name, corner)
+    if "cone" in slider:
+        explorer.setdefault("reach_cone", slider["cone"])
 
 
 def _read(path: str) -> dict[str, dict]:

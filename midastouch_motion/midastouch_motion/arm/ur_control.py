@@ -46,7 +46,9 @@ class UrArm:
         end = time.monotonic() + timeout
         while not self._control.isProgramRunning():
             if time.monotonic() > end:
-                raise ConnectionError("the program does not start; is the arm powered on and not stopped?")
+                raise ConnectionError(
+                    "the program does not start: power the arm on, release its brakes and stops, enable remote control"
+                )
             time.sleep(1.0 / RATE)
         self._ask(self._control.setWatchdog, 1.0 / self._stopping.timeout)
 

@@ -107,6 +107,8 @@ class MujocoArmNode(PipelineNode):
         if ahead > 0:
             self._arm.advance(self._arm.time + ahead)
             self._publish()
+            if self._arm.stopped:
+                self.get_logger().error("protective stop: the arm has met the table or itself; start again", once=True)
 
     def _publish(self) -> None:
         arm, p = self._arm, self._settings

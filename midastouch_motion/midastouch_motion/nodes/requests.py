@@ -38,6 +38,8 @@ def _approach(goal: Approach.Goal, parameters: Parameters) -> skills.Approach:
     low, high = np.array(parameters["box_low"]), np.array(parameters["box_high"])
     if not ((low <= pose[:3, 3]) & (pose[:3, 3] <= high)).all():
         raise InputError("pose: outside of the box")
+    if pose[2, 2] < np.cos(np.radians(parameters["cone"])) - 1e-9:
+        raise InputError("pose: outside of the cone")
     return skills.Approach(pose)
 
 

@@ -24,9 +24,9 @@ from .rig import Rig, moving
 pytestmark = pytest.mark.dds
 
 
-def posed(frame="base_link", w=1.0, **position):
+def posed(frame="base_link", w=1.0, x_of_turn=0.0, **position):
     """A pose, upright."""
-    pose = Pose(position=Point(**position), orientation=Quaternion(w=w))
+    pose = Pose(position=Point(**position), orientation=Quaternion(w=w, x=x_of_turn))
     return PoseStamped(header=Header(frame_id=frame), pose=pose)
 
 
@@ -223,10 +223,11 @@ def test_a_direction_is_one_of_any_length(graph, size):
         (Approach, {"pose": posed(x=float("nan"))}, "non-finite"),
         (Approach, {"pose": posed(w=0.0)}, "zero quaternion"),
         (Approach, {"pose": posed(z=2.0)}, "outside of the box"),
+        (Approach, {"pose": posed(x_of_turn=1.0)}, "outside of the cone"),
     ],
 )
 def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):
-    rig = Rig(graph)
+    rig = Rig(graph, cone=80.0)
     assert reason in rig.ask(kind, **goal).ended().message
     assert not any(map(moving, rig.twists))
 
