@@ -61,7 +61,9 @@ class Controller:
             return self._end(now, self._reason or Ended(False, problem))
         answer = self.skill.step(self.servo, now, seen.gel)
         if isinstance(answer, Ended):
-            if answer.success and (problem := self.guard.outside(seen)):
+            # off the surface is right beyond the cone, too
+            outside = self.guard.outside_box if self.skill.leaves else self.guard.outside
+            if answer.success and (problem := outside(seen)):
                 answer = Ended(False, problem)
             return self._end(now, self._reason or answer)
         self._moving = True

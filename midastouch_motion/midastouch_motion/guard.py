@@ -95,10 +95,11 @@ class Guard:
 
     def outside(self, seen: Seen, twist: np.ndarray | None = None) -> str:
         """That the gel is outside of box or cone, in words, empty if it is not, or if a twist (6,) leads it back."""
-        return self._out_of_box(seen.gel, twist) or self._out_of_cone(seen.gel, twist)
+        return self.outside_box(seen, twist) or self._outside_cone(seen.gel, twist)
 
-    def _out_of_box(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
-        position = gel[:3, 3]
+    def outside_box(self, seen: Seen, twist: np.ndarray | None = None) -> str:
+        """The same of the box alone."""
+        gel, position = seen.gel, seen.gel[:3, 3]
         out = (position > self.high).astype(int) - (position < self.low)
         if not out.any():
             return ""
@@ -108,7 +109,7 @@ class Guard:
                 return ""
         return f"the gel is at {_in_mm(position)} mm, outside of the box"
 
-    def _out_of_cone(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
+    def _outside_cone(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
         """What leads straight off the surface is allowed everywhere: nothing could be turned back before."""
         angle = math.acos(min(max(gel[2, 2], -1.0), 1.0))
         if angle <= self.cone:

@@ -16,13 +16,11 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .gel_layer import Gel, GelLayer
 from .rehearsal import Late
+from .ur_kinematics import Kinematics
 from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
 """s of a step of physics: that of a UR's own control loop."""
-_DAMPED = 0.01  # of the least squares that turn a twist into joint speeds; matters where the arm is stretched
-_CLOSE = 1e-4, 1e-3  # m, rad: a start pose counts as reached
-_MOST_ITERATIONS = 200
 
 
 def require_mujoco() -> ModuleType:
@@ -52,7 +50,7 @@ class Setting:
 class MujocoArm:
     """Args: mesh of the object; sensor, whose gel it has; setting.
 
-    An arm that meets the table or itself stays where it is from then on, as in a UR's protective stop.
+    An arm that meets the table or itself stands still from then on, as in a UR's protective stop.
 
     Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
     something. Raises InputError where it does not reach the start.
@@ -63,16 +61,19 @@ class MujocoArm:
         text = ur_model(setting.mount, setting.base_from_object, setting.holding, PERIOD)
         self._model = mujoco.MjModel.from_xml_string(text)
         self._data = mujoco.MjData(self._model)
-        self._arm = [self._model.joint(f"joint{number}").id for number in range(6)]
-        self._places = self._model.jnt_qposadr[self._arm]
-        self._speeds = self._model.jnt_dofadr[self._arm]
-        self._sites = {name: self._data.site(name) for name in ("drawn_gel", "gel", "object")}
+        self._joints = Kinematics(mujoco, self._model, self._data)
+        self._sites = {name: self._data.site(name) for name in ("gel", "object")}
         self._layer = GelLayer(mesh, sensor, setting.gel)
         self._latency, self._timeout = setting.latency, setting.timeout
         self._twists: Late[np.ndarray] = Late()
         self._twist, self._until = np.zeros(6), -math.inf
         self._wrench, self.stopped = np.zeros(6), False
-        self._reach(setting.start)
+        self._joints.positions = READY
+        if not self._joints.reach(setting.start, passing=True):
+            where = ", ".join(f"{1e3 * each:.0f}" for each in setting.start[:3, 3])
+            raise InputError(f"the arm does not reach ({where}) mm with the gel turned as wanted")
+        self._data.ctrl[:] = self._joints.positions
+        mujoco.mj_forward(self._model, self._data)
 
     @property
     def time(self) -> float:
@@ -87,7 +88,7 @@ class MujocoArm:
     @property
     def pose(self) -> np.ndarray:
         """T_base_gel (4, 4) by the joints and the drawing: what TF says."""
-        return self._site("drawn_gel")
+        return self._joints.pose
 
     @property
     def gel_on_object(self) -> np.ndarray:
@@ -102,7 +103,7 @@ class MujocoArm:
     @property
     def joints(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (6,) rad and velocities (6,) rad/s."""
-        return self._data.qpos[self._places].copy(), self._data.qvel[self._speeds].copy()
+        return self._joints.positions, self._joints.velocities
 
     @property
     def wrench(self) -> np.ndarray:
@@ -118,17 +119,31 @@ class MujocoArm:
         while self.time < now - PERIOD / 2:
             self._follow()
             self._press()
-            self._mujoco.mj_step(self._model, self._data)
-            if self._data.ncon > 0 and not self.stopped:
-                self.stopped = True
-                self._data.ctrl[:] = self._data.qpos[self._places]
+            if self.stopped:  # its brakes are on
+                self._data.time += PERIOD
+            else:
+                self._mujoco.mj_step(self._model, self._data)
+                self.stopped = self._joints.meets
         return self.pose
+
+    def reaches(self, poses: np.ndarray) -> np.ndarray:
+        """(N,) bool: whether it gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it is,
+        without meeting the table or itself. The way leads by those that it gets to."""
+        data = self._mujoco.MjData(self._model)
+        joints = Kinematics(self._mujoco, self._model, data)
+        joints.positions = here = self._joints.positions
+        reached = np.zeros(len(poses), bool)
+        for number, pose in enumerate(poses):
+            reached[number] = joints.reach(pose)
+            here = joints.positions if reached[number] else here
+            joints.positions = here
+        return reached
 
     def _follow(self) -> None:
         for begins, twist in self._twists.arrived(self.time):
             self._twist, self._until = twist, begins + self._timeout
-        if self.time < self._until and not self.stopped:
-            speeds = self._joint_speeds(self._twist)
+        if self.time < self._until:
+            speeds = self._joints.speeds_of(self._twist)
             self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
 
     def _press(self) -> None:
@@ -155,31 +170,6 @@ class MujocoArm:
         linear, angular = np.zeros((2, 3, self._model.nv))
         self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[site].id)
         return linear, angular
-
-    def _joint_speeds(self, twist: np.ndarray) -> np.ndarray:
-        """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
-        rotation = self.pose[:3, :3]
-        jacobian = np.concatenate([rotation.T @ part[:, self._speeds] for part in self._jacobian("drawn_gel")])
-        squares = jacobian @ jacobian.T + _DAMPED**2 * np.eye(6)
-        return jacobian.T @ np.linalg.solve(squares, twist)
-
-    def _reach(self, goal: np.ndarray) -> None:
-        """Put the joints where the gel, as drawn, is at a pose (4, 4)."""
-        self._data.qpos[self._places] = READY
-        for _ in range(_MOST_ITERATIONS):
-            self._mujoco.mj_kinematics(self._model, self._data)
-            self._mujoco.mj_comPos(self._model, self._data)
-            error = se3.log(se3.inverse(self.pose) @ goal)
-            if np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]:
-                self._data.ctrl[:] = self._data.qpos[self._places]
-                self._mujoco.mj_forward(self._model, self._data)
-                if self._data.ncon == 0:
-                    return
-                break
-            step = self._joint_speeds(error)
-            self._data.qpos[self._places] += step * min(1.0, 0.2 / float(np.abs(step).max()))
-        where = ", ".join(f"{1e3 * each:.0f}" for each in goal[:3, 3])
-        raise InputError(f"the arm does not reach ({where}) mm with the gel turned as wanted")
 
     def _site(self, name: str) -> np.ndarray:
         site = self._sites[name]

@@ -46,6 +46,18 @@ def test_what_it_does_not_reach_is_refused():
         MujocoArm(BALL, SENSOR, Setting(far, far @ over(0.01)))
 
 
+def test_what_it_reaches_is_on_a_way_without_what_it_meets():
+    there = arm(0.03)
+    here = there.pose
+    under = here @ se3.exp(np.array([0, 0, 0, *np.radians(140.0) * np.array([np.cos(3.6), np.sin(3.6)]), 0]))
+    table, far = here @ se3.translation([0, 0, -0.35]), here @ se3.translation([0.9, 0, 0])
+    ways = [here, table, here @ se3.translation([0.05, 0, 0]), far, here @ se3.translation([0, 0.05, 0.02])]
+    assert there.reaches(np.stack(ways)).tolist() == [True, False, True, False, True]
+    assert not there.reaches(under[None]).any()
+    np.testing.assert_array_equal(there.pose, here)
+    assert not there.stopped
+
+
 @pytest.mark.parametrize("axis", range(6))
 def test_it_follows_a_twist_in_the_gel_s_own_frame_late(axis):
     there = arm(0.03, latency=0.05)

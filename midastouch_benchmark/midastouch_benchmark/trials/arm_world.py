@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from midastouch_bringup.explore.acts import Act, Approach, Done, Lift, Plan, Slide, Touch, carried_out
+from midastouch_bringup.explore.acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from midastouch_bringup.explore.reach import Reach
 from midastouch_bringup.processes.parameter_files import read_parameters
 from midastouch_bringup.ros.launch_arguments import SHARE
@@ -23,7 +23,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .arm_rig import AT, DEPTH, ArmRig
 
-_ABOVE = 0.03  # m over the highest point of the object, where the gel begins
+_ABOVE = 0.01  # m over the highest point of the object, where the gel begins
 _TIMEOUT = 120.0  # s of an act
 
 _T = TypeVar("_T")
@@ -54,9 +54,9 @@ class ArmWorld:
         settings = read_parameters(SHARE / "config" / "arm_mujoco.yaml")
         of_slider, of_explorer = settings["slider"], settings["explorer"]
         box = np.array(of_slider["box_low"]), np.array(of_slider["box_high"])
-        guard = Guard(*box, of_slider["max_depth"], force=of_slider["max_force"])
+        guard = Guard(*box, of_slider["max_depth"], force=of_slider["max_force"], cone=np.radians(of_slider["cone"]))
         cone = np.radians(of_explorer["reach_cone"])
-        self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=False)
+        self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=True)
         self._perceive, self._coming = perceive, []
         self.deepest = 0.0
         self._rig: ArmRig | None = None  # which takes its first image as it is made
@@ -83,8 +83,12 @@ class ArmWorld:
         """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns what it came to."""
         return (yield from carried_out(plan, self.carry_out))
 
-    def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
-        """Move the arm; yields T_obj_gel (4, 4), one per image, once it is done, and returns how it ended."""
+    def carry_out(self, act: Act | CheckReach) -> Generator[np.ndarray, None, Done]:
+        """Move the arm; yields T_obj_gel (4, 4), one per image, once it is done, and returns how it ended. A question
+        is answered as `mujoco_arm` does."""
+        if isinstance(act, CheckReach):
+            reached = bool(self._rig.arm.reaches(act.poses).all())
+            return self._done(skills.Ended(reached, "" if reached else "the arm does not get there"), 0.0)
         skill = _skill(act)
         ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
         if ended is None:
@@ -93,7 +97,10 @@ class ArmWorld:
         coming, self._coming = self._coming, []
         for pose, self.sensed in coming:
             yield pose
-        return Done(*ended, skill.path, self._rig.controller.servo.touching, self.base_from_gel)
+        return self._done(ended, skill.path)
+
+    def _done(self, ended: skills.Ended, path: float) -> Done:
+        return Done(*ended, path, self._rig.controller.servo.touching, self.base_from_gel)
 
     def _watch(self, _: Moment) -> None:
         self.deepest = max(self.deepest, self._rig.arm.deepest)

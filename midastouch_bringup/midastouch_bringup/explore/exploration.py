@@ -123,11 +123,18 @@ class Exploration:
         leap_first = self._rng.random() < _LEAPS or not self.touching
         at_random = [*leaps, *slides] if leap_first else [*slides, *leaps]
         self._why_not = "every way is out of the arm's reach"
-        for motion in [*suggested, *at_random]:
+        left = [*suggested, *at_random]
+        while left:
             if self._held():
                 return
-            if self._reachable(motion, around) and (yield from self.obey(motion, around)):
+            motion = left.pop(0)
+            if not self._reachable(motion, around):
+                continue
+            # where a surface is believed and none is found the belief is wrong, and of other places, too
+            if (yield from self.obey(motion, around, others=around.mesh is None)):
                 return
+            if motion.lift and self.touching:  # slides need no belief
+                left.sort(key=lambda each: each.lift)
         if self._held():
             return
         if around.mesh is not None:  # where the object is believed to be, which may be wrong
@@ -165,11 +172,13 @@ class Exploration:
 
     # --- what a person wants
 
-    def obey(self, motion: Motion, around: Surroundings) -> Plan[bool]:
-        """This very motion, as far as it can be carried out; whether it went anywhere."""
+    def obey(self, motion: Motion, around: Surroundings, others: bool = True) -> Plan[bool]:
+        """This very motion, as far as it can be carried out; whether it went anywhere. others: whether a leap tries
+        what is near where it cannot touch."""
         if not motion.lift:
             return (yield from self._slide(motion, around))
-        return (yield from self._leap(ways_along(around, motion.heading, motion.length), around))
+        ways = ways_along(around, motion.heading, motion.length)
+        return (yield from self._leap(ways if others else ways[:1], around))
 
     def leap(self, around: Surroundings) -> Plan[bool]:
         """Lift, and touch elsewhere at random."""

@@ -173,7 +173,8 @@ class Explorer(PipelineNode):
                 self._unjudged = self._filter.measured = False
             if self._ended():
                 return
-            if self._suggestions.ready and self._filter.state != FilterStatus.STATE_UNINITIALISED:
+            begun = self._filter.state != FilterStatus.STATE_UNINITIALISED and self._exploration.touching
+            if self._suggestions.ready and begun:
                 self._suggestions.ask_where()
             else:
                 self._decide(None)

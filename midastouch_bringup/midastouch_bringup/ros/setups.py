@@ -141,7 +141,7 @@ SETUPS = {
         # a beginning from which it knows soon; from others it may give up
         {
             "arm": "finger",
-            "object": "handle_tool",
+            "object": "star_knob",
             "objects": ",".join(bundled_objects()),
             "seed": "2",
             "setup_file": str(SHARE / "config" / "explore.yaml"),

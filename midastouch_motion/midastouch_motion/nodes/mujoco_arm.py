@@ -6,7 +6,7 @@ import math
 import time
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped, Wrench, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, Wrench, WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -14,13 +14,16 @@ from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import qos, spin
 from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
+from midastouch_common.ros.goals import pose_in
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_msgs.msg import TactileContact
+from midastouch_msgs.srv import CheckReach
 from midastouch_perception.sensor_model import SensorModel
 
 from ..arm.rtde import JOINT_NAMES
@@ -41,7 +44,7 @@ PARAMETERS = (
         [0.45, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0],
         "Of the object in the base frame at first: x y z [m], quaternion x y z w",
     ),
-    Parameter("above", 0.03, "How far over the object the gel begins", unit="m", minimum=1e-3, maximum=0.3),
+    Parameter("above", 0.01, "How far over the object the gel begins", unit="m", minimum=1e-3, maximum=0.3),
     Parameter("mount_error", [0.0] * 6, "Of the gel, off its drawing: x y z [m], turn about them [rad]"),
     Parameter("friction", 0.5, "Of gel on object", minimum=0.0, maximum=2.0),
     Parameter("holding", 0.0, "The object gives way to more; 0: it never does", unit="N", minimum=0.0, maximum=1e3),
@@ -82,6 +85,7 @@ class MujocoArmNode(PipelineNode):
         self._wrench = self.create_publisher(WrenchStamped, "wrench", qos.stream_publisher())
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(10))
         self.create_subscription(TactileContact, "tactile/contact", self._on_contact, qos.stream_subscriber(10))
+        self.create_service(CheckReach, "~/check_reach", self._on_check_reach)
         self.create_timer(self._period, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_twist(self, msg: TwistStamped) -> None:
@@ -93,6 +97,18 @@ class MujocoArmNode(PipelineNode):
 
     def _on_contact(self, msg: TactileContact) -> None:
         self._contact = (stamp_ns(msg.header.stamp) - self._began) / SECOND, time.monotonic()
+
+    def _on_check_reach(self, request: CheckReach.Request, response: CheckReach.Response) -> CheckReach.Response:
+        header, base = request.poses.header, self._settings["base_frame_id"]
+        try:
+            poses = [pose_in(PoseStamped(header=header, pose=pose), base) for pose in request.poses.poses]
+        except InputError as error:
+            response.message = str(error)
+            return response
+        response.reachable = self._arm.reaches(np.reshape(poses, (-1, 4, 4))).tolist()
+        if not all(response.reachable):
+            response.message = "the arm is too short, or would meet itself or the table"
+        return response
 
     def _on_timer(self) -> None:
         """Go on as far as the machine's time has, but not too far beyond what was measured."""

@@ -8,5 +8,6 @@ _FOLDER = Path(__file__).parent
 
 
 def bundled_objects() -> dict[str, Path]:
-    """Name -> mesh file: `handle_tool` (salient, tool-like), `ball` (symmetric), `eyebolt` (small part)."""
+    """Name -> mesh file: `handle_tool` (salient, tool-like), `ball` (symmetric), `eyebolt` (small part), `star_knob`
+    (told at once from above)."""
     return {path.stem: path for path in sorted(_FOLDER.glob("*.ply"))}

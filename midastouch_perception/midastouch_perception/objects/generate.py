@@ -9,6 +9,7 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 
 from ..simulation.procedural import (
+    Sdf,
     at,
     box,
     cylinder,
@@ -50,9 +51,36 @@ def eyebolt() -> ObjectMesh:
     return mesh_from_sdf(union(ring, collar, shank, blend=0.001), np.array([0.016, 0.030, 0.010]), 5e-4, "eyebolt")
 
 
+def star_knob() -> ObjectMesh:
+    """A 12 cm knob with a flat back: four arms, each with another section and another end."""
+
+    def along(angle: float, distance: float, shape: Sdf, z: float = 0.0) -> Sdf:
+        """The shape's z axis laid in the direction of an angle [deg] about z."""
+        return at(at(shape, x=distance, z=z, turn=(0, np.pi / 2, 0)), turn=(0, 0, np.radians(angle)))
+
+    def end(angle: float, distance: float, shape: Sdf) -> Sdf:
+        return at(at(shape, x=distance), turn=(0, 0, np.radians(angle)))
+
+    front = union(
+        cylinder(0.016, 0.008, 0.003),
+        at(sphere(0.02), x=0.002, y=-0.001, z=-0.005),
+        along(0, 0.028, cylinder(0.0085, 0.020, 0.002)),
+        along(75, 0.026, cylinder(0.0060, 0.017, 0.001), z=0.001),
+        along(160, 0.027, box((0.007, 0.009, 0.018), 0.0015)),
+        along(250, 0.028, rippled(cylinder(0.0075, 0.018, 0.002), 3.5e-4, 5e-3, (0, 0, 1.0))),
+        end(0, 0.052, sphere(0.012)),
+        end(75, 0.048, torus(0.0085, 0.0035)),
+        end(160, 0.048, at(box((0.009, 0.012, 0.0085), 0.0008), turn=(0, 0, 0.4))),
+        end(250, 0.046, cylinder(0.011, 0.009, 0.001)),
+        blend=0.0025,
+    )
+    back = at(box((0.1, 0.1, 0.02)), z=-0.0265)
+    return mesh_from_sdf(difference(front, back), np.array([0.066, 0.066, 0.02]), 1e-3, "star_knob")
+
+
 def main() -> None:
-    """Write the three meshes beside this file."""
-    for mesh in (handle_tool(), ball(), eyebolt()):
+    """Write the meshes beside this file."""
+    for mesh in (handle_tool(), ball(), eyebolt(), star_knob()):
         mesh.save(Path(__file__).parent / f"{mesh.name}.ply")
         print(f"{mesh.name}: {len(mesh.faces)} faces, {mesh.diagonal * 1e3:.0f} mm across")
 

@@ -49,7 +49,7 @@ def test_random_shapes_are_usable_and_seeded():
 
 
 def test_bundled_meshes_are_what_the_generator_makes():
-    assert set(bundled_objects()) == {"ball", "eyebolt", "handle_tool"}
+    assert set(bundled_objects()) == {"ball", "eyebolt", "handle_tool", "star_knob"}
     for name, path in bundled_objects().items():
         made = getattr(generate, name)()
         np.testing.assert_allclose(ObjectMesh.load(path).vertices, made.vertices, atol=1e-6)

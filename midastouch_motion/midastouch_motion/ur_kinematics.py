@@ -1,0 +1,69 @@
+"""The joints of a simulated UR: speeds of theirs that move its gel by a twist, and positions that have it at a pose."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from midastouch_common import se3
+
+_DAMPED = 0.01  # of the least squares that turn a twist into joint speeds; matters where the arm is stretched
+_CLOSE = 1e-4, 1e-3  # m, rad: a pose counts as reached
+_MOST_ITERATIONS = 200
+_LONGEST_STEP = 0.2  # rad
+
+
+class Kinematics:
+    """Of an arm as `ur_model` makes it. Args: mujoco, the module; model and data, MuJoCo's own."""
+
+    def __init__(self, mujoco: ModuleType, model, data):
+        self._mujoco, self._model, self._data = mujoco, model, data
+        self._arm = [model.joint(f"joint{number}").id for number in range(6)]
+        self._places, self._speeds = model.jnt_qposadr[self._arm], model.jnt_dofadr[self._arm]
+        self._gel = data.site("drawn_gel")
+
+    @property
+    def positions(self) -> np.ndarray:
+        """rad (6,)."""
+        return self._data.qpos[self._places].copy()
+
+    @positions.setter
+    def positions(self, positions: np.ndarray) -> None:
+        self._data.qpos[self._places] = positions
+        self._mujoco.mj_fwdPosition(self._model, self._data)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """rad/s (6,)."""
+        return self._data.qvel[self._speeds].copy()
+
+    @property
+    def pose(self) -> np.ndarray:
+        """T_base_gel (4, 4) by the drawing."""
+        return se3.make(self._gel.xmat.reshape(3, 3).copy(), self._gel.xpos.copy())
+
+    @property
+    def meets(self) -> bool:
+        """Whether the arm touches itself or the table."""
+        return self._data.ncon > 0
+
+    def speeds_of(self, twist: np.ndarray) -> np.ndarray:
+        """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
+        linear, angular = np.zeros((2, 3, self._model.nv))
+        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._gel.id)
+        turned = self.pose[:3, :3].T
+        jacobian = np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
+        return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)
+
+    def reach(self, goal: np.ndarray, passing: bool = False) -> bool:
+        """Put the joints where the gel, as drawn, is at a pose (4, 4), or on the way there; whether it is, and meets
+        nothing. passing: whether it may meet something on the way."""
+        for _ in range(_MOST_ITERATIONS):
+            error = se3.log(se3.inverse(self.pose) @ goal)
+            there = np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]
+            if there or (self.meets and not passing):
+                return there and not self.meets
+            step = self.speeds_of(error)
+            self.positions += step * min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
+        return False
