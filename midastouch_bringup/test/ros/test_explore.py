@@ -37,8 +37,11 @@ def short(tmp_path, monkeypatch):
     return ["object:=eyebolt", "codebook:=out/codebooks/eyebolt.npz", "objects:=", "params_overlay:=short.yaml"]
 
 
-def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsys):
-    assert cli.main(["run", "explore", *short]) == 1  # so short a way tells nobody where it is
+@pytest.mark.parametrize("arm", ["finger", "mujoco"])
+def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsys, arm):
+    if arm == "mujoco":
+        pytest.importorskip("mujoco", reason="not installed: tools/requirements/mujoco.txt")
+    assert cli.main(["run", "explore", f"arm:={arm}", *short]) == 1  # so short a way tells nobody where it is
     output = capsys.readouterr().out
     out = tmp_path / "out" / "explore"
     result = json.loads((out / "result.json").read_text())
