@@ -228,7 +228,7 @@ def test_an_arm_that_explores_keeps_to_its_box_and_waits_to_be_let_go(tmp_path):
     assert own["explorer"]["start_paused"] is True
     assert own["explorer"]["reach_low"] == own["slider"]["box_low"] == [0.2, -0.3, 0.0]
     assert own["explorer"]["reach_high"] == own["slider"]["box_high"]
-    assert own["explorer"]["reach_cone"] == own["slider"]["cone"] == 60.0
+    assert own["explorer"]["reach_cone"] == own["slider"]["cone"] == 50.0
     assert own["slider"]["sensor_model"] == own["tdn"]["sensor_model"]
     assert own["ur_speed"]["robot_ip"] == own["ur_tf"]["robot_ip"] == "the.arm"
     assert own["ur_speed"]["tool_frame_id"] == "a_tool0"

@@ -110,13 +110,14 @@ class Guard:
         return f"the gel is at {_in_mm(position)} mm, outside of the box"
 
     def _outside_cone(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
-        """What leads straight off the surface is allowed everywhere: nothing could be turned back before."""
+        """What leads straight off the surface is allowed everywhere: before, nothing can be turned back."""
         angle = math.acos(min(max(gel[2, 2], -1.0), 1.0))
         if angle <= self.cone:
             return ""
         if twist is not None:
             upwards = gel[2, 0] * twist[4] - gel[2, 1] * twist[3]  # change of the z axis along the base's
-            if upwards > 0 or (not twist[3:].any() and twist[2] >= 0):
+            beside = twist[:2].any() or twist[3:].any()
+            if upwards > 0 or (twist[2] >= 0 and not beside):
                 return ""
         return f"the gel is tilted by {math.degrees(angle):.0f} deg, outside of the cone"
 

@@ -21,6 +21,8 @@ from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
 """s of a step of physics: that of a UR's own control loop."""
+NOT_REACHED = "the arm is too short, or would meet the table or its own sensor"
+"""Why it does not get somewhere, in words."""
 
 
 def require_mujoco() -> ModuleType:
@@ -50,7 +52,7 @@ class Setting:
 class MujocoArm:
     """Args: mesh of the object; sensor, whose gel it has; setting.
 
-    An arm that meets the table or itself stands still from then on, as in a UR's protective stop.
+    An arm that meets the table, or its own sensor, stands still from then on, as in a UR's protective stop.
 
     Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
     something. Raises InputError where it does not reach the start.
@@ -123,16 +125,19 @@ class MujocoArm:
                 self._data.time += PERIOD
             else:
                 self._mujoco.mj_step(self._model, self._data)
-                self.stopped = self._joints.meets
+                if self._joints.meets:
+                    self.stopped, self._data.qvel[:] = True, 0.0
         return self.pose
 
     def reaches(self, poses: np.ndarray) -> np.ndarray:
         """(N,) bool: whether it gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it is,
-        without meeting the table or itself. The way leads by those that it gets to."""
+        without meeting the table or its sensor. The way leads by those that it gets to; stopped, it gets nowhere."""
         data = self._mujoco.MjData(self._model)
         joints = Kinematics(self._mujoco, self._model, data)
         joints.positions = here = self._joints.positions
         reached = np.zeros(len(poses), bool)
+        if self.stopped:
+            return reached
         for number, pose in enumerate(poses):
             reached[number] = joints.reach(pose)
             here = joints.positions if reached[number] else here

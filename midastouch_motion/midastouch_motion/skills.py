@@ -15,7 +15,7 @@ from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
 _UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more
-_EDGE = np.radians(90.0)  # a gel turns about an edge by as much, and gets no farther meanwhile
+_NO_FARTHER_FOR = 3.0  # s, after which a slide will not get on: a gel turns about an edge meanwhile
 _STEP = 5e-4  # m
 _STALLED_FOR = 0.3  # s in which a gel turns to a surface that bends away; for longer it would turn about an edge
 _REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
@@ -129,7 +129,7 @@ class Slide:
         on = f"{1e3 * self.path:.0f} mm"
         if self.path >= self._length:
             return Ended(True, f"slid {on}")
-        if now - self._since > _EDGE / servo.limits.turn_speed:
+        if now - self._since > _NO_FARTHER_FOR:
             return Ended(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
             self._touched, self._lost = True, None

@@ -45,7 +45,7 @@ class Kinematics:
 
     @property
     def meets(self) -> bool:
-        """Whether the arm touches itself or the table."""
+        """Whether a link touches the table, or the sensor's housing a link or the table."""
         return self._data.ncon > 0
 
     def speeds_of(self, twist: np.ndarray) -> np.ndarray:
@@ -57,8 +57,8 @@ class Kinematics:
         return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)
 
     def reach(self, goal: np.ndarray, passing: bool = False) -> bool:
-        """Put the joints where the gel, as drawn, is at a pose (4, 4), or on the way there; whether it is, and meets
-        nothing. passing: whether it may meet something on the way."""
+        """Put the joints where the gel, as drawn, is at a pose (4, 4); whether it is, and meets nothing. If not, they
+        are left where the way ended. passing: whether it may meet something on the way."""
         for _ in range(_MOST_ITERATIONS):
             error = se3.log(se3.inverse(self.pose) @ goal)
             there = np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]

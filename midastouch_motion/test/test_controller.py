@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -151,6 +153,18 @@ def test_out_of_the_box_only_ways_back_are_gone():
     driver.begin(Approach(np.eye(4)))
     assert driver.ended()[0].success
     assert driver.gel[2, 3] < 0.002
+
+
+def test_beyond_the_cone_it_is_lifted_and_turned_back():
+    beyond = se3.exp(np.array([0, 0, 0, np.radians(70.0), 0, 0]))
+    driver = Driver(Lift(0.01))
+    driver.controller.guard = dataclasses.replace(driver.controller.guard, cone=np.radians(60.0))
+    driver.gel = beyond
+    assert driver.ended()[0].success
+    driver.begin(Touch(DEPTH, 0.01))
+    assert "outside of the cone" in driver.ended()[0].message
+    driver.begin(Approach(np.eye(4)))
+    assert driver.ended()[0].success
 
 
 def test_a_pause_of_the_controller_is_no_fault_of_the_arm():

@@ -67,6 +67,7 @@ def test_outside_of_the_cone_a_gel_may_turn_back_or_leave_the_surface(angle):
     back = -np.sign(angle)
     assert allowed(0.01, 0, 0, 0.1 * back, 0, 0)
     assert allowed(0, 0, 0.01, 0, 0, 0)
+    assert not allowed(0.01, 0, 0, 0, 0, 0)
     assert not allowed(0.01, 0, 0, -0.1 * back, 0, 0)
     assert not allowed(0, 0, 0.01, -0.1 * back, 0, 0)
     assert not allowed(0, 0, -0.01, 0, 0, 0)

@@ -15,7 +15,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion import skills
 from midastouch_motion.guard import Guard
-from midastouch_motion.mujoco_arm import over
+from midastouch_motion.mujoco_arm import NOT_REACHED, over
 from midastouch_motion.rehearsal import Moment
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import Touch as Touched
@@ -88,7 +88,7 @@ class ArmWorld:
         is answered as `mujoco_arm` does."""
         if isinstance(act, CheckReach):
             reached = bool(self._rig.arm.reaches(act.poses).all())
-            return self._done(skills.Ended(reached, "" if reached else "the arm does not get there"), 0.0)
+            return self._done(skills.Ended(reached, "" if reached else NOT_REACHED), 0.0)
         skill = _skill(act)
         ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
         if ended is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
@@ -31,7 +30,7 @@ from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
 from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
-_REACH, _CONE = np.radians((75.0, 90.0))  # of where it is asked to go, and keeps to, as of `arm:=mujoco`
+_REACH, _CONE = np.radians((75.0, 90.0))  # of where it is asked to go, and keeps to
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
 _LENGTHS, _ONWARD = (0.02, 0.06), 0.03  # m
 _TIMEOUT = 20.0  # s of a motion
@@ -130,16 +129,19 @@ class _Trial:
         rng, mesh = self._rng, self._mesh
         box = np.full(3, -1.5), np.full(3, 1.5)
         guard = Guard(*box, Limits().depth, stale=_STALE, force=_FORCE, cone=_CONE)
-        point = somewhere(mesh, Reachability(mesh, sensor), DEPTH, rng)
+        reachability, why = Reachability(mesh, sensor), ""
         for _ in range(_TRIES):
+            point = somewhere(mesh, reachability, DEPTH, rng)
             frame = se3.frame_from_normal(mesh.smooth_normals(point[None]), rng.uniform(0, 2 * np.pi, 1))[0]
             up = turn(rng, rng.uniform(0, _REACH))
             base_from_object = se3.make(up[:3, :3], AT) @ se3.inverse(se3.make(frame, point))
             gel = se3.make(frame, point + rng.uniform(*_HEIGHTS) * frame[:, 2])
             start = base_from_object @ gel @ turn(rng, _TILT)
-            with contextlib.suppress(InputError):  # the arm does not reach it
+            try:
                 return ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
-        raise InputError(f"{mesh.name}: the arm reaches no place on it")
+            except InputError as error:  # the arm does not reach it
+                why = str(error)
+        raise InputError(f"{mesh.name}: none of {_TRIES} places is reached: {why}")
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
         return self._stage.process(self._digit.look(T_obj_gel).image, self._background)

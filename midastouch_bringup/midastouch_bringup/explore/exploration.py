@@ -127,13 +127,13 @@ class Exploration:
         while left:
             if self._held():
                 return
-            motion = left.pop(0)
+            motion, before = left.pop(0), self._gel
             if not self._reachable(motion, around):
                 continue
             # where a surface is believed and none is found the belief is wrong, and of other places, too
             if (yield from self.obey(motion, around, others=around.mesh is None)):
                 return
-            if motion.lift and self.touching:  # slides need no belief
+            if motion.lift and self.touching and self._gel is not before:  # slides need no belief
                 left.sort(key=lambda each: each.lift)
         if self._held():
             return

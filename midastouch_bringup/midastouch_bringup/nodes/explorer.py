@@ -40,9 +40,9 @@ _RATE = 30.0  # Hz, at which it looks whether something is overdue
 class Explorer(PipelineNode):
     """Moves an arm by the actions `touch`, `slide`, `lift` and `approach`, one motion after the other.
 
-    It asks `suggest_motion` where to touch next, and moves at random while nobody offers that. `on_end` is called once
-    the exploration is over; `gave_up` is set if it ended without knowing the pose. A person who calls one of its
-    services, or shows it a point, has the finger from then on, until `~/resume`.
+    It asks `suggest_motion` where to touch next, and moves at random while nobody offers that or nothing touches.
+    `on_end` is called once the exploration is over; `gave_up` is set if it ended without knowing the pose. A person who
+    calls one of its services, or shows it a point, has the finger from then on, until `~/resume`.
     """
 
     _arm: ArmClient | None = None

@@ -38,7 +38,8 @@ PARAMETERS = (
     Parameter(
         "reach_cone",
         180.0,
-        "Largest angle between the z axes of gel and base frame that the arm reaches, 180: every one; as the box",
+        "Largest angle between the z axes of gel and base frame that the arm reaches, 180: every one; launch files "
+        "keep it below slider's cone",
         "deg",
         minimum=0.0,
         maximum=180.0,

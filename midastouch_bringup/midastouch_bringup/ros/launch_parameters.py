@@ -149,7 +149,8 @@ def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
 
 
 def _keep_to_box(nodes: dict[str, dict]) -> None:
-    """Have an explorer that is given no reach of its own keep to the arm's; InputError for a box of nothing."""
+    """Have an explorer that is given no box of its own keep to the arm's, and never go beyond its cone; InputError for
+    a box of nothing."""
     slider = nodes.get("slider", {})
     corners = [slider.get(f"box_{corner}") for corner in ("low", "high")]
     if None in corners:
@@ -163,7 +164,7 @@ def _keep_to_box(nodes: dict[str, dict]) -> None:
     for name, corner in zip(("reach_low", "reach_high"), corners, strict=True):
         explorer.setdefault(name, corner)
     if "cone" in slider:
-        explorer.setdefault("reach_cone", slider["cone"])
+        explorer["reach_cone"] = min(explorer.get("reach_cone", slider["cone"]), slider["cone"])
 
 
 def _read(path: str) -> dict[str, dict]:

@@ -94,6 +94,28 @@ def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_strai
     assert exploration.verdict is None
 
 
+@pytest.mark.parametrize("refused", [False, True])
+def test_after_a_leap_that_found_no_surface_it_slides_and_after_one_that_is_refused_it_leaps(world, refused):
+    """The former says that the believed surface is not there, the latter nothing of it."""
+    touches, answers = iter([True, False, True, True]), iter([False, True, True, True])
+
+    def script(act):
+        if isinstance(act, CheckReach):
+            return next(answers), "joint 3", 0.0, True, np.eye(4)
+        return True, "", 0.03, next(touches) if isinstance(act, Touch) else isinstance(act, Slide), np.eye(4)
+
+    arm = Scripted(script)
+    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=refused))
+    arm.follow(exploration.touch())
+    on_top = Surroundings(np.eye(4), se3.translation([0, 0, -world.mesh.bounds[1, 2]]), world.mesh)
+    arm.follow(exploration.go([Motion(0.0, 0.01, True), Motion(1.0, 0.01, True), Motion(0.0, 0.01)], on_top))
+    done = [type(act) for act in arm.acts[1:]]
+    if refused:
+        assert done[:3] == [CheckReach, CheckReach, Lift]
+    else:
+        assert done == [Lift, Approach, Touch, Approach, Approach, Touch, Slide]
+
+
 def test_before_the_leap_back_from_an_edge_it_asks():
     arm = Scripted(over_an_edge)
     exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))

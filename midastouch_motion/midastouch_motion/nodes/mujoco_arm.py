@@ -29,7 +29,7 @@ from midastouch_perception.sensor_model import SensorModel
 from ..arm.rtde import JOINT_NAMES
 from ..arm.twists import TwistLimits
 from ..gel_layer import Gel
-from ..mujoco_arm import MujocoArm, Setting, over
+from ..mujoco_arm import NOT_REACHED, MujocoArm, Setting, over
 from .twist_topic import twist_of, vectors
 
 PARAMETERS = (
@@ -107,7 +107,7 @@ class MujocoArmNode(PipelineNode):
             return response
         response.reachable = self._arm.reaches(np.reshape(poses, (-1, 4, 4))).tolist()
         if not all(response.reachable):
-            response.message = "the arm is too short, or would meet itself or the table"
+            response.message = NOT_REACHED
         return response
 
     def _on_timer(self) -> None:
@@ -124,7 +124,9 @@ class MujocoArmNode(PipelineNode):
             self._arm.advance(self._arm.time + ahead)
             self._publish()
             if self._arm.stopped:
-                self.get_logger().error("protective stop: the arm has met the table or itself; start again", once=True)
+                self.get_logger().error(
+                    "protective stop: the arm has met the table or its sensor; start again", once=True
+                )
 
     def _publish(self) -> None:
         arm, p = self._arm, self._settings
