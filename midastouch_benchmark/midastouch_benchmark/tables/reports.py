@@ -123,7 +123,7 @@ COMMANDS = {
     "--policy suggested lifts random",
     "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",
     "exploration_arm": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy arm",
-    "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 100",
+    "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 30",
     "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
     "--policy suggested",
     "bench": "midastouch bench --paper-networks",

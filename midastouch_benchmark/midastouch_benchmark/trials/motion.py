@@ -37,13 +37,13 @@ _TIMEOUT = 20.0  # s of a motion
 _STEP = 3e-3  # m, along the surface
 _GOES_ON = np.radians(30.0)  # the surface turns by less in a step
 _TRIES = 32
-_FORCE, _STALE = 40.0, 0.1  # N, s: what the guard stops at
+_BOX, _FORCE, _STALE = 1.5, 40.0, 0.1  # m around the base, N, s: what the guard stops at
 
-Fault = Callable[[Rehearsal], float]
+Fault = Callable[[Rehearsal, np.ndarray], float]
 
 
 def _frozen(name: str) -> Fault:
-    def inject(rehearsal: Rehearsal) -> float:
+    def inject(rehearsal: Rehearsal, _: np.ndarray) -> float:
         rehearsal.frozen.add(name)
         return _STALE
 
@@ -51,12 +51,19 @@ def _frozen(name: str) -> Fault:
 
 
 def _set(name: str, value: object) -> Fault:
-    def inject(rehearsal: Rehearsal) -> float:
+    def inject(rehearsal: Rehearsal, _: np.ndarray) -> float:
         rehearsal.frozen.add(name)
         setattr(rehearsal.seen, name, value)
         return 0.0
 
     return inject
+
+
+def _outside(rehearsal: Rehearsal, twist: np.ndarray) -> float:
+    """Out of the box where the twist leads: what leads back into it would be allowed."""
+    leads = rehearsal.seen.gel[:3, :3] @ twist[:3]
+    away = se3.translation(_BOX * leads / np.abs(leads).max() * 1.5)
+    return _set("gel", away @ rehearsal.seen.gel)(rehearsal, twist)
 
 
 FAULTS: dict[str, Fault] = {
@@ -66,11 +73,12 @@ FAULTS: dict[str, Fault] = {
     "no force": _frozen("wrench"),
     "lost": _set("lost", True),
     "force": _set("force", _FORCE + 1),
-    "outside": _set("gel", se3.translation(np.full(3, 2.0))),
+    "outside": _outside,
     "nobody follows": _set("listeners", 0),
     "another commands": _set("commanders", 2),
 }
-"""What goes wrong during a slide: each makes it happen, and returns the s after which the arm has to know."""
+"""What goes wrong during a slide, by its twist (6,): each makes it happen, and returns the s after which the arm has to
+know."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,8 +135,7 @@ class _Trial:
     def _placed(self, sensor: SensorModel) -> ArmRig:
         """An arm whose gel is over a random place that can be touched."""
         rng, mesh = self._rng, self._mesh
-        box = np.full(3, -1.5), np.full(3, 1.5)
-        guard = Guard(*box, Limits().depth, stale=_STALE, force=_FORCE, cone=_CONE)
+        guard = Guard(np.full(3, -_BOX), np.full(3, _BOX), Limits().depth, stale=_STALE, force=_FORCE, cone=_CONE)
         reachability, why = Reachability(mesh, sensor), ""
         for _ in range(_TRIES):
             point = somewhere(mesh, reachability, DEPTH, rng)
@@ -221,7 +228,7 @@ class _Trial:
             nonlocal known, moving, stopped
             if known == math.inf and moment.time >= begin:
                 moving = bool(moment.twist.any())
-                known = moment.time + FAULTS[name](self._rehearsal)
+                known = moment.time + FAULTS[name](self._rehearsal, moment.twist)
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
