@@ -16,7 +16,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .gel_layer import Gel, GelLayer
 from .rehearsal import Late
-from .ur_kinematics import Kinematics
+from .ur_kinematics import Kinematics, jacobian_of, pose_of
 from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
@@ -95,12 +95,12 @@ class MujocoArm:
     @property
     def gel_on_object(self) -> np.ndarray:
         """T_obj_gel (4, 4), where the gel is."""
-        return se3.inverse(self.base_from_object) @ self._site("gel")
+        return se3.inverse(self.base_from_object) @ pose_of(self._sites["gel"])
 
     @property
     def base_from_object(self) -> np.ndarray:
         """T_base_obj (4, 4)."""
-        return self._site("object")
+        return pose_of(self._sites["object"])
 
     @property
     def joints(self) -> tuple[np.ndarray, np.ndarray]:
@@ -132,12 +132,11 @@ class MujocoArm:
     def reaches(self, poses: np.ndarray) -> np.ndarray:
         """(N,) bool: whether it gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it is,
         without meeting the table or its sensor. The way leads by those that it gets to; stopped, it gets nowhere."""
-        data = self._mujoco.MjData(self._model)
-        joints = Kinematics(self._mujoco, self._model, data)
-        joints.positions = here = self._joints.positions
         reached = np.zeros(len(poses), bool)
         if self.stopped:
             return reached
+        joints = Kinematics(self._mujoco, self._model, self._mujoco.MjData(self._model))
+        joints.positions = here = self._joints.positions
         for number, pose in enumerate(poses):
             reached[number] = joints.reach(pose)
             here = joints.positions if reached[number] else here
@@ -153,7 +152,7 @@ class MujocoArm:
 
     def _press(self) -> None:
         """Forces of the gel, on the arm and on the object."""
-        gel = self._site("gel")
+        gel = pose_of(self._sites["gel"])
         velocity = self._velocity("gel", gel[:3, 3]) - self._velocity("object", gel[:3, 3])
         self._wrench = self._layer.force(self.gel_on_object, (gel[:3, :3].T @ velocity)[:2], PERIOD)
         self._data.xfrc_applied[:] = 0.0
@@ -168,17 +167,10 @@ class MujocoArm:
 
     def _velocity(self, site: str, at: np.ndarray) -> np.ndarray:
         """m/s (3,) of a point (3,) m that moves with the body of a site; base frame."""
-        linear, angular = (part @ self._data.qvel for part in self._jacobian(site))
-        return linear + np.cross(angular, at - self._sites[site].xpos)
-
-    def _jacobian(self, site: str) -> tuple[np.ndarray, np.ndarray]:
-        linear, angular = np.zeros((2, 3, self._model.nv))
-        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[site].id)
-        return linear, angular
-
-    def _site(self, name: str) -> np.ndarray:
-        site = self._sites[name]
-        return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
+        there = self._sites[site]
+        jacobian = jacobian_of(self._mujoco, self._model, self._data, there)
+        linear, angular = (part @ self._data.qvel for part in jacobian)
+        return linear + np.cross(angular, at - there.xpos)
 
 
 def over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:

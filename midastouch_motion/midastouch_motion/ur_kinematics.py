@@ -14,13 +14,25 @@ _MOST_ITERATIONS = 200
 _LONGEST_STEP = 0.2  # rad
 
 
+def pose_of(site) -> np.ndarray:
+    """(4, 4) of one of MuJoCo's sites, in its world."""
+    return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
+
+
+def jacobian_of(mujoco: ModuleType, model, data, site) -> tuple[np.ndarray, np.ndarray]:
+    """Linear and angular velocity of a site by those of the joints: (3, N) each."""
+    linear, angular = np.zeros((2, 3, model.nv))
+    mujoco.mj_jacSite(model, data, linear, angular, site.id)
+    return linear, angular
+
+
 class Kinematics:
     """Of an arm as `ur_model` makes it. Args: mujoco, the module; model and data, MuJoCo's own."""
 
     def __init__(self, mujoco: ModuleType, model, data):
         self._mujoco, self._model, self._data = mujoco, model, data
-        self._arm = [model.joint(f"joint{number}").id for number in range(6)]
-        self._places, self._speeds = model.jnt_qposadr[self._arm], model.jnt_dofadr[self._arm]
+        arm = [model.joint(f"joint{number}").id for number in range(6)]
+        self._places, self._speeds = model.jnt_qposadr[arm], model.jnt_dofadr[arm]
         self._gel = data.site("drawn_gel")
 
     @property
@@ -41,7 +53,7 @@ class Kinematics:
     @property
     def pose(self) -> np.ndarray:
         """T_base_gel (4, 4) by the drawing."""
-        return se3.make(self._gel.xmat.reshape(3, 3).copy(), self._gel.xpos.copy())
+        return pose_of(self._gel)
 
     @property
     def meets(self) -> bool:
@@ -50,8 +62,7 @@ class Kinematics:
 
     def speeds_of(self, twist: np.ndarray) -> np.ndarray:
         """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
-        linear, angular = np.zeros((2, 3, self._model.nv))
-        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._gel.id)
+        linear, angular = jacobian_of(self._mujoco, self._model, self._data, self._gel)
         turned = self.pose[:3, :3].T
         jacobian = np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
         return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)

@@ -228,7 +228,7 @@ class _Trial:
             nonlocal known, moving, stopped
             if known == math.inf and moment.time >= begin:
                 moving = bool(moment.twist.any())
-                known = moment.time + FAULTS[name](self._rehearsal, moment.twist)
+                known = moment.time + (FAULTS[name](self._rehearsal, moment.twist) if moving else 0.0)
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
