@@ -7,7 +7,8 @@ import signal
 import pytest
 
 pytestmark = pytest.mark.dds
-NO_SENSOR = "{serial: no-such-serial, wait_for_device_timeout: 0.1, reconnect_timeout: 0.1}"
+# Given up before the node has begun to wait, it would be bad input: that takes a moment on a busy machine.
+NO_SENSOR = "{serial: no-such-serial, wait_for_device_timeout: 2.0, reconnect_timeout: 0.1}"
 
 
 @pytest.mark.parametrize(

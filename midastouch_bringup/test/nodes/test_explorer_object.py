@@ -1,9 +1,11 @@
 """Another object, put there by a person: the simulator has to take it, and the filter."""
 
+import time
+
 import pytest
 from explorer_rig import TOOL, Rig
 
-from midastouch_bringup.nodes import explorer_services
+from midastouch_bringup.nodes import explorer_services, finger
 from midastouch_msgs.srv import SetObject
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
@@ -49,6 +51,9 @@ def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(rig):
 
 def test_one_that_nobody_answers_for_leaves_the_finger_to_the_person(rig, monkeypatch):
     monkeypatch.setattr(explorer_services, "OBJECT_TIMEOUT_S", 0.0)
+    # the finger does answer, but not before the explorer, which looks every 33 ms, has given it up
+    load_mesh = finger.load_mesh
+    monkeypatch.setattr(finger, "load_mesh", lambda path: time.sleep(0.1) or load_mesh(path))
     rig.until("exploring", "somewhere")
     assert ask(rig, TOOL).success
     rig.until("paused", "not changed: finger/set_object: no answer for 0 s")

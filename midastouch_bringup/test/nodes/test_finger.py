@@ -97,9 +97,11 @@ def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
     goal = rig.gels[-1] @ se3.exp(np.array([0.03, 0, 0.02, 0.3, 0, 0]))
     approach = rig.do(Approach, pose=posed(goal))
     assert approach.success
-    np.testing.assert_allclose(rig.gels[-1], goal, atol=1e-6)
+    ended = rig.stamps.index(stamp_ns(approach.pose.header.stamp))
+    for gel in rig.gels[ended:]:  # images at rest may have followed
+        np.testing.assert_allclose(gel, goal, atol=1e-6)
     np.testing.assert_allclose(pose_from_msg(approach.pose.pose), goal, atol=1e-6)
-    assert (stamp_ns(approach.pose.header.stamp), approach.pose.header.frame_id) == (rig.stamps[-1], BASE_FRAME)
+    assert approach.pose.header.frame_id == BASE_FRAME
 
 
 def test_it_moves_only_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):

@@ -26,15 +26,19 @@ print("end", flush=True)
 
 
 class Terminal:
-    """A program in a terminal of its own; `say` types, `told` is what it printed."""
+    """A program in a terminal of its own; `say` types, `told` is what it printed; `before`, the terminal's attributes
+    before it began."""
 
     def __init__(self):
         self.pid, self.file = pty.fork()
         if self.pid == 0:
+            os.read(0, 1)  # a line: begin
             # what runs in the background of a shell has it ignored, and a program inherits that
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.execv(sys.executable, [sys.executable, "-c", PROGRAM])
+        self.before = termios.tcgetattr(self.file)
         self.told = ""
+        self.say("\n")
 
     def until(self, text: str) -> None:
         deadline = time.monotonic() + 60
@@ -63,7 +67,6 @@ def terminal():
 
 
 def test_keys_are_heard_without_enter_and_the_terminal_is_restored(terminal):
-    before = termios.tcgetattr(terminal.file)
     terminal.until("active")
     terminal.say(" ")
     terminal.until("space")
@@ -73,7 +76,7 @@ def test_keys_are_heard_without_enter_and_the_terminal_is_restored(terminal):
     terminal.until("space\r\nspace\r\n")
     terminal.say("q")
     terminal.until("end")
-    assert termios.tcgetattr(terminal.file)[3] == before[3]
+    assert termios.tcgetattr(terminal.file)[3] == terminal.before[3]
 
 
 def test_ctrl_c_interrupts(terminal):

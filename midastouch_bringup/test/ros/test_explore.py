@@ -11,6 +11,7 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -97,8 +98,18 @@ def state_and_parent(pid: int) -> tuple[str, int]:
 
 
 def children(parent: int) -> list[int]:
+    """Those that have not ended: one that has is there until its parent asks for its exit code."""
     pids = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
-    return [pid for pid in pids if state_and_parent(pid)[1] == parent]
+    of = {pid: state_and_parent(pid) for pid in pids}
+    return [pid for pid, (state, its_parent) in of.items() if its_parent == parent and state != "Z"]
+
+
+def until(done: Callable[[], bool], what: str) -> None:
+    """Wait for it; AssertionError naming it if it does not come."""
+    deadline = time.monotonic() + 60  # bounds a failing test only
+    while not done():
+        assert time.monotonic() < deadline, f"{what} did not come"
+        time.sleep(0.05)
 
 
 def test_a_second_ctrl_c_waits_for_no_node(short):
@@ -110,13 +121,11 @@ def test_a_second_ctrl_c_waits_for_no_node(short):
         (held,) = [pid for pid in children(run.pid) if b"particle_filter" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         os.kill(held, signal.SIGSTOP)
         run.send_signal(signal.SIGINT)
-        while children(run.pid) != [held]:  # the others go
-            time.sleep(0.05)
+        until(lambda: children(run.pid) == [held], "the end of the other nodes")
         run.send_signal(signal.SIGINT)
         assert list(output)[-1] == "midastouch: interrupted\n"
     assert run.returncode == cli.EXIT_INTERRUPTED
-    while state_and_parent(held)[0] not in "ZX":  # killed
-        time.sleep(0.05)
+    until(lambda: state_and_parent(held)[0] in "ZX", "the end of the filter, killed")
     assert sorted(path.name for path in Path("out/explore").iterdir()) == [".lock", "log", "parameters.yaml"]
 
 

@@ -55,6 +55,7 @@ class Running:
             "mesh": folder / f"{name}.ply", "codebook": folder / f"{name}.npz", "max_particles": 1000,
             "min_particles": 500, "reliable": "true", "queue_depth": 100, "threads": 1, "refinement": "false",
             "view_rate": 0.0,
+            "transform_timeout": 300.0,  # it may meet the publisher of the first one late
         }  # fmt: skip
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         self.process = subprocess.Popen(
