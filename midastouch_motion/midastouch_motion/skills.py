@@ -14,7 +14,7 @@ from midastouch_common import se3
 from .contact_servo import ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
-_UNSETTLED_FOR = 10.0  # s in contact, after which a touch will not settle any more
+_TURN, _SETTLES = np.pi / 2, 3.0  # rad, s: after so long a turn and then so long a touch will not settle any more
 _NO_FARTHER_FOR = 3.0  # s, after which a slide will not get on: a gel turns about an edge meanwhile
 _STEP = 5e-4  # m
 _STALLED_FOR = 0.3  # s in which a gel turns to a surface that bends away; for longer it would turn about an edge
@@ -83,7 +83,7 @@ class Touch(_Moving):
         elif gone > self._at_contact + self._depth + _REACH:  # the surface is farther on: that was something else
             self._touched = None
         # a contact that comes and goes has not settled either
-        if self._touched is not None and now - self._touched > _UNSETTLED_FOR:
+        if self._touched is not None and now - self._touched > _TURN / servo.limits.turn_speed + _SETTLES:
             return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")
         if not servo.touching:
             self._settled = None

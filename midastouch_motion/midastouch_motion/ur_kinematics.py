@@ -9,6 +9,7 @@ import numpy as np
 from midastouch_common import se3
 
 _DAMPED = 0.01  # of the least squares that turn a twist into joint speeds; matters where the arm is stretched
+_FOLLOWED = 0.9  # of every twist, where the arm is of use: a depth cannot be held by less
 _CLOSE = 1e-4, 1e-3  # m, rad: a pose counts as reached
 _MOST_ITERATIONS = 200
 _LONGEST_STEP = 0.2  # rad
@@ -60,21 +61,32 @@ class Kinematics:
         """Whether a link touches the table, or the sensor's housing a link or the table."""
         return self._data.ncon > 0
 
+    @property
+    def follows(self) -> bool:
+        """Whether the gel follows twists in every direction: not where the arm is stretched, or two axes in line."""
+        weakest = np.linalg.svd(self._jacobian, compute_uv=False)[-1]
+        return bool(weakest**2 >= _FOLLOWED * (weakest**2 + _DAMPED**2))
+
     def speeds_of(self, twist: np.ndarray) -> np.ndarray:
         """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
-        linear, angular = jacobian_of(self._mujoco, self._model, self._data, self._gel)
-        turned = self.pose[:3, :3].T
-        jacobian = np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
+        jacobian = self._jacobian
         return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)
 
+    @property
+    def _jacobian(self) -> np.ndarray:
+        """(6, 6): twist of the gel, in its frame, by the joints' speeds."""
+        linear, angular = jacobian_of(self._mujoco, self._model, self._data, self._gel)
+        turned = self.pose[:3, :3].T
+        return np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
+
     def reach(self, goal: np.ndarray, passing: bool = False) -> bool:
-        """Put the joints where the gel, as drawn, is at a pose (4, 4); whether it is, and meets nothing. If not, they
-        are left where the way ended. passing: whether it may meet something on the way."""
+        """Put the joints where the gel, as drawn, is at a pose (4, 4); whether it is, follows twists there, and meets
+        nothing. If not, they are left where the way ended. passing: whether it may meet something on the way."""
         for _ in range(_MOST_ITERATIONS):
             error = se3.log(se3.inverse(self.pose) @ goal)
             there = np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]
             if there or (self.meets and not passing):
-                return there and not self.meets
+                return there and not self.meets and self.follows
             step = self.speeds_of(error)
             self.positions += step * min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
         return False

@@ -28,7 +28,7 @@ from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.active_touch.suggestion import Advice, Advisor, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.state import CONVERGED, UNINITIALISED
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_motion.mujoco_arm import require_mujoco
@@ -178,7 +178,8 @@ class _Trial:
         """
         ending, began = self._follow(self._exploration.touch())
         while self._path < self._length and ending == "given up" and self._exploration.verdict is None:
-            _, plan = self._exploration.decide(self._advice(), self._around())
+            state = UNINITIALISED if self.estimate is None else self.estimate.status.state
+            _, plan = self._exploration.decide(self._advice(), self._around(), state)
             ending, began = self._follow(plan)
         began = self._length if ending == "given up" else began
         return {

@@ -27,6 +27,7 @@ _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
 _RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
 _NEAR = 1e-3  # m from a position that a person shows: there
+_BESIDE = 0.013  # m, of a gel: another place
 _SLIDES_TO = 4  # such a position, each along the chord of what is left
 
 _T = TypeVar("_T")
@@ -78,9 +79,9 @@ class Exploration:
         self.touching = False
         self.verdict: Verdict | None = None
         self._unmeasured = self._refused = self._hopeless = self._sure = 0
-        self._blocked = False
+        self._blocked = self._searching = False
         self._why_not, self._gel = "", np.eye(4)
-        self._there: np.ndarray | None = None  # where it has touched last within the arm's reach
+        self._places: list[np.ndarray] = []  # T_base_gel where it has touched within the arm's reach
 
     # --- what comes next
 
@@ -95,8 +96,11 @@ class Exploration:
             words = f"the finger reaches nothing below it: {done.message}"
             self.verdict = Verdict(False, f"{words}; is the mount right, and does the sensor see what it touches?")
 
-    def decide(self, advice: Advice | None, around: Surroundings) -> tuple[str, Plan[None]]:
-        """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none."""
+    def decide(self, advice: Advice | None, around: Surroundings, state: str = "") -> tuple[str, Plan[None]]:
+        """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none; state: the
+        filter's. While it is searching the object is hardly where it is believed to be: slides come first, which
+        lead somewhere all the same."""
+        self._searching = state == "searching"
         if advice is None:
             return "somewhere, as nothing better is known", self.go([], around)
         if advice.indistinguishable and not any(each.information > TELLS for each in advice.suggestions):
@@ -115,12 +119,17 @@ class Exploration:
     def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
         """The first of these motions that can be carried out; without one of them one at random; none while it is held.
 
-        Lifts come first where the last slide was blocked: what it was to find out is behind that.
+        Lifts come first where the last slide was blocked: what it was to find out is behind that. Off a surface that
+        nothing is known of the finger goes back to it: a leap at random seldom finds one.
         """
-        suggested = sorted(suggested, key=lambda motion: not motion.lift) if self._blocked else suggested
+        if around.mesh is None and not self.touching and (yield from self._back()):
+            return
+        if self._blocked or self._searching:
+            suggested = sorted(suggested, key=lambda each: each.lift == self._searching)
         slides = [self._random_slide(around) for _ in range(_TRIES)]
         leaps = [self._random_leap(around) for _ in range(_TRIES)]
-        leap_first = self._rng.random() < _LEAPS or not self.touching
+        doubtful = self._searching or around.mesh is None
+        leap_first = (self._rng.random() < _LEAPS and not doubtful) or not self.touching
         at_random = [*leaps, *slides] if leap_first else [*slides, *leaps]
         self._why_not = "every way is out of the arm's reach"
         left = [*suggested, *at_random]
@@ -140,7 +149,7 @@ class Exploration:
         if around.mesh is not None:  # where the object is believed to be, which may be wrong
             yield from self.go([], Surroundings(self._gel))
             return
-        if self._there is not None and (yield from self._leap([self._there[None]], Surroundings(self._gel), SEARCHED)):
+        if (yield from self._back()):
             return
         self.verdict = Verdict(
             False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self._why_not}"
@@ -225,8 +234,10 @@ class Exploration:
     def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
         if not self.touching:
             return False
-        if self._reach.asks and not (yield from self._said_to_be_reached(_way(motion, around))):
-            return False
+        if self._reach.asks:
+            way = _way(motion, around)  # of which it is at the first pose
+            if not (yield from self._said_to_be_reached(np.concatenate([way[1:], _raised(way[-1:])]))):
+                return False
         done = yield from self._do(Slide(motion.heading, motion.length))
         self.path += done.path
         self.slides += done.path > 0
@@ -257,6 +268,23 @@ class Exploration:
         self.lifts += went
         return went
 
+    def _back(self) -> Plan[bool]:
+        """To the last of the places that it has touched at; but for the first, those near one where it cannot stay are
+        forgotten."""
+        if not self._places:
+            return False
+        first, *later = self._places
+        while not self._held():
+            place = later[-1] if later else first
+            came = yield from self._leap([place[None]], Surroundings(self._gel), SEARCHED)
+            if came and self._reach.holds(self._gel[None]):
+                return True
+            if not later:
+                break
+            later = [each for each in later if np.linalg.norm((each - place)[:3, 3]) > _BESIDE]
+            self._places = [first, *later]
+        return False
+
     def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
         """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""
         answer = yield CheckReach(poses)
@@ -273,7 +301,7 @@ class Exploration:
         done = yield act
         self.touching, self._gel = done.touching, done.pose
         if done.touching and self._reach.holds(done.pose[None]):
-            self._there = done.pose
+            self._places.append(done.pose)
         if not done.success:
             self._why_not = done.message
         return done

@@ -189,7 +189,7 @@ class Explorer(PipelineNode):
         self._decide(advice)
 
     def _decide(self, advice: Advice | None) -> None:
-        reason, plan = self._exploration.decide(advice, self._sight.of_filter())
+        reason, plan = self._exploration.decide(advice, self._sight.of_filter(), self._filter.state)
         if self._ended():
             return
         self._report.say(self._report.state, reason)

@@ -200,7 +200,7 @@ class TestAskedReach:
     def test_of_what_it_reaches_nothing_is_left_out(self):
         exploration, acts = self.follow(Motion(0.0, 0.03), reaches=True)
         assert [type(act) for act in acts] == [CheckReach, Slide]
-        assert acts[0].poses[-1, :3, 3] == pytest.approx([0.03, 0, 0])
+        assert acts[0].poses[-2:, :3, 3] == pytest.approx(np.array([[0.03, 0, 0], [0.03, 0, 0.012]]))  # and off again
         assert exploration.verdict is None
 
     def test_a_leap_is_asked_for_from_its_lift_to_its_end(self):
