@@ -208,7 +208,7 @@ class _Trial:
     def _advice(self) -> Advice | None:
         """Where to touch next, if the policy asks for that, as `explorer` does while the finger touches something."""
         self._competed |= self._has_competitor()
-        if self._policy == "random" or self.estimate is None or not self._exploration.touching:
+        if self._policy == "random" or self.estimate is None or not self._exploration.motions.touching:
             return None
         began = time.process_time()
         advice = self._advisor.advise(Wanted(lifts=self._policy in ("lifts", "arm")))

@@ -150,10 +150,10 @@ class Explorer(PipelineNode):
             (self._reach.ask if isinstance(act, CheckReach) else self._arm.carry_out)(act)
 
     def _on_reach(self, reached: bool, why_not: str) -> None:
-        self._advance(Done(reached, why_not, 0.0, self._exploration.touching, self._sight.gel))
+        self._advance(Done(reached, why_not, 0.0, self._exploration.motions.touching, self._sight.gel))
 
     def _on_done(self, result: Any | None) -> None:
-        done = done_of(result, self._sight.base, self._exploration.touching, self._sight.gel)
+        done = done_of(result, self._sight.base, self._exploration.motions.touching, self._sight.gel)
         self._unjudged = True
         if result is not None:
             self._moved_until = stamp_ns(result.pose.header.stamp)
@@ -173,7 +173,7 @@ class Explorer(PipelineNode):
                 self._unjudged = self._filter.measured = False
             if self._ended():
                 return
-            begun = self._filter.state != FilterStatus.STATE_UNINITIALISED and self._exploration.touching
+            begun = self._filter.state != FilterStatus.STATE_UNINITIALISED and self._exploration.motions.touching
             if self._suggestions.ready and begun:
                 self._suggestions.ask_where()
             else:

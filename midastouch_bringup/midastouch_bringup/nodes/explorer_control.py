@@ -71,7 +71,7 @@ class ExplorerControl:
         except InputError as error:
             self._log.warning(f"~/move: {error}")
             return
-        self._take(lambda: self._did.obey(motion, self._sight.of_filter()), "a person moves the finger")
+        self._take(lambda: self._did.motions.carry_out(motion, self._sight.of_filter()), "a person moves the finger")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
@@ -120,7 +120,7 @@ class FingerGoals:
 
     def _visit(self, position: np.ndarray, point: np.ndarray) -> Plan[None]:
         """position (3,) m in the base frame; point (3,) m: the same as a person has shown it."""
-        if not (yield from self._did.visit(position, self._sight.of_person())):
+        if not (yield from self._did.motions.visit(position, self._sight.of_person())):
             name = self._sight.shown.name if self._sight.shown else "what is there"
             self._problem(
                 "out_of_reach", f"the finger cannot touch {name} at {_words(point)}: this is as near as it gets"

@@ -52,7 +52,8 @@ class ExplorerReport:
         """Publish state and reason again, with the present path and motions."""
         header = Header(stamp=stamp_from_ns(self.stamp), frame_id=self._base)
         status = ExplorerStatus(header=header, state=self.state, reason=self.reason)
-        status.path_length, status.slides, status.lifts = self._did.path, self._did.slides, self._did.lifts
+        did = self._did.motions
+        status.path_length, status.slides, status.lifts = did.path, did.slides, did.lifts
         self._status.publish(status)
 
     def end(self, known: bool, words: str) -> None:
@@ -70,5 +71,6 @@ class ExplorerReport:
 
     def _describe(self) -> tuple[bytes, str, dict]:
         level = diagnostics.ERROR if self.state == ExplorerStatus.STATE_GAVE_UP else diagnostics.OK
-        values = {"path_m": f"{self._did.path:.3f}", "slides": self._did.slides, "lifts": self._did.lifts}
+        did = self._did.motions
+        values = {"path_m": f"{did.path:.3f}", "slides": did.slides, "lifts": did.lifts}
         return level, f"{self.state}: {self.reason}", values

@@ -17,7 +17,7 @@ from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
 from ..explore.acts import Plan
-from ..explore.exploration import Motion
+from ..explore.motions import Motion
 
 TIMEOUT_S = 10.0
 """s until an answer, which takes a tenth of one, is given up."""

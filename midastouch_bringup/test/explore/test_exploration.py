@@ -3,7 +3,8 @@ import pytest
 from fake_arms import Scripted, followed, over_an_edge, refusing, seen
 
 from midastouch_bringup.explore.acts import Approach, CheckReach, Lift, Slide, Touch
-from midastouch_bringup.explore.exploration import Exploration, Motion
+from midastouch_bringup.explore.exploration import Exploration
+from midastouch_bringup.explore.motions import Motion
 from midastouch_bringup.explore.reach import Reach
 from midastouch_bringup.explore.surroundings import Surroundings
 from midastouch_common import se3
@@ -34,8 +35,8 @@ def go(world, exploration, *motions):
 def test_it_does_what_is_suggested_first(world, exploration):
     poses = go(world, exploration, Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True))
     assert len(poses) == 20
-    assert exploration.path == pytest.approx(0.03, abs=3e-3)
-    assert (exploration.slides, exploration.lifts) == (1, 1)  # the lift is the first touch
+    assert exploration.motions.path == pytest.approx(0.03, abs=3e-3)
+    assert (exploration.motions.slides, exploration.motions.lifts) == (1, 1)  # the lift is the first touch
 
 
 def test_what_tells_most_comes_first_and_says_why(world, exploration):
@@ -48,29 +49,29 @@ def test_what_tells_most_comes_first_and_says_why(world, exploration):
 @pytest.mark.parametrize("known", [True, False])
 def test_a_leap_leaves_the_surface_and_touches_elsewhere(world, exploration, known):
     before = world.finger.pose
-    went = followed(world, exploration.obey(Motion(0.5, 0.03, lift=True), seen(world, known)))[1]
+    went = followed(world, exploration.motions.carry_out(Motion(0.5, 0.03, lift=True), seen(world, known)))[1]
     assert went
-    assert exploration.touching
-    assert exploration.lifts == 2
-    assert exploration.path == 0
+    assert exploration.motions.touching
+    assert exploration.motions.lifts == 2
+    assert exploration.motions.path == 0
     assert 0.015 < np.linalg.norm(world.finger.pose[:3, 3] - before[:3, 3]) < 0.07
 
 
 def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
     arm = Scripted(lambda act: (False, "blocked", 1e-3, True, np.eye(4)))
-    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     for lifts in (2, 2):  # the slide comes first again after that
         go(world, exploration, Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True))
-        assert exploration.lifts == lifts
+        assert exploration.motions.lifts == lifts
 
 
 def test_a_slide_over_an_edge_ends_where_it_began():
     arm, exploration = Scripted(over_an_edge), Exploration(np.random.default_rng(0), 1.0)
     arm.follow(exploration.touch())
-    assert arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    assert arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
-    assert exploration.touching
-    assert exploration.path == pytest.approx(0.008)
+    assert exploration.motions.touching
+    assert exploration.motions.path == pytest.approx(0.008)
 
 
 def test_from_where_the_arm_is_not_to_be_it_comes_back():
@@ -79,7 +80,7 @@ def test_from_where_the_arm_is_not_to_be_it_comes_back():
     arm = Scripted(lambda act: (True, "", 0.03, True, tilted if isinstance(act, Slide) else np.eye(4)))
     exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(70)))
     arm.follow(exploration.touch())
-    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
 
 
@@ -120,7 +121,7 @@ def test_before_the_leap_back_from_an_edge_it_asks():
     arm = Scripted(over_an_edge)
     exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
     arm.follow(exploration.touch())
-    arm.follow(exploration.obey(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     assert [type(act) for act in arm.acts] == [Touch, CheckReach, Slide, CheckReach, Lift, Approach, Touch]
 
 
@@ -131,7 +132,7 @@ def test_while_it_is_held_it_begins_no_further_motion():
     exploration = Exploration(np.random.default_rng(0), 1.0, held=lambda: bool(held))
     for motion in (Motion(0.0, 0.03), Motion(0.0, 0.03, lift=True)):
         held.clear()
-        exploration.touching = True
+        exploration.motions.touching = True
         arm.acts.clear()
         arm.follow(exploration.go([motion] * 3, Surroundings(np.eye(4))))
         assert len(arm.acts) <= 2  # a lift that fails is put down again
@@ -143,18 +144,18 @@ def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, exp
     finger = world.finger
     place = 0.05 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
     shown = (world.base_from_object @ [*place, 1.0])[:3]
-    poses, arrived = followed(world, exploration.visit(shown, seen(world)))
+    poses, arrived = followed(world, exploration.motions.visit(shown, seen(world)))
     assert poses
     assert arrived
     assert np.linalg.norm(finger.pose[:3, 3] - 0.6 * place) < STEP
-    assert (exploration.slides, exploration.lifts) == motions_are
-    assert exploration.path == pytest.approx(0.03 * np.radians(50) if motions_are[0] else 0.0, abs=3e-3)
-    assert followed(world, exploration.visit(shown, seen(world))) == ([], True), "it is there"
+    assert (exploration.motions.slides, exploration.motions.lifts) == motions_are
+    assert exploration.motions.path == pytest.approx(0.03 * np.radians(50) if motions_are[0] else 0.0, abs=3e-3)
+    assert followed(world, exploration.motions.visit(shown, seen(world))) == ([], True), "it is there"
 
 
 def test_a_position_that_cannot_be_touched_is_told():
     arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
-    assert not arm.follow(exploration.visit(np.array([0.1, 0, 0]), Surroundings(np.eye(4))))
+    assert not arm.follow(exploration.motions.visit(np.array([0.1, 0, 0]), Surroundings(np.eye(4))))
     assert exploration.verdict is None  # a person's wish ends nothing
 
 
@@ -183,7 +184,7 @@ class TestReach:
         assert reason == "somewhere, as nothing better is within reach"
         assert followed(world, plan)[0] == []
         assert nowhere.verdict.words.endswith("every way is out of the arm's reach")
-        assert not followed(world, nowhere.obey(Motion(0.0, 0.03, lift=True), seen(world)))[1]
+        assert not followed(world, nowhere.motions.carry_out(Motion(0.0, 0.03, lift=True), seen(world)))[1]
 
 
 class TestAskedReach:
@@ -257,7 +258,7 @@ def test_what_goes_well_in_between_starts_the_count_anew(world, exploration):
 
 def test_without_suggestions_that_help_it_looks_for_others_elsewhere(world, exploration):
     followed(world, exploration.decide(HOPELESS, seen(world))[1])
-    assert (exploration.slides, exploration.lifts) == (0, 2)
+    assert (exploration.motions.slides, exploration.motions.lifts) == (0, 2)
 
 
 def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(world, exploration):
@@ -266,7 +267,7 @@ def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(world, expl
 
 
 def test_it_gives_up_after_the_longest_way(world, exploration):
-    while exploration.path <= 0.5:
+    while exploration.motions.path <= 0.5:
         assert go(world, exploration, Motion(0.3, 0.1))
     exploration.judge("lost", "these touches are not of this mesh", measured=True)
     assert exploration.verdict.words.startswith("still lost after 0.5")
@@ -275,7 +276,7 @@ def test_it_gives_up_after_the_longest_way(world, exploration):
 
 def test_an_arm_that_does_not_move_is_no_loop_and_the_reason_is_its_own():
     arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
-    exploration.touching = True
+    exploration.motions.touching = True
     arm.follow(exploration.go([Motion(0.0, 0.1)], Surroundings(np.eye(4))))
     assert "stuck" in exploration.verdict.words
     assert exploration.verdict.words.endswith("not enabled")
@@ -287,7 +288,7 @@ def test_where_nothing_is_below_it_touches_beside_that(world):
     world.finger.pose = aside
     exploration = Exploration(np.random.default_rng(4), 0.5, down=0.02)
     followed(world, exploration.touch())
-    assert exploration.touching
+    assert exploration.motions.touching
     assert exploration.verdict is None
 
 
@@ -306,7 +307,7 @@ def test_another_object_begins_anew(world, exploration):
     exploration.judge("converged", "", measured=True)
     exploration.restart()
     exploration.judge("converged", "", measured=True)
-    assert (exploration.path, exploration.slides, exploration.lifts) == (0.0, 0, 0)
+    assert (exploration.motions.path, exploration.motions.slides, exploration.motions.lifts) == (0.0, 0, 0)
     assert exploration.verdict is None
 
 

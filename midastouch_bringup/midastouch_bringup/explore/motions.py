@@ -1,0 +1,189 @@
+"""Slides and leaps of an arm within its reach, as plans of acts, and what came of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_perception.simulation.slide import MIN_PROGRESS
+
+from .acts import Act, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
+from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
+from .reach import Reach
+from .surroundings import Surroundings, Track
+
+_BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
+_NEAR = 1e-3  # m from a position that a person shows: there
+_BESIDE = 0.013  # m, of a gel: another place
+_SLIDES_TO = 4  # a position, each along the chord of what is left
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A slide, or with `lift` a leap, in direction `heading` [rad] of the gel's plane, over `length` [m]."""
+
+    heading: float
+    length: float
+    lift: bool = False
+
+
+class Motions:
+    """Carries out one motion after the other.
+
+    Attributes: path [m] on the surface; slides and lifts, how many; touching, whether the gel does after the newest
+    act; gel T_base_gel (4, 4) then; blocked, whether something was in the way of the last slide; why_not, why the last
+    act that failed did, in words.
+    Args: reach, what is out of which is left out; down [m], how far it looks for a surface that it knows nothing of;
+    held(): whether it is to begin no further motion by itself.
+    """
+
+    def __init__(self, reach: Reach, down: float, held: Callable[[], bool]):
+        self._reach, self._down, self._held = reach, down, held
+        self.path, self.slides, self.lifts = 0.0, 0, 0
+        self.touching = self.blocked = False
+        self.why_not, self.gel = "", np.eye(4)
+        self._places: list[np.ndarray] = []  # T_base_gel where it has touched within the arm's reach
+
+    def touch(self) -> Plan[Done]:
+        """Down onto what is below, and up again where nothing is."""
+        done = yield from self._do(Touch(self._down))
+        self.lifts += done.touching
+        if not done.touching:
+            yield from self._do(Lift(max(done.path, CLEARANCES[0])))
+        return done
+
+    def reachable(self, motion: Motion, around: Surroundings) -> bool:
+        """Whether the way is within reach; who is asked for that is not asked here."""
+        if motion.lift:
+            return self._can_leap(ways_along(around, motion.heading, motion.length)[0])
+        return self._reach.holds(_way(motion, around))
+
+    def carry_out(self, motion: Motion, around: Surroundings, others: bool = True) -> Plan[bool]:
+        """This very motion, as far as it can be carried out; whether it went anywhere. others: whether a leap tries
+        what is near where it cannot touch."""
+        if not motion.lift:
+            return (yield from self._slide(motion, around))
+        ways = ways_along(around, motion.heading, motion.length)
+        return (yield from self._leap(ways if others else ways[:1], around))
+
+    def visit(self, position: np.ndarray, around: Surroundings) -> Plan[bool]:
+        """Touch the surface next to a position (3,) m of the base frame: slide there if that leads there, else lift.
+
+        Whether it touches there then, and not only as near as it can.
+        """
+        goal = around.over(position)[:3, 3]
+        for _ in range(_SLIDES_TO):
+            track = around.towards(goal, _distance(around, goal))
+            if _distance(around, goal) < _NEAR or not _comes_nearer(track, goal):
+                break
+            motion = Motion(track.heading, track.gone[-1])
+            if not (yield from self._slide(motion, around)):
+                break
+            around = replace(around, gel=self.gel)
+        if _distance(around, goal) > _NEAR or not self.touching:
+            yield from self._leap(ways_to(around, goal), around)
+            around = replace(around, gel=self.gel)
+        self.blocked = False
+        return self.touching and _distance(around, goal) < _NEAR
+
+    def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
+        if not self.touching:
+            return False
+        if self._reach.asks:
+            way = _way(motion, around)  # of which it is at the first pose
+            if not (yield from self._said_to_be_reached(np.concatenate([way[1:], _raised(way[-1:])]))):
+                return False
+        done = yield from self._do(Slide(motion.heading, motion.length))
+        self.path += done.path
+        self.slides += done.path > 0
+        if not (done.touching and self._reach.holds(done.pose[None])):  # over an edge, or where nothing is within reach
+            yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
+        self.blocked = done.path < _BLOCKED * motion.length
+        return done.path > 0
+
+    def _can_leap(self, way: np.ndarray) -> bool:
+        """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
+        return self._reach.holds(np.concatenate([_raised(way), way[-1:]]))
+
+    def _leap(self, ways: Sequence[np.ndarray], around: Surroundings, searched: float | None = None) -> Plan[bool]:
+        searched = searched or (self._down if around.mesh is None else SEARCHED)
+        able = []
+        for way in ways:
+            if not self._can_leap(way):
+                continue
+            if self._reach.asks:
+                passed = np.concatenate([_raised(np.concatenate([around.gel[None], way])), way[-1:]])
+                if not (yield from self._said_to_be_reached(passed)):
+                    continue
+            able.append(way)
+        if not able:
+            return False
+        self.blocked = False
+        went = yield from self._watched(leap(able, searched))
+        self.lifts += went
+        return went
+
+    def back(self) -> Plan[bool]:
+        """To the last of the places that it has touched at; but for the first, those near one where it cannot stay are
+        forgotten."""
+        if not self._places:
+            return False
+        first, *later = self._places
+        while not self._held():
+            place = later[-1] if later else first
+            came = yield from self._leap([place[None]], Surroundings(self.gel), SEARCHED)
+            if came and self._reach.holds(self.gel[None]):
+                return True
+            if not later:
+                break
+            later = [each for each in later if np.linalg.norm((each - place)[:3, 3]) > _BESIDE]
+            self._places = [first, *later]
+        return False
+
+    def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
+        """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""
+        answer = yield CheckReach(poses)
+        if not answer.success:
+            self.why_not = answer.message
+        return answer.success
+
+    def _watched(self, plan: Plan[_T]) -> Plan[_T]:
+        """A plan, while what its acts come to is noted."""
+        return (yield from carried_out(plan, self._do))
+
+    def _do(self, act: Act) -> Plan[Done]:
+        """One act, whose end is noted."""
+        done = yield act
+        self.touching, self.gel = done.touching, done.pose
+        if done.touching and self._reach.holds(done.pose[None]):
+            self._places.append(done.pose)
+        if not done.success:
+            self.why_not = done.message
+        return done
+
+
+def _way(motion: Motion, around: Surroundings) -> np.ndarray:
+    """Poses (N, 4, 4) of the gel on a slide."""
+    return around.track(motion.heading, motion.length).poses
+
+
+def _raised(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) at the lowest clearance of a leap."""
+    return poses @ se3.translation([0.0, 0.0, CLEARANCES[0]])
+
+
+def _distance(around: Surroundings, goal: np.ndarray) -> float:
+    """m along the surface, about, to a position (3,) of it."""
+    return float(np.linalg.norm(around.over(around.gel[:3, 3])[:3, 3] - goal))
+
+
+def _comes_nearer(track: Track, goal: np.ndarray) -> bool:
+    """Whether each step of a way leads towards a position (3,)."""
+    left = np.linalg.norm(track.poses[:, :3, 3] - goal, axis=1)
+    return len(left) > 1 and bool((np.diff(left) < -MIN_PROGRESS * np.diff(track.gone)).all())
