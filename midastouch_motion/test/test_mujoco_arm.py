@@ -46,6 +46,19 @@ def test_what_it_does_not_reach_is_refused():
         MujocoArm(BALL, SENSOR, Setting(far, far @ over(0.01)))
 
 
+def test_what_it_reaches_it_can_be_led_on_from():
+    """The farthest pose away from its base: an arm that is stretched to the last does not go there."""
+    there = arm(0.03)
+    out = np.stack([there.pose @ se3.translation([way, 0, 0]) for way in np.arange(0.4, 0.44, 2.5e-4)])
+    reached = there.reaches(out)
+    assert reached[0]
+    assert not reached[-1]
+    farthest = MujocoArm(BALL, SENSOR, Setting(BASE_FROM_OBJECT, out[reached][-1]))
+    begin, speed, seconds = farthest.pose[0, 3], 1e-3, 0.5
+    push(farthest, [speed, 0, 0, 0, 0, 0], seconds)
+    assert farthest.pose[0, 3] - begin > 0.8 * speed * (seconds - 0.05)
+
+
 def test_what_it_reaches_is_on_a_way_without_what_it_meets():
     there = arm(0.03)
     here = there.pose

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from fake_arms import Scripted, followed, over_an_edge, refusing, seen
+from fake_arms import Scripted, followed, refusing, seen
 
 from midastouch_bringup.explore.acts import Approach, CheckReach, Lift, Slide, Touch
 from midastouch_bringup.explore.exploration import Exploration
@@ -65,25 +65,6 @@ def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
         assert exploration.motions.lifts == lifts
 
 
-def test_a_slide_over_an_edge_ends_where_it_began():
-    arm, exploration = Scripted(over_an_edge), Exploration(np.random.default_rng(0), 1.0)
-    arm.follow(exploration.touch())
-    assert arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
-    assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
-    assert exploration.motions.touching
-    assert exploration.motions.path == pytest.approx(0.008)
-
-
-def test_from_where_the_arm_is_not_to_be_it_comes_back():
-    """A slide follows the surface wherever that leads."""
-    tilted = se3.exp(np.array([0.02, 0, 0, 0, np.pi / 2, 0]))
-    arm = Scripted(lambda act: (True, "", 0.03, True, tilted if isinstance(act, Slide) else np.eye(4)))
-    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(70)))
-    arm.follow(exploration.touch())
-    arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
-    assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
-
-
 def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_straight(world):
     """The ball is believed to be beside the gel, whose ways over it lean to the side."""
     arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
@@ -117,12 +98,29 @@ def test_after_a_leap_that_found_no_surface_it_slides_and_after_one_that_is_refu
         assert done == [Lift, Approach, Touch, Approach, Approach, Touch, Slide]
 
 
-def test_before_the_leap_back_from_an_edge_it_asks():
-    arm = Scripted(over_an_edge)
-    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
+def test_while_the_filter_is_searching_slides_come_before_leaps():
+    """A leap goes to where the surface is believed to be."""
+    arm, exploration = (
+        Scripted(lambda act: (True, "", 0.03, True, np.eye(4))),
+        Exploration(np.random.default_rng(0), 1.0),
+    )
     arm.follow(exploration.touch())
-    arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
-    assert [type(act) for act in arm.acts] == [Touch, CheckReach, Slide, CheckReach, Lift, Approach, Touch]
+    told = advice((0.0, 0.03, True, 0.9), (0.0, 0.03, False, 0.5))
+    for state, first in (("ambiguous", Lift), ("searching", Slide)):
+        del arm.acts[:]
+        arm.follow(exploration.decide(told, Surroundings(np.eye(4)), state)[1])
+        assert type(arm.acts[0]) is first
+
+
+def test_off_a_surface_that_nothing_is_known_of_it_goes_back_to_it():
+    arm = Scripted(lambda act: (True, "", 0.0, isinstance(act, Touch), np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0)
+    arm.follow(exploration.touch())
+    exploration.motions.touching = False
+    del arm.acts[:]
+    arm.follow(exploration.go([], Surroundings(np.eye(4))))
+    assert [type(act) for act in arm.acts] == [Lift, Approach, Touch]
+    assert arm.acts[1].pose == pytest.approx(se3.translation([0, 0, 0.012]))
 
 
 def test_while_it_is_held_it_begins_no_further_motion():
@@ -137,26 +135,6 @@ def test_while_it_is_held_it_begins_no_further_motion():
         arm.follow(exploration.go([motion] * 3, Surroundings(np.eye(4))))
         assert len(arm.acts) <= 2  # a lift that fails is put down again
     assert exploration.verdict is None
-
-
-@pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])
-def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, exploration, degrees, motions_are):
-    finger = world.finger
-    place = 0.05 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
-    shown = (world.base_from_object @ [*place, 1.0])[:3]
-    poses, arrived = followed(world, exploration.motions.visit(shown, seen(world)))
-    assert poses
-    assert arrived
-    assert np.linalg.norm(finger.pose[:3, 3] - 0.6 * place) < STEP
-    assert (exploration.motions.slides, exploration.motions.lifts) == motions_are
-    assert exploration.motions.path == pytest.approx(0.03 * np.radians(50) if motions_are[0] else 0.0, abs=3e-3)
-    assert followed(world, exploration.motions.visit(shown, seen(world))) == ([], True), "it is there"
-
-
-def test_a_position_that_cannot_be_touched_is_told():
-    arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
-    assert not arm.follow(exploration.motions.visit(np.array([0.1, 0, 0]), Surroundings(np.eye(4))))
-    assert exploration.verdict is None  # a person's wish ends nothing
 
 
 def test_without_a_suggestion_it_goes_somewhere(world, exploration):
