@@ -17,6 +17,7 @@ from .reach import Reach
 from .surroundings import Surroundings, Track
 
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
+_SHOWN = 2e-3  # m: a slide that ends before has shown nothing that was not seen before
 _NEAR = 1e-3  # m from a position that a person shows: there
 _BESIDE = 0.013  # m, of a gel: another place
 _SLIDES_TO = 4  # a position, each along the chord of what is left
@@ -65,8 +66,8 @@ class Motions:
         return self._reach.holds(_way(motion, around))
 
     def carry_out(self, motion: Motion, around: Surroundings, others: bool = True) -> Plan[bool]:
-        """This very motion, as far as it can be carried out; whether it went anywhere. others: whether a leap tries
-        what is near where it cannot touch."""
+        """This very motion, as far as it can be carried out; whether it led to anything new. others: whether a leap
+        tries what is near where it cannot touch."""
         if not motion.lift:
             return (yield from self._slide(motion, around))
         ways = ways_along(around, motion.heading, motion.length)
@@ -105,7 +106,7 @@ class Motions:
         if not (done.touching and self._reach.holds(done.pose[None])):  # over an edge, or where nothing is within reach
             yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
         self.blocked = done.path < _BLOCKED * motion.length
-        return done.path > 0
+        return done.path > _SHOWN
 
     def _can_leap(self, way: np.ndarray) -> bool:
         """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
