@@ -21,7 +21,7 @@ from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
 """s of a step of physics: that of a UR's own control loop."""
-NOT_REACHED = "the arm is too short, or would meet the table or its own sensor"
+NOT_REACHED = "the arm is too short, cannot be led on from there, or would meet the table or its own sensor"
 """Why it does not get somewhere, in words."""
 
 
@@ -131,7 +131,8 @@ class MujocoArm:
 
     def reaches(self, poses: np.ndarray) -> np.ndarray:
         """(N,) bool: whether it gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it is,
-        without meeting the table or its sensor. The way leads by those that it gets to; stopped, it gets nowhere."""
+        follows twists there, and meets neither the table nor its sensor. The way leads by those that it gets to;
+        stopped, it gets nowhere."""
         reached = np.zeros(len(poses), bool)
         if self.stopped:
             return reached

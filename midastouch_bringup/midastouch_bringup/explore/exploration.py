@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,9 @@ TELLS = 0.1
 
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
 _LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long where they began
-_MOST_FRUITLESS = 3  # motions in a row in which nothing is measured, or refused or hopeless suggestions
+_MOST_FRUITLESS = (
+    3  # in a row: motions in which nothing is measured or none is possible, suggestions refused or hopeless
+)
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
 _RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
 
@@ -58,8 +60,8 @@ class Exploration:
         """Begin anew, as after a change of the object: no path, no motions, no verdict."""
         self.motions = Motions(self._reach, self._down, self._held)
         self.verdict: Verdict | None = None
-        self._unmeasured = self._refused = self._hopeless = self._sure = 0
-        self._searching = False
+        self._unmeasured = self._refused = self._hopeless = self._stuck = self._sure = 0
+        self._doubtful = False  # whether the object is hardly where it is believed to be
 
     def touch(self) -> Plan[None]:
         """Down onto the surface; beside it, where that cannot be touched."""
@@ -72,9 +74,12 @@ class Exploration:
 
     def decide(self, advice: Advice | None, around: Surroundings, state: str = "") -> tuple[str, Plan[None]]:
         """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none; state: the
-        filter's. While it is searching the object is hardly where it is believed to be: slides come first, which
-        lead somewhere all the same."""
-        self._searching = state == "searching"
+        filter's.
+
+        While it is searching the object is hardly where it is believed to be: slides come first, which lead somewhere
+        all the same. Else lifts do where the last slide was blocked: what it was to find out is behind that.
+        """
+        self._doubtful = state == "searching"
         if advice is None:
             return "somewhere, as nothing better is known", self.go([], around)
         if advice.indistinguishable and not any(each.information > TELLS for each in advice.suggestions):
@@ -88,22 +93,21 @@ class Exploration:
         best = sorted(advice.suggestions, key=lambda each: -each.information)
         reasons = {Motion(each.heading, each.length, each.lift): each.reason for each in best}
         able = [motion for motion in reasons if self.motions.reachable(motion, around)]
+        if self.motions.blocked or self._doubtful:
+            able.sort(key=lambda each: each.lift == self._doubtful)
         return reasons[able[0]] if able else "somewhere, as nothing better is within reach", self.go(able, around)
 
     def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
         """The first of these motions that can be carried out; without one of them one at random; none while it is held.
 
-        Lifts come first where the last slide was blocked: what it was to find out is behind that. Off a surface that
-        nothing is known of the finger goes back to it: a leap at random seldom finds one.
+        Off a surface that nothing is known of the finger goes back to it: a leap at random seldom finds one.
         """
-        if around.mesh is None and not self.motions.touching and (yield from self.motions.back()):
+        unknown = around.mesh is None or self._doubtful
+        if unknown and not self.motions.touching and (yield from self.motions.back()):
             return
-        if self.motions.blocked or self._searching:
-            suggested = sorted(suggested, key=lambda each: each.lift == self._searching)
         slides = [self._random_slide(around) for _ in range(_TRIES)]
         leaps = [self._random_leap(around) for _ in range(_TRIES)]
-        doubtful = self._searching or around.mesh is None
-        leap_first = (self._rng.random() < _LEAPS and not doubtful) or not self.motions.touching
+        leap_first = (self._rng.random() < _LEAPS and not self._doubtful) or not self.motions.touching
         at_random = [*leaps, *slides] if leap_first else [*slides, *leaps]
         self.motions.why_not = "every way is out of the arm's reach"
         left = [*suggested, *at_random]
@@ -115,15 +119,23 @@ class Exploration:
                 continue
             # where a surface is believed and none is found the belief is wrong, and of other places, too
             if (yield from self.motions.carry_out(motion, around, others=around.mesh is None)):
+                self._stuck = 0
                 return
-            if motion.lift and self.motions.touching and self.motions.gel is not before:  # slides need no belief
+            if self.motions.gel is before:
+                continue
+            around = replace(around, gel=self.motions.gel)
+            if motion.lift and self.motions.touching:  # slides need no belief
                 left.sort(key=lambda each: each.lift)
         if self._held():
             return
         if around.mesh is not None:  # where the object is believed to be, which may be wrong
+            self._doubtful = True
             yield from self.go([], Surroundings(self.motions.gel))
             return
-        if (yield from self.motions.back()):
+        self._stuck += 1
+        if self._stuck < _MOST_FRUITLESS and (yield from self.motions.back()):
+            return
+        if self._held():
             return
         self.verdict = Verdict(
             False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self.motions.why_not}"

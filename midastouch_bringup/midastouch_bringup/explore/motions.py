@@ -17,9 +17,9 @@ from .reach import Reach
 from .surroundings import Surroundings, Track
 
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
-_SHOWN = 2e-3  # m: a slide that ends before has shown nothing that was not seen before
+_SHOWN = 2e-3  # m: a slide that is stopped before has shown nothing that was not seen before
 _NEAR = 1e-3  # m from a position that a person shows: there
-_BESIDE = 0.013  # m, of a gel: another place
+_BESIDE = 0.013  # m: places farther apart than a gel is wide are others
 _SLIDES_TO = 4  # a position, each along the chord of what is left
 
 _T = TypeVar("_T")
@@ -83,15 +83,30 @@ class Motions:
             track = around.towards(goal, _distance(around, goal))
             if _distance(around, goal) < _NEAR or not _comes_nearer(track, goal):
                 break
-            motion = Motion(track.heading, track.gone[-1])
-            if not (yield from self._slide(motion, around)):
-                break
+            went = yield from self._slide(Motion(track.heading, track.gone[-1]), around)
             around = replace(around, gel=self.gel)
+            if not went:
+                break
         if _distance(around, goal) > _NEAR or not self.touching:
             yield from self._leap(ways_to(around, goal), around)
             around = replace(around, gel=self.gel)
         self.blocked = False
         return self.touching and _distance(around, goal) < _NEAR
+
+    def back(self) -> Plan[bool]:
+        """To the last of the places that it has touched at; whether it stays there. But for the first, those near one
+        where it does not are forgotten."""
+        for place in (*reversed(self._places[1:]), *self._places[:1]):
+            if self._held():
+                return False
+            if not any(place is kept for kept in self._places):
+                continue
+            came = yield from self._leap([place[None]], Surroundings(self.gel), SEARCHED)
+            if came and self._reach.holds(self.gel[None]):
+                return True
+            later = (each for each in self._places[1:] if np.linalg.norm((each - place)[:3, 3]) > _BESIDE)
+            self._places = [*self._places[:1], *later]
+        return False
 
     def _slide(self, motion: Motion, around: Surroundings) -> Plan[bool]:
         if not self.touching:
@@ -106,7 +121,7 @@ class Motions:
         if not (done.touching and self._reach.holds(done.pose[None])):  # over an edge, or where nothing is within reach
             yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
         self.blocked = done.path < _BLOCKED * motion.length
-        return done.path > _SHOWN
+        return done.path > min(_SHOWN, _BLOCKED * motion.length)
 
     def _can_leap(self, way: np.ndarray) -> bool:
         """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
@@ -129,23 +144,6 @@ class Motions:
         went = yield from self._watched(leap(able, searched))
         self.lifts += went
         return went
-
-    def back(self) -> Plan[bool]:
-        """To the last of the places that it has touched at; but for the first, those near one where it cannot stay are
-        forgotten."""
-        if not self._places:
-            return False
-        first, *later = self._places
-        while not self._held():
-            place = later[-1] if later else first
-            came = yield from self._leap([place[None]], Surroundings(self.gel), SEARCHED)
-            if came and self._reach.holds(self.gel[None]):
-                return True
-            if not later:
-                break
-            later = [each for each in later if np.linalg.norm((each - place)[:3, 3]) > _BESIDE]
-            self._places = [first, *later]
-        return False
 
     def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
         """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""

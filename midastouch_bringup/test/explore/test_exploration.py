@@ -61,8 +61,11 @@ def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
     arm = Scripted(lambda act: (False, "blocked", 1e-3, True, np.eye(4)))
     arm.follow(exploration.motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     for lifts in (2, 2):  # the slide comes first again after that
-        go(world, exploration, Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True))
+        told = advice((0.0, 0.03, False, 0.9), (1.0, 0.03, True, 0.3))
+        reason, plan = exploration.decide(told, seen(world))
+        followed(world, plan)
         assert exploration.motions.lifts == lifts
+        assert reason == ("worth 0.3" if exploration.motions.slides == 1 else "worth 0.9")
 
 
 def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_straight(world):
