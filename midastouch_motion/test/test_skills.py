@@ -118,6 +118,8 @@ def test_a_touch_that_comes_and_goes_ends():
     assert ended is not None
     assert not ended.success
     assert "does not settle" in ended.message
+    turn, approach = np.pi / 2 / Limits().turn_speed, 5e-3 / 2e-3
+    assert there.now == pytest.approx(approach + turn + 3.0, abs=1.0)
 
 
 def test_what_a_slide_goes_up_and_down_is_no_way_along():

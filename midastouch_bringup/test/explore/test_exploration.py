@@ -103,27 +103,76 @@ def test_after_a_leap_that_found_no_surface_it_slides_and_after_one_that_is_refu
 
 def test_while_the_filter_is_searching_slides_come_before_leaps():
     """A leap goes to where the surface is believed to be."""
-    arm, exploration = (
-        Scripted(lambda act: (True, "", 0.03, True, np.eye(4))),
-        Exploration(np.random.default_rng(0), 1.0),
-    )
+    arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0)
     arm.follow(exploration.touch())
-    told = advice((0.0, 0.03, True, 0.9), (0.0, 0.03, False, 0.5))
-    for state, first in (("ambiguous", Lift), ("searching", Slide)):
+
+    def first(told, state):
         del arm.acts[:]
-        arm.follow(exploration.decide(told, Surroundings(np.eye(4)), state)[1])
-        assert type(arm.acts[0]) is first
+        reason, plan = exploration.decide(told, Surroundings(np.eye(4)), state)
+        arm.follow(plan)
+        return type(arm.acts[0]), reason
+
+    told = advice((0.0, 0.03, True, 0.9), (0.0, 0.03, False, 0.5))
+    assert first(told, "ambiguous") == (Lift, "worth 0.9")
+    assert first(told, "searching") == (Slide, "worth 0.5")
+    at_random = [first(None, "searching")[0] for _ in range(20)]
+    assert at_random == [Slide] * 20
+    assert Lift in [first(None, "ambiguous")[0] for _ in range(20)]
 
 
-def test_off_a_surface_that_nothing_is_known_of_it_goes_back_to_it():
+@pytest.mark.parametrize("searching", [False, True])
+def test_off_a_surface_that_nothing_is_known_of_it_goes_back_to_it(world, searching):
     arm = Scripted(lambda act: (True, "", 0.0, isinstance(act, Touch), np.eye(4)))
     exploration = Exploration(np.random.default_rng(0), 1.0)
     arm.follow(exploration.touch())
     exploration.motions.touching = False
     del arm.acts[:]
-    arm.follow(exploration.go([], Surroundings(np.eye(4))))
+    if searching:
+        on_top = Surroundings(np.eye(4), se3.translation([0, 0, -world.mesh.bounds[1, 2]]), world.mesh)
+        arm.follow(exploration.decide(advice((0.0, 0.03, True, 0.9)), on_top, "searching")[1])
+    else:
+        arm.follow(exploration.decide(None, Surroundings(np.eye(4)))[1])
     assert [type(act) for act in arm.acts] == [Lift, Approach, Touch]
     assert arm.acts[1].pose == pytest.approx(se3.translation([0, 0, 0.012]))
+
+
+def test_the_next_try_begins_where_the_last_has_led():
+    """A slide that is stopped within 2 mm has shown nothing, but the gel may have turned."""
+    poses = iter([np.eye(4), turned := se3.exp(np.array([0, 0, 0, 0, 0.5, 0])), turned])
+    arm = Scripted(lambda act: (True, "", 1e-3, True, np.eye(4) if isinstance(act, CheckReach) else next(poses)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
+    arm.follow(exploration.touch())
+    arm.follow(exploration.go([Motion(0.0, 0.03), Motion(1.0, 1e-3)], Surroundings(np.eye(4))))
+    assert [type(act) for act in arm.acts[1:]] == [CheckReach, Slide] * 2, "the second did all that was asked"
+    assert arm.acts[3].poses[-1][:3, 2] == pytest.approx(turned[:3, 2])
+
+
+def test_a_finger_that_gets_nowhere_is_stuck_after_the_third_time():
+    """It can touch where it is, but neither slide nor go elsewhere."""
+
+    def script(act):
+        able = isinstance(act, Touch | Lift) or (isinstance(act, Approach) and not act.pose[:2, 3].any())
+        return able, "in the way", 0.0, isinstance(act, Touch | Slide), np.eye(4)
+
+    arm = Scripted(script)
+    exploration = Exploration(np.random.default_rng(0), 1.0)
+    arm.follow(exploration.touch())
+    for _ in range(3):
+        assert exploration.verdict is None
+        arm.follow(exploration.go([], Surroundings(np.eye(4))))
+    assert exploration.verdict.words.endswith("nor touch elsewhere: in the way")
+
+
+def test_a_pause_on_the_way_back_is_no_verdict():
+    held = []
+    arm = Scripted(lambda act: (held.append(act) or True, "", 0.0, False, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, held=lambda: bool(held))
+    Scripted(lambda act: (True, "", 0.0, True, np.eye(4))).follow(exploration.touch())
+    exploration.motions.touching = False
+    arm.follow(exploration.go([], Surroundings(np.eye(4))))
+    assert arm.acts
+    assert exploration.verdict is None
 
 
 def test_while_it_is_held_it_begins_no_further_motion():

@@ -57,6 +57,15 @@ def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, deg
     assert followed(world, motions.visit(shown, seen(world))) == ([], True), "it is there"
 
 
+def test_to_a_position_a_hair_away_it_slides(world):
+    motions, finger = motions_within(), world.finger
+    followed(world, motions.touch())
+    place = 0.03 * finger.pose[:3, :3] @ (np.sin(0.05), 0, np.cos(0.05))
+    shown = (world.base_from_object @ [*place, 1.0])[:3]
+    assert followed(world, motions.visit(shown, seen(world)))[1]
+    assert (motions.slides, motions.lifts) == (1, 1)
+
+
 def test_a_position_that_cannot_be_touched_is_told():
     arm, motions = Scripted(refusing), motions_within()
     assert not arm.follow(motions.visit(np.array([0.1, 0, 0]), Surroundings(np.eye(4))))
