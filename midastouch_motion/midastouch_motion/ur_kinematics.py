@@ -63,7 +63,7 @@ class Kinematics:
 
     @property
     def follows(self) -> bool:
-        """Whether the gel follows twists in every direction: not where the arm is stretched, or two axes in line."""
+        """Whether the gel follows every twist: not where the arm is stretched, or two of its axes are in line."""
         weakest = np.linalg.svd(self._jacobian, compute_uv=False)[-1]
         return bool(weakest**2 >= _FOLLOWED * (weakest**2 + _DAMPED**2))
 

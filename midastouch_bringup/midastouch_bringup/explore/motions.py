@@ -11,7 +11,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
-from .acts import Act, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
+from .acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import Reach
 from .surroundings import Surroundings, Track
@@ -101,7 +101,10 @@ class Motions:
                 return False
             if not any(place is kept for kept in self._places):
                 continue
-            came = yield from self._leap([place[None]], Surroundings(self.gel), SEARCHED)
+            before = self.gel
+            came = yield from self._leap([place[None]], Surroundings(before), SEARCHED)
+            if self.gel is before and not came:  # it cannot lift off along its axis here
+                came = yield from self._straight_to(place)
             if came and self._reach.holds(self.gel[None]):
                 return True
             later = (each for each in self._places[1:] if np.linalg.norm((each - place)[:3, 3]) > _BESIDE)
@@ -144,6 +147,19 @@ class Motions:
         went = yield from self._watched(leap(able, searched))
         self.lifts += went
         return went
+
+    def _straight_to(self, place: np.ndarray) -> Plan[bool]:
+        """Over a place (4, 4) by one straight way, and down there; whether it touches then."""
+        over = _raised(place[None])
+        if not self._can_leap(place[None]):
+            return False
+        if self._reach.asks and not (yield from self._said_to_be_reached(np.concatenate([over, place[None]]))):
+            return False
+        if not (yield from self._do(Approach(over[0]))).success:
+            return False
+        touched = (yield from self._do(Touch(CLEARANCES[0] + SEARCHED))).touching
+        self.lifts += touched
+        return touched
 
     def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
         """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""

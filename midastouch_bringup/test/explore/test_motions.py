@@ -98,6 +98,25 @@ def test_it_goes_back_to_the_last_place_where_it_can_stay():
     assert [act.pose[0, 3] for act in arm.acts if isinstance(act, Approach)] == [0.0], "the other is forgotten"
 
 
+def test_where_it_cannot_lift_off_along_its_axis_it_goes_back_straight():
+    """Beside the object, tilted, and at the end of its reach."""
+    aside = se3.translation([0.1, 0, 0]) @ se3.exp(np.array([0, 0, 0, 0, 1.2, 0]))
+    poses = iter([np.eye(4), aside])
+
+    def script(act):
+        if isinstance(act, CheckReach):
+            return act.poses[:, 0, 3].max() < 0.1, "too short", 0.0, False, np.eye(4)
+        return True, "", 0.03, isinstance(act, Touch), next(poses, np.eye(4))
+
+    arm, motions = Scripted(script), motions_within(Reach([-9] * 3, [9] * 3, np.pi, asks=True))
+    arm.follow(motions.touch())
+    arm.follow(motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
+    del arm.acts[:]
+    assert arm.follow(motions.back())
+    assert [type(act) for act in arm.acts] == [CheckReach, CheckReach, Approach, Touch]
+    assert arm.acts[2].pose == pytest.approx(se3.translation([0, 0, 0.012]))
+
+
 def test_before_the_first_touch_there_is_no_way_back():
     arm, motions = Scripted(refusing), motions_within()
     assert not arm.follow(motions.back())
