@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Callable
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
@@ -17,6 +18,9 @@ from midastouch_common.ros.goals import name_of
 
 from ..explore.acts import Act
 from .arm_actions import KINDS, goal_of
+
+ANSWER_S = 2.0
+"""s until a goal counts as unanswered: an answer is lost where DDS does not know its reader yet."""
 
 
 class ArmClient:
@@ -30,6 +34,7 @@ class ArmClient:
         self._base, self._on_end = base, on_end
         self._clients = {act: ActionClient(node, kind, name_of(kind)) for act, kind in KINDS.items()}
         self._goal: ClientGoalHandle | None = None
+        self._answered, self._asked_at = True, 0.0
         self.heard_at = time.monotonic()
 
     def close(self) -> None:
@@ -48,16 +53,26 @@ class ArmClient:
 
     def carry_out(self, act: Act) -> None:
         """Ask for an act."""
-        self.heard_at = time.monotonic()
+        self.heard_at = self._asked_at = time.monotonic()
+        self._answered = False
         client, goal_id = self._clients[type(act)], UUID(uuid=list(uuid.uuid4().bytes))
         self._goal = ClientGoalHandle(client, goal_id, None)  # which can be cancelled before there is an answer
         sent = client.send_goal_async(goal_of(act, self._base), self._on_feedback, goal_id)
         sent.add_done_callback(self._on_answer)
 
+    def look(self) -> None:
+        """Ask what has become of a goal that is unanswered; call this regularly."""
+        if self._goal is not None and not self._answered and time.monotonic() - self._asked_at > ANSWER_S:
+            self._answered = True
+            self._goal.get_result_async().add_done_callback(self._on_result)
+
     def _on_feedback(self, _) -> None:
         self.heard_at = time.monotonic()
 
     def _on_answer(self, answer: Future) -> None:
+        if self._answered:  # it comes too late
+            return
+        self._answered = True
         goal: ClientGoalHandle = answer.result()
         if goal.accepted:
             goal.get_result_async().add_done_callback(self._on_result)
@@ -67,4 +82,5 @@ class ArmClient:
 
     def _on_result(self, answer: Future) -> None:
         self.heard_at, self._goal = time.monotonic(), None
-        self._on_end(answer.result().result)
+        known = answer.result().status != GoalStatus.STATUS_UNKNOWN
+        self._on_end(answer.result().result if known else None)

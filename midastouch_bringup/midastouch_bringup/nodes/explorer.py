@@ -102,8 +102,8 @@ class Explorer(PipelineNode):
         if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["patience"]:
             self._fail(f"the finger could not go on for {stuck:.0f} s", self._filter.says)
             return
-        for service in (self._suggestions, self._reach, self._change):
-            service.look()
+        for asked in (self._arm, self._suggestions, self._reach, self._change):
+            asked.look()
 
     def _fail(self, *whys: str) -> None:
         self._end(False, "; ".join(filter(None, (*whys, self._arm.trouble, self._reach.trouble))))

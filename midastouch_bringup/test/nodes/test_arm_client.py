@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from rclpy.action import ActionClient
 from rclpy.node import Node
+from rclpy.task import Future
 
 from midastouch_bringup.bags.messages import BASE_FRAME
 from midastouch_bringup.explore.acts import Approach, Lift, Slide, Touch
+from midastouch_bringup.nodes import arm_client
 from midastouch_bringup.nodes.arm_actions import KINDS, act_of, done_of, goal_of
 from midastouch_bringup.nodes.arm_client import ArmClient
 from midastouch_common import se3
@@ -47,6 +50,30 @@ def test_a_goal_in_flight_is_cancelled(graph, arm, begun):
     client.close()
     graph.remove(node)
     graph.spin_until(lambda: arm.cancelled, "the goal to be cancelled")
+
+
+@pytest.mark.parametrize("arrives", [True, False])
+def test_a_goal_whose_answer_is_lost_is_asked_for_its_result(graph, arm, monkeypatch, arrives):
+    """As in the first second of a network; or the goal itself is."""
+    monkeypatch.setattr(arm_client, "ANSWER_S", 0.1)
+    send = ActionClient.send_goal_async
+
+    def lost(client, goal, *others):
+        if arrives:
+            send(client, goal, *others)
+        return Future()
+
+    monkeypatch.setattr(ActionClient, "send_goal_async", lost)
+    ended = []
+    client = ArmClient(graph.add(Node, node_name="mover"), BASE_FRAME, ended.append)
+    graph.spin_until(lambda: not client.trouble, "the actions")
+    client.carry_out(Slide(0.0, 0.1))
+    if arrives:
+        graph.spin_until(lambda: arm.goals, "the goal")
+        end_goal(arm.goals[0], True, KINDS[Slide].Result(success=True, path=0.1))
+    graph.spin_until(lambda: client.look() or ended, "the end of the act")
+    assert [each and each.path for each in ended] == [0.1 if arrives else None]
+    client.close()
 
 
 @pytest.mark.parametrize("act", [Touch(0.05, (0.0, 1.0, -1.0)), Slide(0.3, 0.02), Lift(0.01)])
