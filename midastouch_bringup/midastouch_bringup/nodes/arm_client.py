@@ -34,14 +34,15 @@ class ArmClient:
         self._base, self._on_end = base, on_end
         self._clients = {act: ActionClient(node, kind, name_of(kind)) for act, kind in KINDS.items()}
         self._goal: ClientGoalHandle | None = None
-        self._answered, self._asked_at = True, 0.0
+        self._sent: Future | None = None  # of a goal that is unanswered
+        self._sent_at = 0.0
         self.heard_at = time.monotonic()
 
     def close(self) -> None:
         """Have the arm stop, whether it has accepted the goal yet or not, and ask no more."""
         if self._goal is not None:
             self._goal.cancel_goal_async()
-            self._goal = None
+            self._goal = self._sent = None
         for client in self._clients.values():
             client.destroy()
 
@@ -53,26 +54,25 @@ class ArmClient:
 
     def carry_out(self, act: Act) -> None:
         """Ask for an act."""
-        self.heard_at = self._asked_at = time.monotonic()
-        self._answered = False
+        self.heard_at = self._sent_at = time.monotonic()
         client, goal_id = self._clients[type(act)], UUID(uuid=list(uuid.uuid4().bytes))
         self._goal = ClientGoalHandle(client, goal_id, None)  # which can be cancelled before there is an answer
-        sent = client.send_goal_async(goal_of(act, self._base), self._on_feedback, goal_id)
-        sent.add_done_callback(self._on_answer)
+        self._sent = client.send_goal_async(goal_of(act, self._base), self._on_feedback, goal_id)
+        self._sent.add_done_callback(self._on_answer)
 
     def look(self) -> None:
         """Ask what has become of a goal that is unanswered; call this regularly."""
-        if self._goal is not None and not self._answered and time.monotonic() - self._asked_at > ANSWER_S:
-            self._answered = True
+        if self._sent is not None and time.monotonic() - self._sent_at > ANSWER_S:
+            self._sent = None
             self._goal.get_result_async().add_done_callback(self._on_result)
 
     def _on_feedback(self, _) -> None:
         self.heard_at = time.monotonic()
 
     def _on_answer(self, answer: Future) -> None:
-        if self._answered:  # it comes too late
+        if answer is not self._sent:  # it comes too late
             return
-        self._answered = True
+        self._sent = None
         goal: ClientGoalHandle = answer.result()
         if goal.accepted:
             goal.get_result_async().add_done_callback(self._on_result)

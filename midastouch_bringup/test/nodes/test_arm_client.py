@@ -1,5 +1,7 @@
 """Whoever moves an arm by its actions, and goes, has it stop."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from rclpy.action import ActionClient
@@ -56,12 +58,12 @@ def test_a_goal_in_flight_is_cancelled(graph, arm, begun):
 def test_a_goal_whose_answer_is_lost_is_asked_for_its_result(graph, arm, monkeypatch, arrives):
     """As in the first second of a network; or the goal itself is."""
     monkeypatch.setattr(arm_client, "ANSWER_S", 0.1)
-    send = ActionClient.send_goal_async
+    send, answer = ActionClient.send_goal_async, Future()
 
     def lost(client, goal, *others):
         if arrives:
             send(client, goal, *others)
-        return Future()
+        return answer
 
     monkeypatch.setattr(ActionClient, "send_goal_async", lost)
     ended = []
@@ -73,6 +75,13 @@ def test_a_goal_whose_answer_is_lost_is_asked_for_its_result(graph, arm, monkeyp
         end_goal(arm.goals[0], True, KINDS[Slide].Result(success=True, path=0.1))
     graph.spin_until(lambda: client.look() or ended, "the end of the act")
     assert [each and each.path for each in ended] == [0.1 if arrives else None]
+    monkeypatch.undo()
+    client.carry_out(Lift(0.01))
+    answer.set_result(SimpleNamespace(accepted=False))  # too late, and not of this goal
+    graph.spin_until(lambda: len(arm.goals) == 1 + arrives, "the next goal")
+    end_goal(arm.goals[-1], True, KINDS[Lift].Result(success=True, path=0.01))
+    graph.spin_until(lambda: len(ended) == 2, "its end")
+    assert ended[1].path == 0.01
     client.close()
 
 
