@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midastouch_filter.active_touch.suggestion import Advice
+from midastouch_filter.core.state import CONVERGED, SEARCHING
 
 from .acts import Plan
 from .motions import Motion, Motions
@@ -19,9 +20,7 @@ TELLS = 0.1
 
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
 _LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long where they began
-_MOST_FRUITLESS = (
-    3  # in a row: motions in which nothing is measured or none is possible, suggestions refused or hopeless
-)
+_MOST_FRUITLESS = 3  # in a row: of motions that measure nothing or are not possible, of suggestions that are no help
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
 _RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
 
@@ -79,7 +78,7 @@ class Exploration:
         While it is searching the object is hardly where it is believed to be: slides come first, which lead somewhere
         all the same. Else lifts do where the last slide was blocked: what it was to find out is behind that.
         """
-        self._doubtful = state == "searching"
+        self._doubtful = state == SEARCHING
         if advice is None:
             return "somewhere, as nothing better is known", self.go([], around)
         if advice.indistinguishable and not any(each.information > TELLS for each in advice.suggestions):
@@ -147,7 +146,7 @@ class Exploration:
         if self.verdict is not None:
             return
         self._unmeasured = 0 if measured or not self.motions.touching else self._unmeasured + 1
-        self._sure = self._sure + 1 if state == "converged" else 0
+        self._sure = self._sure + 1 if state == CONVERGED else 0
         if self._sure >= _SURE:
             self.verdict = Verdict(True, f"the filter knows the pose: {why}")
         elif self._unmeasured >= _MOST_FRUITLESS:

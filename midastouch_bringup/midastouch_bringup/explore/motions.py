@@ -96,7 +96,7 @@ class Motions:
     def back(self) -> Plan[bool]:
         """To the last of the places that it has touched at; whether it stays there. But for the first, those near one
         where it does not are forgotten."""
-        for place in (*reversed(self._places[1:]), *self._places[:1]):
+        for place in [*reversed(self._places)]:  # what is touched on the way is added
             if self._held():
                 return False
             if not any(place is kept for kept in self._places):

@@ -78,8 +78,10 @@ def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulat
             return said
 
         # an answer after a frame was given up takes the loss back: once the replay, too, has heard it
-        answered = lambda: all(answers().values()) and node.player.frames_lost == 0  # noqa: E731
-        graph.spin_until(answered, "an answer to each, here and in the replay")
+        graph.spin_until(
+            lambda: all(answers().values()) and node.player.frames_lost == 0,
+            "an answer to each, here and in the replay",
+        )
         changed = "stale: the object was changed while this code waited for its transform"
         assert {tuple(said) for said in answers().values()} <= {("ambiguous: as told",), (changed,)}
         assert list(answers().values()).count([changed]) <= 1
