@@ -1,12 +1,15 @@
 // Alignment of a sensor pose to the penetration map that it feels: Gauss-Newton on the pose's own rendered view.
 #include "arrays.hpp"
 #include "cholesky.hpp"
+#include "gaussian.hpp"
 #include "lanes.hpp"
+#include "parallel.hpp"
 #include "patch.hpp"
 #include "tangent.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -15,6 +18,7 @@ namespace {
 // that a start a millimetre off is not all outliers (graduated non-convexity, Blake and Zisserman 1987)
 constexpr double kWidths[] = {2e-3, 2e-3, 1e-3, 1e-3, 5e-4, 5e-4, 3e-4, 3e-4};
 constexpr int kIterations = std::size(kWidths);
+constexpr double kNarrowest = kWidths[kIterations - 1];
 constexpr double kSmallStep[] = {5e-5, 2e-3};  // m, rad: no second iteration at the same width after one this small
 constexpr double kNear = 0.9;       // fit at a width, beyond which a second iteration at the same tells no more
 constexpr float kSteepest = 3.0f;   // slope beyond which a finite difference across a silhouette says nothing
@@ -52,35 +56,149 @@ public:
         gel_depth_ = padded(gel_depth.data(), pixels_);
     }
 
+    // See `align` of the binding.
     nb::tuple align(In<double, 4, 4> pose, In<double, 6, 6> covariance, In<float, -1, -1> map,
                     In<double, 4, 4> start) const {
-        if (static_cast<int>(map.shape(0)) != scene_.height() || static_cast<int>(map.shape(1)) != scene_.width())
-            throw nb::value_error("a penetration map of another size than the sensor's");
+        check_size(map.shape(0), map.shape(1));
         auto found_pose = make_array<double>({4, 4}), found_covariance = make_array<double>({6, 6});
-        double log_evidence, fit;
+        Descent found;
         {
             nb::gil_scoped_release released;
-            Transform centre, state;
-            Matrix6 spread;
-            std::copy_n(pose.data(), 16, centre.begin());
-            std::copy_n(start.data(), 16, state.begin());
-            std::copy_n(covariance.data(), 36, spread.begin());
-            const Cholesky wide(spread);
-            const Matrix6 prior = wide.inverse();
-            const Equations at = descend(centre, state, prior, first_width(spread), padded(map.data(), pixels_), true);
-            const Cholesky narrow(sum_of(prior, at.hessian));
-            log_evidence = -0.5 * (at.cost + narrow.log_determinant() + wide.log_determinant());
-            fit = at.fit;
-            std::copy_n(state.begin(), 16, found_pose.data());
-            std::copy_n(narrow.inverse().begin(), 36, found_covariance.data());
+            Workspace work(scene_);
+            found = descent(work, {item_at<Transform>(pose.data(), 0), item_at<Matrix6>(covariance.data(), 0)},
+                            item_at<Transform>(start.data(), 0), padded(map.data(), pixels_), 0);
+            put(found.posterior.mean, found_pose.data(), 0);
+            put(found.posterior.covariance, found_covariance.data(), 0);
         }
-        return nb::make_tuple(found_pose, found_covariance, log_evidence, fit);
+        return nb::make_tuple(found_pose, found_covariance, found.log_evidence, found.fit);
+    }
+
+    // See `align_each` of the binding.
+    nb::tuple align_each(In<double, -1, 4, 4> poses, In<double, -1, 6, 6> covariances, In<float, -1, -1, -1> maps,
+                         In<double, -1, 4, 4> gels, In<double, 6, 6> jitter, In<double, 6, 6> finger_error,
+                         In<double, -1> needed, int descents, double explains, double patches, double floor) const {
+        const std::size_t n = poses.shape(0), fingers = maps.shape(0);
+        check_size(maps.shape(1), maps.shape(2));
+        if (covariances.shape(0) != n || needed.shape(0) != n) throw nb::value_error("not as many of each as poses");
+        if (!fingers || gels.shape(0) != fingers) throw nb::value_error("no map, or not as many gels as maps");
+        auto means = make_array<double>({n, 4, 4}), spreads = make_array<double>({n, 6, 6});
+        auto seen_means = make_array<double>({n, 4, 4}), seen_spreads = make_array<double>({n, 6, 6});
+        auto fits = make_array<double>({n, fingers});
+        auto counts = make_array<int32_t>({n});
+        {
+            nb::gil_scoped_release released;
+            std::vector<Touch> touches;
+            for (std::size_t f = 0; f < fingers; ++f)
+                touches.push_back({padded(maps.data() + f * pixels_, pixels_), item_at<Transform>(gels.data(), f)});
+            const auto touched = std::count_if(maps.data(), maps.data() + maps.size(), [](float x) { return x > 0; });
+            // nats that maps speak against a pose which explains nothing of them, if their noise is as given
+            const double nats = 0.5 * information_ * kNarrowest * kNarrowest * std::max<double>(touched, 1);
+            const Matrix6 own = item_at<Matrix6>(jitter.data(), 0), others = item_at<Matrix6>(finger_error.data(), 0);
+            parallel_for(n, kPiece, [&](std::size_t first, std::size_t last) {
+                Workspace work(scene_);
+                for (std::size_t i = first; i < last; ++i) {
+                    Gaussian hypothesis{item_at<Transform>(poses.data(), i), item_at<Matrix6>(covariances.data(), i)};
+                    const Gaussian prior{hypothesis.mean, sum_of(hypothesis.covariance, own)};
+                    const Settled at = settle(work, prior, touches, others, needed.data()[i], descents);
+                    if (at.fit() > explains) {
+                        // the noise of a map is as large as what it leaves unexplained says
+                        const double factor = patches / (1 - at.fit() + floor) / nats;
+                        hypothesis = condition(hypothesis, own,
+                                               factor < 1 ? weaken(prior, at.posterior, factor) : at.posterior);
+                    }
+                    put(hypothesis.mean, means.data(), i), put(hypothesis.covariance, spreads.data(), i);
+                    put(at.posterior.mean, seen_means.data(), i);
+                    put(at.posterior.covariance, seen_spreads.data(), i);
+                    std::copy(at.fits.begin(), at.fits.end(), fits.data() + i * fingers);
+                    counts.data()[i] = at.descents;
+                }
+            });
+        }
+        return nb::make_tuple(means, spreads, fits, seen_means, seen_spreads, counts);
     }
 
 private:
-    static Matrix6 sum_of(Matrix6 a, const Matrix6& b) {
-        for (int i = 0; i < 36; ++i) a[i] += b[i];
-        return a;
+    static constexpr std::size_t kPiece = 8;  // hypotheses that share a workspace
+    static constexpr double kMore = 0.01, kExplained = 0.9;  // fractions of a map: less is no gain, no more is needed
+    // The iteration after which hardly more than a further `kStillGained` of a map gets explained.
+    static constexpr int kDecided = 4;
+    static constexpr double kStillGained = 0.15;
+    static constexpr Transform kIdentity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+
+    // What descents need, allocated once for many.
+    struct Workspace {
+        explicit Workspace(const Scene& scene)
+            : patch(scene), rendered(static_cast<std::size_t>(scene.height()) * scene.width() + 2 * kLanes) {}
+        Patch patch;
+        std::vector<float> rendered;
+    };
+
+    // A finger's map, padded, and its gel in the first one's frame.
+    struct Touch {
+        std::vector<float> map;
+        Transform gel;
+    };
+
+    struct Descent {
+        Gaussian posterior;
+        double log_evidence, fit;
+    };
+
+    // A posterior of all fingers' maps, the fraction explained of each, and after how many descents.
+    struct Settled {
+        double fit() const { return *std::min_element(fits.begin(), fits.end()); }
+
+        Gaussian posterior;
+        std::vector<double> fits;
+        int descents;
+    };
+
+    void check_size(std::size_t rows, std::size_t columns) const {
+        if (static_cast<int>(rows) != scene_.height() || static_cast<int>(columns) != scene_.width())
+            throw nb::value_error("a penetration map of another size than the sensor's");
+    }
+
+    Descent descent(Workspace& work, const Gaussian& prior, const Transform& start, const std::vector<float>& map,
+                    double needed) const {
+        Transform state = start;
+        const Cholesky wide(prior.covariance);
+        const Matrix6 inverse = wide.inverse();
+        const Equations at =
+            descend(work, prior.mean, state, inverse, first_width(prior.covariance), map, true, needed);
+        const Cholesky narrow(sum_of(inverse, at.hessian));
+        const double log_evidence = -0.5 * (at.cost + narrow.log_determinant() + wide.log_determinant());
+        return {{state, narrow.inverse()}, log_evidence, at.fit};
+    }
+
+    // The posterior of all fingers' maps in turn, from where it ended as long as that explains more of them: one
+    // descent stops short where a start is some millimetres and a sharp edge away.
+    Settled settle(Workspace& work, const Gaussian& prior, const std::vector<Touch>& touches, const Matrix6& others,
+                   double needed, int most) const {
+        Settled best = in_turn(work, prior, prior.mean, touches, others, needed);
+        int descents = 1;
+        bool more = true;
+        for (; more && descents < most && best.fit() < kExplained && best.fit() >= needed - kStillGained; ++descents) {
+            Settled again = in_turn(work, prior, best.posterior.mean, touches, others, needed);
+            more = again.fit() >= best.fit() + kMore;
+            if (again.fit() > best.fit()) best = std::move(again);
+        }
+        best.descents = descents;
+        return best;
+    }
+
+    Settled in_turn(Workspace& work, Gaussian belief, Transform start, const std::vector<Touch>& touches,
+                    const Matrix6& others, double needed) const {
+        std::vector<double> fits;
+        for (const Touch& touch : touches) {
+            const bool first = touch.gel == kIdentity;
+            const Gaussian there = first ? belief : moved(belief, touch.gel);
+            const Gaussian prior = first ? there : Gaussian{there.mean, sum_of(there.covariance, others)};
+            const Descent found = descent(work, prior, first ? start : start * touch.gel, touch.map, needed);
+            belief = first ? found.posterior : moved(condition(there, others, found.posterior), inverse(touch.gel));
+            start = belief.mean;  // a further finger begins where those before it have led
+            fits.push_back(found.fit);
+        }
+        return {belief, fits, 1};
     }
 
     // The first width that is needed: residuals are hardly larger than a prior's spread.
@@ -95,19 +213,20 @@ private:
     }
 
     // Gauss-Newton from `state`, which ends at the optimum; the equations there, the prior's part added to the cost.
-    Equations descend(const Transform& centre, Transform& state, const Matrix6& prior, int first,
-                      const std::vector<float>& map, bool comes_down) const {
+    // It ends early, with the equations there, once less than `needed` of the map can be explained.
+    Equations descend(Workspace& work, const Transform& centre, Transform& state, const Matrix6& prior, int first,
+                      const std::vector<float>& map, bool comes_down, double needed) const {
         const Transform start = state;
         const Transform from_centre = inverse(centre);
-        std::vector<float> rendered(map.size());
-        Patch patch(scene_);
+        std::vector<float>& rendered = work.rendered;
+        Patch& patch = work.patch;
+        patch.restart();
         double settled = INFINITY;
         draw(patch, state, rendered);
         comes_down = comes_down && let_down(patch, state, map, rendered);
         for (int k = first;; ++k) {
-            const bool last = k == kIterations;
             const double width = kWidths[std::min(k, kIterations - 1)];
-            if (width == settled && !last) continue;
+            if (width == settled && k < kIterations) continue;
             if (k > first) draw(patch, state, rendered);
             Equations at = accumulate(rendered, map, static_cast<float>(width));
             const Vector6 offset = logarithm(from_centre * state);
@@ -118,12 +237,17 @@ private:
                     pull[i] -= prior[6 * i + j] * offset[j];
                     away += offset[i] * prior[6 * i + j] * offset[j];
                 }
-            at.cost += away;
-            if (last && comes_down && away > reach_) {
-                state = start;
-                return descend(centre, state, prior, first, map, false);
+            bool over = k == kIterations;
+            if (k == std::max(kDecided, first + 1) && needed > kStillGained) {
+                Equations sharp = accumulate(rendered, map, static_cast<float>(kNarrowest));
+                if (sharp.fit < needed - kStillGained) over = true, at = sharp;
             }
-            if (last) return at;
+            at.cost += away;
+            if (over && comes_down && away > reach_) {
+                state = start;
+                return descend(work, centre, state, prior, first, map, false, needed);
+            }
+            if (over) return at;
             if (at.fit > kNear) settled = width;
             const Vector6 step = Cholesky(sum_of(prior, at.hessian)).solve(pull);
             state = state * exponential(step);
@@ -243,17 +367,25 @@ private:
 }  // namespace
 
 void bind_alignment(nb::module_& m) {
-    auto type = nb::class_<MapAlignment>(
+    nb::class_<MapAlignment>(
         m, "MapAlignment",
-        "Aligns poses on one scene to penetration maps.\n\nwidth [m]: residual of which a pixel explains half. A pose "
-        "in the air comes down to what it is to touch, within `reach`, a squared Mahalanobis distance of its prior.");
-    type.attr("width") = kWidths[kIterations - 1];
-    type
-        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double,
-                      double>(),
+        "Aligns poses on one scene to penetration maps.\n\nA pose in the air comes down to what it is to touch, within "
+        "`reach`, a squared Mahalanobis distance of its prior.")
+        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double, double>(),
              nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"),
              nb::arg("reach"))
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),
              "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
-             "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).");
+             "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).")
+        .def("align_each", &MapAlignment::align_each, named("poses"), named("covariances"), named("maps"),
+             named("gels"), named("jitter"), named("finger_error"), named("needed"), nb::arg("descents"),
+             nb::arg("explains"), nb::arg("patches"), nb::arg("floor"),
+             "Align N Gaussians of the first finger's gel, poses (N, 4, 4) and covariances (N, 6, 6) in their own "
+             "frames, to the maps (F, H, W) [m] of F fingers, one after the other. gels (F, 4, 4): each finger's gel in "
+             "the first one's frame, the identity its own. jitter, finger_error (6, 6): covariances of this frame's "
+             "error of the first gel's measured pose, and of a further one's given that. descents: how often at most, "
+             "each from where the last one ended. needed (N,): fraction of each map below which a Gaussian does not "
+             "matter, and is left early. Returns poses and covariances without this frame's error, unchanged unless "
+             "more than `explains` of every map is explained; fits (N, F); poses and covariances in this frame; "
+             "descents (N,). patches, floor: the evidence of a map is -patches log(1 - fit + floor).");
 }

@@ -12,7 +12,6 @@
 #include <initializer_list>
 #include <memory>
 #include <new>
-#include <vector>
 
 namespace nb = nanobind;
 
@@ -36,11 +35,17 @@ Out<T> make_array(std::initializer_list<std::size_t> shape) {
     return Out<T>(data, shape.size(), shape.begin(), owner);
 }
 
-template <class T>
-Out<T> copy_of(const std::vector<T>& values) {
-    auto out = make_array<T>({values.size()});
-    std::copy(values.begin(), values.end(), out.data());
+// The item, a std::array, at an index of an array of such items.
+template <class Item>
+Item item_at(const typename Item::value_type* items, std::size_t index) {
+    Item out;
+    std::copy_n(items + index * out.size(), out.size(), out.begin());
     return out;
+}
+
+template <class Item>
+void put(const Item& item, typename Item::value_type* items, std::size_t index) {
+    std::copy(item.begin(), item.end(), items + index * item.size());
 }
 
 // A named argument that is never converted: a converted copy would swallow what a kernel writes.

@@ -7,20 +7,15 @@
 #include <stdexcept>
 
 void bind_alignment(nb::module_&);
-void bind_belief(nb::module_&);
 void bind_canvas(nb::module_&);
 void bind_colour_table(nb::module_&);
 void bind_farthest_points(nb::module_&);
-void bind_gaussian(nb::module_&);
 void bind_image(nb::module_&);
 void bind_integration(nb::module_&);
-void bind_map_odometry(nb::module_&);
 void bind_measurement(nb::module_&);
-void bind_modes(nb::module_&);
 void bind_motion(nb::module_&);
 void bind_pose_cells(nb::module_&);
 void bind_pose_graph(nb::module_&);
-void bind_regions(nb::module_&);
 void bind_renderer(nb::module_&);
 void bind_resampling(nb::module_&);
 void bind_shading(nb::module_&);
@@ -52,20 +47,15 @@ NB_MODULE(MODULE_NAME, m) {
     m.def("set_threads", &set_thread_count, nb::arg("count"),
           "Threads that kernels over batches start; 0: one per available core.");
     bind_alignment(m);
-    bind_belief(m);
     bind_canvas(m);
     bind_colour_table(m);
     bind_farthest_points(m);
-    bind_gaussian(m);
     bind_image(m);
     bind_integration(m);
-    bind_map_odometry(m);
     bind_measurement(m);
-    bind_modes(m);
     bind_motion(m);
     bind_pose_cells(m);
     bind_pose_graph(m);
-    bind_regions(m);
     bind_renderer(m);
     bind_resampling(m);
     bind_shading(m);

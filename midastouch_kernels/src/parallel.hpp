@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <exception>
+#include <mutex>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -11,7 +13,8 @@
 int thread_count();
 void set_thread_count(int count);
 
-// Calls body(first, last) on pieces of at most `piece` items that cover [0, n), on several threads; body must not throw.
+// Calls body(first, last) on pieces of at most `piece` items that cover [0, n), on several threads. If one throws, no
+// further piece begins, and the exception reaches the caller.
 template <class Body>
 void parallel_for(std::size_t n, std::size_t piece, Body&& body) {
     const std::size_t pieces = (n + piece - 1) / piece;
@@ -21,8 +24,16 @@ void parallel_for(std::size_t n, std::size_t piece, Body&& body) {
         return;
     }
     std::atomic<std::size_t> next{0};
+    std::exception_ptr failure;
+    std::mutex failing;
     auto work = [&] {
-        for (std::size_t k; (k = next.fetch_add(1)) < pieces;) body(k * piece, std::min(n, (k + 1) * piece));
+        try {
+            for (std::size_t k; (k = next.fetch_add(1)) < pieces;) body(k * piece, std::min(n, (k + 1) * piece));
+        } catch (...) {  // beyond a thread's own function it would end the process
+            const std::lock_guard<std::mutex> guard(failing);
+            failure = std::current_exception();
+            next = pieces;
+        }
     };
     std::vector<std::thread> helpers;
     try {
@@ -32,4 +43,5 @@ void parallel_for(std::size_t n, std::size_t piece, Body&& body) {
     }
     work();
     for (std::thread& helper : helpers) helper.join();
+    if (failure) std::rethrow_exception(failure);
 }

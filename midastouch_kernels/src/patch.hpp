@@ -6,11 +6,15 @@
 #include "renderer.hpp"
 #include "tangent.hpp"
 
+#include <cmath>
 #include <vector>
 
 class Patch {
 public:
     explicit Patch(const Scene& scene);
+
+    // Gather triangles anew at the next pose, so that nothing drawn depends on what was drawn before.
+    void restart() { centre_[0] = NAN; }
 
     // Draw the pose into `penetration` (H, W), padded by a whole load, as `Scene::draw` does but for rounding.
     void draw(const Transform& pose, float* penetration);
@@ -29,6 +33,6 @@ private:
 
     const Scene& scene_;
     std::vector<float> gel_depth_;
-    Transform centre_{};  // where triangles were gathered, and what their corners are relative to; at first no pose
+    Transform centre_{NAN};  // where triangles were gathered, and what their corners are relative to; at first no pose
     std::vector<Triangles> triangles_;
 };

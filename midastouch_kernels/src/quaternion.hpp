@@ -47,24 +47,6 @@ inline void rotation_vector(const Quaternion<double>& q, double* out) {
     out[0] = scale * q.x, out[1] = scale * q.y, out[2] = scale * q.z;
 }
 
-// The rotation by a vector.
-inline Quaternion<double> rotation_of(const double* vector) {
-    const double x = vector[0], y = vector[1], z = vector[2], squared = 0.25 * (x * x + y * y + z * z);
-    double scale, cosine;
-    if (squared < kSeries) {
-        scale = 1, cosine = 1;
-        for (int i = 5; i > 0; --i) {
-            scale = 1 - squared * scale * (0.5 / (i * (2 * i + 1)));
-            cosine = 1 - squared * cosine * (0.5 / (i * (2 * i - 1)));
-        }
-        scale *= 0.5;
-    } else {
-        const double half = std::sqrt(squared);
-        scale = 0.5 * std::sin(half) / half, cosine = std::cos(half);
-    }
-    return {scale * x, scale * y, scale * z, cosine};
-}
-
 // Rotation matrix (3, 3) with rows `stride` apart.
 inline void to_matrix(const Quaternion<double>& q, double* r, int stride = 3) {
     const double x = q.x, y = q.y, z = q.z, w = q.w;

@@ -1,6 +1,5 @@
 // Systematic resampling.
 #include "arrays.hpp"
-#include "lanes.hpp"
 
 #include <numeric>
 
@@ -24,21 +23,9 @@ Out<int64_t> systematic(In<double, -1> weights, std::size_t n, double offset) {
     return out;
 }
 
-// 1 / sum(w^2), in four sums that need not wait for each other.
-double effective_size(In<double, -1> weights) {
-    const std::size_t n = weights.size();
-    const double* w = weights.data();
-    Quad sums{};
-    std::size_t i = 0;
-    for (; i + kQuad <= n; i += kQuad) sums += load_quad(w + i) * load_quad(w + i);
-    for (; i < n; ++i) sums[i % kQuad] += w[i] * w[i];
-    return 1 / ((sums[0] + sums[1]) + (sums[2] + sums[3]));
-}
-
 }  // namespace
 
 void bind_resampling(nb::module_& m) {
     m.def("systematic", &systematic, named("weights"), nb::arg("n"), nb::arg("offset"),
           "n ancestors, ascending, of weights (N,) at equal steps of their sum, the first at `offset` in [0, 1).");
-    m.def("effective_size", &effective_size, named("weights"), "1 / sum(w^2) of weights (N,).");
 }

@@ -1,9 +1,6 @@
 // Signed distance to the surface, interpolated between the nodes of a grid.
 #include "arrays.hpp"
 
-#include <algorithm>
-#include <cmath>
-
 namespace {
 
 void interpolate_grid(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<int16_t, -1, -1, -1> values,
@@ -32,30 +29,10 @@ void interpolate_grid(std::size_t low, std::size_t high, In<float, -1, 3> positi
     }
 }
 
-// Log-weights of gels at these distances from the surface and from the codebook's poses: 0 between -deep and high, and
-// nearer than `reach` to the codebook; quadratic beyond, -inf where the surface is `dead` away.
-void surface_log_weight(std::size_t low, std::size_t high, In<float, -1> distance, In<float, -1> codebook_distance,
-                        float deep, float hover, float reach, float per_sigma, float dead, InOut<double, -1> out) {
-    if (low > high || high > std::min({distance.shape(0), codebook_distance.shape(0), out.shape(0)}))
-        throw nb::value_error("range beyond the particles");
-    nb::gil_scoped_release released;
-    for (std::size_t i = low; i < high; ++i) {
-        const float d = distance.data()[i];
-        const double off = std::max(std::max(-deep - d, d - hover), 0.0f) * per_sigma;
-        const float tilted = std::max(codebook_distance.data()[i] - reach, 0.0f) * per_sigma;
-        const double value = -0.5 * (off * off + static_cast<double>(tilted * tilted));
-        out.data()[i] = std::abs(d) >= dead ? -INFINITY : value;
-    }
-}
-
 }  // namespace
 
 void bind_surface(nb::module_& m) {
     m.def("interpolate_grid", &interpolate_grid, nb::arg("low"), nb::arg("high"), named("positions"), named("values"),
           named("origin"), nb::arg("per_metre"), nb::arg("unit"), nb::arg("limit"), named("out"),
           "Values (X, Y, Z) times unit at positions [low, high) [m], trilinear; limit outside the grid.");
-    m.def("surface_log_weight", &surface_log_weight, nb::arg("low"), nb::arg("high"), named("distance"),
-          named("codebook_distance"), nb::arg("deep"), nb::arg("hover"), nb::arg("reach"), nb::arg("per_sigma"),
-          nb::arg("dead"), named("out"),
-          "Log-weights of gels [low, high) at these distances [m] from the surface and from the codebook's poses.");
 }

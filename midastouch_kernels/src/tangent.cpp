@@ -1,9 +1,9 @@
-// SE(3) for batches of transforms.
+// SE(3) for batches of transforms, and of covariances of poses.
 #include "tangent.hpp"
 
 #include "arrays.hpp"
+#include "gaussian.hpp"
 
-#include <algorithm>
 #include <array>
 #include <initializer_list>
 
@@ -13,13 +13,7 @@ namespace {
 template <class Item, class Function>
 Out<double> of_each(const double* items, std::initializer_list<std::size_t> shape, Function function) {
     auto out = make_array<double>(shape);
-    double* to = out.data();
-    for (std::size_t i = 0; i < *shape.begin(); ++i) {
-        Item item;
-        std::copy_n(items + i * item.size(), item.size(), item.begin());
-        const auto result = function(item);
-        to = std::copy(result.begin(), result.end(), to);
-    }
+    for (std::size_t i = 0; i < *shape.begin(); ++i) put(function(item_at<Item>(items, i)), out.data(), i);
     return out;
 }
 
@@ -45,6 +39,12 @@ Out<double> quaternions(In<double, -1, 4, 4> transforms) {
     });
 }
 
+Out<double> transform_covariances(In<double, -1, 6, 6> covariances, In<double, 4, 4> motion) {
+    const Matrix6 on = adjoint(item_at<Transform>(motion.data(), 0)), back = transposed(on);
+    return of_each<Matrix6>(covariances.data(), {covariances.shape(0), 6, 6},
+                            [&](const Matrix6& before) { return product(product(on, before), back); });
+}
+
 }  // namespace
 
 void bind_tangent(nb::module_& m) {
@@ -53,4 +53,6 @@ void bind_tangent(nb::module_& m) {
     m.def("logarithms", &logarithms, named("transforms"),
           "Tangent vectors (N, 6) of transforms (N, 4, 4); angles in [0, pi].");
     m.def("quaternions", &quaternions, named("transforms"), "Unit quaternions (N, 4) xyzw of transforms (N, 4, 4).");
+    m.def("transform_covariances", &transform_covariances, named("covariances"), named("motion"),
+          "Covariances (N, 6, 6) of a pose's own frame after the frame went on by `motion` (4, 4).");
 }
