@@ -22,6 +22,7 @@ setup(
         "midastouch_perception",
         "numpy",
         "pykdtree",
+        "scikit-learn",
         "scipy",
     ],
     python_requires=">=3.10",

@@ -1,57 +1,65 @@
-"""The particle filter over touch (paper section 4.3 and appendix C): from a start, by each touch, to an estimate.
+"""The particle filter over touch, as one recursion over Gaussian pose hypotheses (docs/method.md).
 
-What a touch does to the belief is in `step.py`; that gives the answer. Once it is out, `deferred_update` does what only
-later ones need: compare hypotheses by the last touches, and learn about the arm.
+Each frame, odometry moves all hypotheses, and those that could be published are aligned to the frame's maps: that gives
+the answer. Each keyframe, a few millimetres of path later, every hypothesis that can still matter is compared with the
+touch (`core/comparison.py`), most of it after the answer is out, in `deferred_update`. What may have been moved is a
+birth of hypotheses (`core/births.py`); what the answer says of the belief is in `core/answer.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import midastouch_kernels as kernels
+from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 
-from .core.belief import Belief
+from .core.alignment import Sighting, transform_covariance
+from .core.answer import Group, covariance_of, draws, grouped, modes_of
+from .core.belief import Belief, pose_rows
+from .core.births import Births
+from .core.comparison import Comparison
 from .core.config import FilterConfig
 from .core.estimate import Estimate, Mode
-from .core.fingers import Finger, by_name
+from .core.fingers import Fingers, by_name, gels_of
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
-from .core.keyframes import KeyframeWindow
-from .core.noise_model import NoiseModel
+from .core.measurement_model import log_ratios
+from .core.motion_model import Odometry
+from .core.noise_model import LEAST_UNKNOWN, REGION_WIDTH, NoiseModel
 from .core.object_model import ObjectModel
-from .core.particles import Particles
-from .core.pose_hypothesis import PoseHypothesis, Prior
-from .core.state import CONVERGED
+from .core.pace import InTime, always
+from .core.pose_hypothesis import Prior
+from .core.state import StateEvidence, StateMachine, Status
 from .core.touch import Measurement
+from .core.track import Track
 from .core.workers import Workers
-from .policies import Policies, default_policies
-from .smoothing.pace import InTime, always
-from .step import Reporter, Step
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
-
-class _Answered(NamedTuple):
-    """What fingers measured in a step, the first one's touch, seconds since the step before, and whether the answer can
-    be trusted."""
-
-    measured: list[Finger]
-    touch: Measurement
-    elapsed: float | None
-    trusted: bool
+_LEAST_FOLLOWED = 0.01  # weight of a mode, relative to the first, from which on it is followed in every frame
+_SLICE = 32  # hypotheses aligned in one call
+_DRAWS = 1000  # poses that stand for the belief where it is looked at
+_LONGEST = 0.05  # s: frames farther apart count as that
+_AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time left: else nothing would ever be sure
+_NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
+_UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
+_TOUCHING = 1e-3  # m, deeper in the object no gel in the air can have been
 
 
 class ParticleFilter:
-    """Distribution of the sensor pose `T_obj_gel` on a known object.
+    """Distribution of the sensor pose `T_obj_gel` on a known object, or on one of several.
 
-    Args: mesh; codebook of that mesh; config; seed: same seed and input, same machine, bit-equal result;
-    clock: function returning seconds, for the milliseconds per stage in `Status` (default: none are measured);
-    open_gates: names of gates, as in `Status.skipped`, that let everything pass, to see what they are worth;
-    make_policies: as `default_policies`, for other parts of the step.
+    Args: mesh; codebook of that mesh; config; seed of what is drawn; clock: function returning seconds, for the
+    milliseconds per stage in `Status` (default: none are measured); open_gates: names of gates, as in `Status.skipped`,
+    that let everything pass, to see what they are worth. The same input on the same machine gives a bit-equal result,
+    with any number of threads.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -63,69 +71,95 @@ class ParticleFilter:
         seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
         open_gates: Collection[str] = (),
-        make_policies: Callable[..., Policies] = default_policies,
     ):
-        self.config = config or FilterConfig()
-        self._workers, self._noise = Workers(self.config.threads), NoiseModel.of(self.config)
-        self._object = ObjectModel(mesh, codebook, self.config, self._noise, self._workers)
-        self._watch, self._open_gates, self._make_policies = Stopwatch(clock), tuple(open_gates), make_policies
+        config = config or FilterConfig()
+        model = ObjectModel(mesh, codebook, config, NoiseModel.of(config), Workers(config.threads))
+        self._set_up([model], config, seed, clock, open_gates)
+
+    @classmethod
+    def on(
+        cls,
+        objects: Sequence[ObjectModel],
+        config: FilterConfig,
+        seed: int = 0,
+        clock: Callable[[], float] = lambda: 0.0,
+    ) -> ParticleFilter:
+        """A filter that does not know which of these objects is touched; all of one code network and sensor."""
+        self = cls.__new__(cls)
+        self._set_up(list(objects), config, seed, clock, ())
+        return self
+
+    def _set_up(
+        self,
+        objects: list[ObjectModel],
+        config: FilterConfig,
+        seed: int,
+        clock: Callable[[], float],
+        open_gates: Collection[str],
+    ) -> None:
+        self.config, self.objects = config, objects
+        self._noise, self._watch, self._open_gates = NoiseModel.of(config), Stopwatch(clock), tuple(open_gates)
+        self._births = Births(self._noise, config.max_particles)
+        self._track = Track(config.keyframe_spacing, self._noise.touch_correlation)
+        kernels.set_threads(config.threads)
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Forget everything but object and settings: the filter is then as if made anew with this seed."""
-        rng, gates, watch = np.random.default_rng(seed), Gates(self._open_gates), self._watch
-        self._policies = self._make_policies(self.config, self._noise, self._object, rng, gates, watch, self._workers)
-        self._step = Step(self._policies, self.config.max_particles, gates, watch)
-        self._reporter = Reporter(self.config, self._policies, self._object.symmetry, gates, watch)
+        """Forget everything but objects and settings: the filter is then as if made anew with this seed."""
+        self._seed, self._gates = seed, Gates(self._open_gates)
+        self._fingers = Fingers(self.objects[0], self._gates)
+        self._state = StateMachine(self.config)
         self._belief: Belief | None = None
-        self._answered: _Answered | None = None
-        self._untouched = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self._track.restart()
+        self._comparison: Comparison | None = None
+        self._granted = 0
+        self._sightings: dict[int, Sighting] = {}
+        self._groups: list[Group] = []
+        self._trend, self._untouched, self._held, self._seen = 0.0, False, False, None
+        self.modes: list[Mode] = []
 
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:
         """Start over the whole surface, with uniform yaw: nothing is known."""
-        self._start(self._policies.source.uniform(self.config.max_particles), None)
+        self._start(None)
         self._untouched = True
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
+        """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis.
 
         Raises InputError as `initialisation.checked_prior`.
         """
-        prior = checked_prior(prior, sigma_t, sigma_r)
-        particles = self._policies.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
-        self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
+        self._start(Prior(checked_prior(prior, sigma_t, sigma_r), max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
-    def initialise_hypotheses(
-        self, hypotheses: Sequence[PoseHypothesis], measured: KeyframeWindow | None = None
-    ) -> None:
-        """Start half at these hypotheses, each by its probability, half over the whole surface; at least one of them.
-
-        measured: what the first finger has measured on the way to the present frame, if anything.
-        """
-        self._start(self._policies.source.hypotheses_and_uniform(hypotheses, self.config.max_particles), None)
-        if measured is not None:
-            self._policies.refine.recall(measured, self._object.measurement.log_ratio_of)
-
-    def _start(self, particles: Particles, prior: Prior | None) -> None:
-        self._answered, self._untouched = None, False
-        self._reporter.nothing()  # what the state was before says nothing of this start
-        self._belief = Belief(particles, self._object.lookup, self._object.mode_finder, self._object.symmetry.exact)
-        self._policies.restart(prior)
+    def _start(self, prior: Prior | None) -> None:
+        self._forget()
+        self._state.update(StateEvidence())  # what the state was before says nothing of this start
+        self._belief = Belief(self.objects)
+        self._births.anywhere(self._belief, 0.0, prior)
+        self._groups = grouped(self._belief)
 
     def force_update(self) -> None:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
-        self._policies.fingers.force_update()
+        self._track.force()
+        self._seen = None
 
     def take(self, prepared: ObjectModel) -> None:
-        """Go on by another codebook of the object, between two steps: belief and kept touches stay."""
-        now = prepared.lookup.exact(self._object.lookup.poses)
-        self._object.take(prepared)
-        self._policies.fingers.use(self._object.measurement_of)
-        self._policies.refine.score_anew(self._object.measurement.log_ratio_of, self._object.n_poses)
-        if self._belief is not None:
-            self._belief.follow_entries(now)
+        """Go on by another codebook of the object, between two steps: what is believed stays."""
+        model = self.objects[0]
+        before, coarse = model.lookup.poses, len(model.lookup)
+        now = prepared.lookup.exact(before)
+        model.take(prepared)
+        if self._belief is None:
+            return
+        (some,) = self._belief.untested
+        some.entries = now[some.entries]
+        if len(some) and not len(self._belief.hypotheses) and len(some) == coarse:
+            self._start(None)  # nothing was measured yet
+            self._untouched = True
 
     # ------------------------------------------------------------------ one step
 
@@ -141,27 +175,155 @@ class ParticleFilter:
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
         others: what further fingers on the same object measure, by name, also while this one is in the air; any of them
         may be missing in any frame.
-        elapsed: seconds since the last step, to which the deferred work is limited in proportion; None: unknown, and
-        nothing is learnt about the arm's clock.
-        Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
+        elapsed: seconds since the last step, to which the deferred work is limited in proportion; None: unknown.
+        Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
         Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
         same.
         """
         touches = by_name(measurement, others or {})
-        self._object.require_same_network(touches.values())
+        self.objects[0].require_same_network(touches.values())
         self.deferred_update()
         if self._belief is None:
-            return self._reporter.nothing()
-        if self._untouched:
-            # wherever the sensor is, it will touch the surface somewhere
-            odometry, self._untouched = None, not any(touch.in_contact for touch in touches.values())
-        outcome = self._step(self._belief, odometry, touches, elapsed)
-        estimate = self._reporter.estimate(self._belief, outcome)
+            self._state.update(StateEvidence())
+            return Estimate([], self._status([]))
+        self._gates.note, self._restarted = "", ""
+        in_contact = any(touch.in_contact for touch in touches.values())
+        self._gates.skips("no_contact", not in_contact)
+        with self._watch.stage("motion"):
+            motion = self._checked(odometry)
+            if self._untouched:
+                # wherever the sensor is, it will touch the surface somewhere; the way there tells where it is not
+                self._track.moved(motion, in_contact)
+                self._untouched = not in_contact
+            else:
+                self._track.moved(motion, in_contact)
+                if motion is not None:
+                    self._belief.since = self._belief.since @ motion.transform
+        usable, self._held = self._fingers.usable(touches), False
+        self._sightings = {} if not in_contact or motion is not None else self._sightings
+        gels = gels_of(usable)
+        if usable and self._track.is_due(gels):
+            self._keyframe(usable, gels, [touch for touch in touches.values() if not touch.in_contact])
+        elif usable and not self._repeats(usable, gels):
+            self._sharpen(usable)
+        self._granted += self._allowance(elapsed)
+        estimate = self._estimate(in_contact)
         self._watch.restart()
-        self._answered = _Answered(outcome.measured, measurement, elapsed, estimate.status.state == CONVERGED)
         return estimate
+
+    def _checked(self, odometry: np.ndarray | None) -> Odometry | None:
+        """Odometry that can be used; a jump starts again over the whole surface."""
+        if odometry is None:
+            return None
+        try:
+            motion = Odometry.from_matrix(odometry)
+        except ValueError as error:
+            self._gates.refuse("bad_odometry", str(error))
+            return None
+        if motion.distance > self.config.max_odometry_jump:
+            self._restarted = f"odometry jumped by {motion.distance:.2f} m"
+            self._gates.refuse("odometry_jump", self._restarted)
+            self._start(None)
+            self._untouched = True
+            return None
+        return motion
+
+    def _repeats(self, touches: list[Measurement], gels: np.ndarray) -> bool:
+        """Whether nothing new is seen: all gels (F, 4, 4) rest, or the very same images came again."""
+        now, c = self._track.motion @ gels, self.config
+        if self._seen is None or len(self._seen[1]) != len(touches):
+            self._seen = now, touches
+            return False
+        at, before = self._seen
+        distance, angle = pose_errors(at, now)
+        resting = bool((distance <= c.update_min_d).all() and (angle <= c.update_min_a).all())
+        self._held = resting
+        if self._gates.skips("at_rest", resting):
+            return True
+        again = all(
+            np.array_equal(a.penetration, b.penetration) and np.array_equal(a.code, b.code)
+            for a, b in zip(before, touches, strict=True)
+        )
+        if self._gates.skips("unchanged_code", again):
+            return True
+        self._seen = now, touches
+        return False
+
+    def _allowance(self, elapsed: float | None) -> int:
+        rate = self.config.alignments_per_second
+        if not rate:
+            return 2**31
+        return max(round(rate * min(_LONGEST if elapsed is None else max(elapsed, 0.0), _LONGEST)), 1)
+
+    # ------------------------------------------------------------------ keyframes
+
+    def _keyframe(self, touches: list[Measurement], gels: np.ndarray, in_air: list[Measurement]) -> None:
+        belief, noise, track = self._belief, self._noise, self._track
+        self._finish()
+        with self._watch.stage("codes"):
+            belief.come_up(track.odometer, noise.drift)
+            if track.lifted and noise.change_lifted > 0:
+                self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
+            self._refute(track.free_space(), in_air)
+            weight = track.keep(gels)
+            scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
+            most = self.config.tested_poses if self.config.alignments_per_second else None
+            negligible = _NEGLIGIBLE if most else 0.0
+            self._comparison = Comparison(
+                belief, touches, scored, weight, negligible, most, track.odometer, noise, self._gates
+            )
+            self._gates.count("keyframes", 1)
+        self._seen = track.motion @ gels, touches
+        with self._watch.stage("align"):
+            if len(belief.hypotheses):
+                self._comparison.work(min(self.config.refined_modes, len(belief.hypotheses)))
+            self._groups = grouped(belief)
+            self._sightings = self._believed(self._comparison.seen)
+
+    def _believed(self, seen: Mapping[int, Sighting]) -> dict[int, Sighting]:
+        """Those that explain enough of the maps."""
+        return {k: each for k, each in seen.items() if each.fit > self.config.penetration_fit}
+
+    def _refute(self, free: np.ndarray, in_air: list[Measurement]) -> None:
+        """Where a gel was and felt nothing there is no object: free (A, 4, 4), gels in the air before this touch."""
+        beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
+        gels = np.concatenate([free, np.stack(beside)]) if beside else free
+        if not len(gels):
+            return
+        belief = self._belief
+
+        def penalty(model: ObjectModel, poses: np.ndarray, spread: float) -> np.ndarray:
+            at = (poses[:, :3, :3] @ gels[:, :3, 3].T).transpose(0, 2, 1) + poses[:, None, :3, 3]
+            distance = model.surface.distance_of(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
+            return -0.5 * np.square(np.minimum(distance + _TOUCHING, 0.0) / spread)
+
+        spread = float(np.sqrt(self._noise.between_entries[0, 0]))
+        log_weights = belief.hypotheses.log_weights.copy()
+        for number, model in enumerate(self.objects):
+            own = np.flatnonzero(belief.hypotheses.objects == number)
+            log_weights[own] += penalty(model, belief.hypotheses.poses[own], spread)
+            some = belief.untested[number]
+            if len(some):
+                some.log_weights = some.log_weights + penalty(model, some.poses, spread)
+        belief.hypotheses = replace(belief.hypotheses, log_weights=log_weights)
+
+    def _finish(self) -> None:
+        """End the comparison under way: what was not reached keeps what its code says."""
+        if self._comparison is None:
+            return
+        belief, noise = self._belief, self._noise
+        self._comparison, self._granted = None, 0
+        belief.settle(_UNTESTED_BEHIND)
+        if len(belief.hypotheses):
+            leading = int(np.argmax(belief.hypotheses.log_weights))
+            self._learn_of_object()
+            if belief.hypotheses.fit[leading] < self.config.penetration_fit and noise.change > 0:
+                self._births.after_push(belief)
+                self._gates.count("pushed", 1)
+                self._gates.count("born", self._births.after_change(belief, noise.change))
+        self._groups, self._sightings = grouped(belief), {}
 
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
@@ -169,45 +331,175 @@ class ParticleFilter:
         What it takes is limited by the time since the last frame; by `in_time`, too, where a machine may be too slow:
         estimates then depend on that.
         """
-        if self._answered is None:
+        if self._comparison is None or not self._granted:
             return
-        last, self._answered = self._answered, None
-        self._policies.refine.deferred_update(self._belief, last.measured, last.elapsed, in_time)
-        self._policies.correct.observe(self._belief, last.touch, last.trusted)
+        with self._watch.stage("compare"):
+            comparison, at_once = self._comparison, self._granted * (1.0 - _AT_ONCE)
+            if self._held:
+                comparison.extend(self._granted)
+            while self._granted > 0 and (self._granted > at_once or in_time()):
+                self._granted -= max(comparison.work(min(_SLICE, self._granted)), 1)
+                if comparison.done or comparison.paused:
+                    break
+            self._granted = 0
+            if self._comparison.done:
+                self._finish()
+            else:
+                self._groups = grouped(self._belief)
+
+    # ------------------------------------------------------------------ every frame
+
+    def _sharpen(self, touches: list[Measurement]) -> None:
+        """Align what could be published to this frame's maps."""
+        belief, least = self._belief, _LEAST_FOLLOWED * self._groups[0].weight if self._groups else 0.0
+        groups = [group for group in self._groups[: self.config.refined_modes] if group.weight >= least]
+        if not groups or self.objects[0].alignment is None:
+            return
+        with self._watch.stage("align"):
+            leading = np.array([group.members[0] for group in groups])
+            odometer, back = self._track.odometer, se3.inverse(belief.since)
+            hypotheses = belief.hypotheses.some(leading).moved(belief.since).drifted(odometer, self._noise.drift)
+            poses, covariances = belief.hypotheses.poses.copy(), belief.hypotheses.covariances.copy()
+            aligned_at, seen = belief.hypotheses.aligned_at.copy(), {}
+            for number in np.unique(hypotheses.objects):
+                own = np.flatnonzero(hypotheses.objects == number)
+                found = self.objects[number].alignment.align_each(
+                    hypotheses.poses[own], hypotheses.covariances[own], touches, descents=1
+                )
+                self._gates.count("descents", int(found.descents.sum()))
+                seen.update(zip(leading[own].tolist(), found.sightings(), strict=True))
+                poses[leading[own]] = found.poses @ back
+                covariances[leading[own]] = transform_covariance(found.covariances, back)
+                aligned_at[leading[own]] = odometer
+            belief.hypotheses = replace(belief.hypotheses, poses=poses, covariances=covariances, aligned_at=aligned_at)
+            self._sightings = self._believed(seen)
 
     # ------------------------------------------------------------------ answers
 
+    def _learn_of_object(self) -> None:
+        """Remember what the touches speak for each object, by its leading hypothesis (docs/method.md)."""
+        belief = self._belief
+        hypotheses = belief.hypotheses
+        for number in range(len(self.objects)):
+            own = np.flatnonzero(hypotheses.objects == number)
+            if len(own):
+                leading = own[int(np.argmax(hypotheses.log_weights[own]))]
+                belief.support[number] = hypotheses.support[leading]
+        # what earlier touches said may be taken back: none of the objects stays as probable as this
+        odds = self.config.unknown_prior / (1.0 - self.config.unknown_prior)
+        most = float(np.log(max(odds / LEAST_UNKNOWN, 1.0 / LEAST_UNKNOWN)))
+        belief.support = np.minimum(belief.support, most)
+        belief.hypotheses = replace(hypotheses, support=np.minimum(hypotheses.support, most))
+
+    @property
+    def identity(self) -> tuple[np.ndarray, float]:
+        """Probabilities (O,) of the objects, sums of weights, and that of none of them, by the leading hypothesis."""
+        prior, belief = self.config.unknown_prior, self._belief
+        if belief is None or not self._groups:
+            return np.full(len(self.objects), (1 - prior) / len(self.objects)), prior
+        known = (1 - prior) * float(np.exp(belief.support[self._groups[0].object]))
+        unknown = prior / (known + prior)
+        return (1.0 - unknown) * belief.object_masses(), unknown
+
+    def _estimate(self, in_contact: bool) -> Estimate:
+        belief = self._belief
+        unknown = self.identity[1]
+        leading = self._groups[0].object if self._groups else 0
+        groups = [group for group in self._groups if group.object == leading]
+        with self._watch.stage("modes"):
+            self.modes = modes_of(belief, groups, self._sightings, REGION_WIDTH, self._noise)
+            if not self.modes:
+                self.modes = [self._guess()]
+            covariance = covariance_of(belief, self.modes, self._noise)
+        if self._sightings and groups:
+            fit = belief.hypotheses.fit[groups[0].members[0]]
+            self._trend = float(self._noise.residual_evidence(1.0 - fit) - self._noise.residual_evidence(0.4))
+        first = self.modes[0]
+        alike = self.objects[leading].symmetry.exact
+        self._state.update(
+            StateEvidence(
+                initialised=True,
+                in_contact=in_contact,
+                trend=self._trend,
+                restarted=self._restarted,
+                listed=1.0 - belief.untested_mass if groups else 0.0,
+                mode_mass=first.weight,
+                error_t=first.spread_translation,
+                error_r=first.spread_rotation,
+                unknown=unknown,
+                alike="" if alike.trivial else alike.describe(),
+            )
+        )
+        return Estimate(self.modes, self._status(self.modes), covariance)
+
+    def _guess(self) -> Mode:
+        """The heaviest untested pose, while nothing was compared."""
+        belief = self._belief
+        tops = [some.log_weights.max(initial=-np.inf) for some in belief.untested]
+        number = int(np.argmax(tops))
+        some = belief.untested[number]
+        row = int(np.argmax(some.log_weights))
+        weight = float(np.exp(some.log_weights[row] - belief.total()))
+        pose = pose_rows(some, np.array([row]))[0] @ belief.since
+        turn = se3.turn(pose[:3, :3])
+        return Mode(weight, pose, turn @ self._noise.between_entries @ turn.T, 1)
+
+    def _status(self, modes: Sequence[Mode]) -> Status:
+        skipped, note = dict(self._gates.counts), self._gates.note
+        reason = f"{self._state.reason} ({note})" if note else self._state.reason
+        symmetry = self.objects[0].symmetry.describe()
+        if not modes:
+            return Status(self._state.state, reason, skipped=skipped, symmetry=symmetry)
+        first, belief = modes[0], self._belief
+        return Status(
+            state=self._state.state,
+            reason=reason,
+            n_particles=len(belief),
+            ess=_effective(belief),
+            n_modes=len(modes),
+            mode_mass=first.weight,
+            spread_t=first.spread_translation,
+            spread_r=first.spread_rotation,
+            likelihood_trend=self._trend,
+            skipped=skipped,
+            ms=self._watch.ms,
+            symmetry=symmetry,
+            foreign=self._state.foreign,
+        )
+
     @property
     def poses(self) -> np.ndarray:
-        """Particles `T_obj_gel` (N, 4, 4) at this very frame, as `Estimate.modes`; N = 0 while uninitialised."""
-        return self._policies.refine.sharpened(self._belief).poses if self._belief else np.empty((0, 4, 4))
+        """Draws `T_obj_gel` (N, 4, 4) from the belief at this very frame; N = 0 while uninitialised."""
+        return draws(self._belief, _DRAWS, self._seed) if self._belief else np.empty((0, 4, 4))
 
     @property
     def weights(self) -> np.ndarray:
-        """Weights (N,), sum 1."""
-        return self._belief.weights if self._belief else np.empty(0)
+        """Weights (N,) of the draws, sum 1."""
+        return np.full(_DRAWS, 1.0 / _DRAWS) if self._belief else np.empty(0)
 
     @property
     def object(self) -> ObjectModel:
-        """What is known of the object, by the codebook of now."""
-        return self._object
+        """The object that the estimate is on."""
+        return self.objects[self._groups[0].object if self._groups else 0]
 
     @property
     def belief(self) -> Belief | None:
-        """The particles and their modes as the last step left them, to be read; None while uninitialised."""
+        """Hypotheses and untested poses as the last step left them, to be read; None while uninitialised."""
         return self._belief
 
     @property
-    def modes(self) -> list[Mode]:
-        """What the last touches make possible, heaviest first, as `Estimate.modes`; none while uninitialised."""
-        return self._policies.refine.published(self._belief).modes if self._belief else []
+    def groups(self) -> list[Group]:
+        """The modes of the belief by their hypotheses, heaviest first."""
+        return self._groups
 
     @property
     def measured_gels(self) -> np.ndarray:
-        """(F, 4, 4) of the gels of the last touches that are kept, in the frame of the present first one."""
-        return self._policies.refine.measured_gels
+        """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present first one."""
+        return self._track.touched
 
-    @property
-    def codebook_indices(self) -> np.ndarray:
-        """Codebook entry (N,) of each particle, as of the last touch."""
-        return self._object.order[self._belief.particles.entries] if self._belief else np.empty(0, np.int64)
+
+def _effective(belief: Belief) -> float:
+    """Effective number of hypotheses and untested poses, 1 / sum(w^2)."""
+    total = belief.total()
+    squares = [np.exp(2 * (part.log_weights - total)).sum() for part in (belief.hypotheses, *belief.untested)]
+    return float(1.0 / max(sum(squares), 1e-300))

@@ -23,9 +23,12 @@ from .core import workers
 from .core.config import FilterConfig
 from .core.object_model import ObjectModel
 from .filter import ParticleFilter
+from .paper_filter import PaperFilter, PaperObject
 
 if TYPE_CHECKING:
     from midastouch_perception.tcn import TactileCodeNet
+
+RunningFilter = ParticleFilter | PaperFilter
 
 SIZE = 5_000
 """Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
@@ -46,10 +49,14 @@ class Growth:
     Attributes: failure: why there is no denser one, in words.
     """
 
-    def __init__(self, build: Callable[[Callable[[], None]], Codebook], prepare: Callable[[Codebook], ObjectModel]):
+    def __init__(
+        self,
+        build: Callable[[Callable[[], None]], Codebook],
+        prepare: Callable[[Codebook], ObjectModel | PaperObject],
+    ):
         self._build, self._prepare = build, prepare
         self._stop = threading.Event()
-        self._ready: ObjectModel | None = None
+        self._ready: ObjectModel | PaperObject | None = None
         self._exchange = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="codebook growth")
         self.failure = ""
@@ -63,7 +70,7 @@ class Growth:
         """Whether nothing is to come any more."""
         return not self._thread.is_alive() and self._ready is None
 
-    def take(self) -> ObjectModel | None:
+    def take(self) -> ObjectModel | PaperObject | None:
         """What was made, once."""
         with self._exchange:
             ready, self._ready = self._ready, None
@@ -95,10 +102,10 @@ class Growth:
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next.
-    growth: makes the codebook denser meanwhile; None: it is whole."""
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next, None
+    if the filter cannot be asked. growth: makes the codebook denser meanwhile; None: it is whole."""
 
-    filter: ParticleFilter
+    filter: RunningFilter
     diagonal: float
     name: str
     sensor: SensorModel | None = None
@@ -129,29 +136,39 @@ class LoadedObject:
             self.growth.close()
 
 
-def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
+def load_object(
+    mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int, paper: bool = False
+) -> LoadedObject:
     """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
     mesh = ObjectMesh.load(mesh_path)
-    return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed)
+    return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed, paper)
 
 
-def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int) -> LoadedObject:
-    """The filter on a mesh and its codebook; InputError on a codebook that cannot be used."""
-    running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
+def object_of(
+    mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int, paper: bool = False
+) -> LoadedObject:
+    """The filter, or the paper's, on a mesh and its codebook; InputError on a codebook that cannot be used."""
+    if paper:
+        running = PaperFilter(mesh, codebook, clock=time.perf_counter, threads=config.threads, limits=config)
+        running.reset(seed)
+    else:
+        running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     workers.trim()
     sensor = SensorModel.of_codebook(codebook.meta).for_maps
     network_id = str(codebook.meta["tcn"])
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, Advisor(running))
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, None if paper else Advisor(running))
 
 
-def build_object(mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int) -> LoadedObject:
+def build_object(
+    mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int, paper: bool = False
+) -> LoadedObject:
     """The filter on a mesh and a codebook of `SIZE` poses that is built here, and one of `DENSE` while the filter runs.
 
     network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for an
     unknown name, a missing file, a mesh that cannot be used, and a mesh without reachable surface.
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
-    loaded = object_of(mesh, codebook, config, seed)
+    loaded = object_of(mesh, codebook, config, seed, paper)
     growth = Growth(lambda pause: dense_codebook(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
     return dataclasses.replace(loaded, growth=growth)
 

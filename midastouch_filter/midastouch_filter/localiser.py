@@ -9,16 +9,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 from .active_touch.suggestion import Advice, Wanted
 from .core.config import FilterConfig
 from .core.estimate import Estimate
 from .core.initialisation import checked_prior
+from .core.pace import InTime, always
 from .core.touch import Measurement
-from .filter import ParticleFilter
-from .loaded_object import LoadedObject
-from .smoothing.pace import InTime, always
+from .loaded_object import LoadedObject, RunningFilter
 
 # Widest start: the paper's, appendix C (sigma_t = diagonal / 3, sigma_r = 60 degrees at beta = 1)
 _WIDEST_ROTATION = math.radians(60.0)
@@ -91,11 +91,15 @@ class Localiser:
         return self._object.sensor if self._object is not None else None
 
     def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was measured."""
-        return self._object.advisor.advise(wanted) if self.filter is not None else None
+        """Where to touch next; None before something was measured. Raises InputError if the filter cannot say it."""
+        if self.filter is None:
+            return None
+        if self._object.advisor is None:
+            raise InputError("the paper's filter does not say where to touch next: set preset to balanced or fast")
+        return self._object.advisor.advise(wanted)
 
     @property
-    def filter(self) -> ParticleFilter | None:
+    def filter(self) -> RunningFilter | None:
         """The running filter; None before it has an object and a start."""
         return self._object.filter if self._object is not None and self._started else None
 

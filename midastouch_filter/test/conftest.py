@@ -18,7 +18,6 @@ from hypothesis import settings
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import derived_arrays
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.filter import ParticleFilter
@@ -142,8 +141,8 @@ def coded_slide(world) -> SimpleNamespace:
     rng = np.random.default_rng(12)
     poses = make_slide(world.mesh, 100, rng)
     measured = measure_poses(poses, rng)
-    # without penetrations a mode is as wide as the entries of its book are apart, here some 5 mm
-    config = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
+    # without maps a pose is known no better than the entries of its book are apart, here some 5 mm
+    config = FilterConfig(converged_error=0.02)
     # making one takes a second
     made = functools.cache(lambda config: ParticleFilter(world.mesh, world.codebook, config))
 
@@ -162,22 +161,34 @@ def coded_slide(world) -> SimpleNamespace:
 
 @pytest.fixture(scope="session")
 def mapped_slide(world) -> SimpleNamespace:
-    """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them; codebook;
-    make_filter(codebook, **settings)."""
+    """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them; touches_at(poses), those
+    at other poses; codebook; make_filter(codebook, seed, **settings), as if made anew with the seed."""
     book = make_codebook(world.poses, world.codebook.codes, world.codebook.derived)
     book.meta["sensor"] = "digit_tacto"
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
     renderer = PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE))
-    maps = np.maximum(renderer.render(poses), 0)
-    few = {"max_particles": 2000, "min_particles": 300, "converged_translation": 7e-3, "threads": 1}
+
+    def touches_at(poses: np.ndarray) -> list[Measurement]:
+        maps = np.maximum(renderer.render(poses), 0)
+        return [Measurement(True, c, 1e-4, penetration=m) for c, m in zip(world.encode(poses), maps, strict=True)]
+
+    def make(codebook: Codebook = book, **settings) -> ParticleFilter:
+        return ParticleFilter(world.mesh, codebook, FilterConfig(**{"threads": 1, **settings}))
+
+    made = functools.cache(lambda settings: make(**dict(settings)))  # making one takes a second
+
+    def make_filter(codebook: Codebook | None = None, seed: int = 0, **settings) -> ParticleFilter:
+        filter_ = made(tuple(settings.items())) if codebook is None else make(codebook, **settings)
+        filter_.reset(seed)
+        return filter_
+
     return SimpleNamespace(
         poses=poses,
         odometry=[*se3.odometry(poses)],
-        touches=[Measurement(True, c, 1e-4, penetration=m) for c, m in zip(world.encode(poses), maps, strict=True)],
+        touches=touches_at(poses),
+        touches_at=touches_at,
         codebook=book,
-        make_filter=lambda codebook=book, **settings: ParticleFilter(
-            world.mesh, codebook, FilterConfig(**few, **settings), 0
-        ),
+        make_filter=make_filter,
     )
 
 
@@ -233,7 +244,7 @@ def lumpy_mesh(seed: int) -> ObjectMesh:
 @pytest.fixture(scope="session")
 def shelf(world):
     """Three objects: catalogue; touches(k), true poses and frames, motion and measurement, of a slide over one."""
-    noise, sensor = NoiseModel.of(FilterConfig(threads=1)), SensorModel.load("digit_tacto").scaled(MAP_SCALE)
+    sensor = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
     meshes = [lumpy_mesh(seed) for seed in (1, 2, 3)]
     renderers = [PenetrationRenderer(mesh, sensor) for mesh in meshes]
 
@@ -260,4 +271,4 @@ def shelf(world):
                 zip(encode(maps), maps, strict=True)]  # fmt: skip
         return truth, list(zip(se3.odometry(truth), measured, strict=True))
 
-    return SimpleNamespace(catalogue=Catalogue.of(objects, noise), touches=touches)
+    return SimpleNamespace(catalogue=Catalogue.of(objects, FilterConfig(threads=1)), touches=touches)

@@ -1,19 +1,43 @@
 """What tests of a whole filter share."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from midastouch_common import se3
 from midastouch_filter.core import state
+from midastouch_filter.core.belief import Hypotheses
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.workers import Workers
 
 
-def play(filter_, slide, frames=slice(None)):
-    """The estimate after these frames of a slide, as of the fixture `coded_slide`."""
+def model_of(world, codebook=None, **settings):
+    """What a filter knows of the world's object."""
+    config = FilterConfig(**{"threads": 1, **settings})
+    return ObjectModel(world.mesh, codebook or world.codebook, config, NoiseModel.of(config), Workers(1))
+
+
+def hypotheses_at(poses, log_weights, sigma_t=5e-4, sigma_r=0.01, numbers=0):
+    """Hypotheses at poses (n, 4, 4), all equally well known, on objects of these numbers."""
+    out = Hypotheses.at(poses, np.diag(np.repeat([sigma_t, sigma_r], 3) ** 2), log_weights, 0, 0.0, 0.0)
+    return replace(out, objects=np.broadcast_to(np.asarray(numbers, np.int32), len(poses)).copy())
+
+
+def play(filter_, slide, frames=slice(None), elapsed=None):
+    """The estimate after these frames of a slide, as of the fixtures `coded_slide` and `mapped_slide`."""
     for motion, touch in list(zip(slide.odometry, slide.touches, strict=True))[frames]:
-        estimate = filter_.step(motion, touch)
+        estimate = filter_.step(motion, touch, elapsed=elapsed)
     return estimate
+
+
+def go_on(filter_, poses, touches, elapsed=None):
+    """The estimates at poses (n, 4, 4) but the first one, where the sensor is, with what it measures there."""
+    steps = zip(se3.inverse(poses[:-1]) @ poses[1:], touches[1:], strict=True)
+    return [filter_.step(motion, touch, elapsed=elapsed) for motion, touch in steps]
 
 
 def error(estimate, truth):
@@ -57,7 +81,7 @@ def assert_defined(filter_, estimate):
     assert_rigid(filter_.poses)
     assert np.isfinite(filter_.weights).all()
     assert filter_.weights.sum() == pytest.approx(1)
-    assert len(filter_.weights) == len(filter_.poses) == len(filter_.codebook_indices)
+    assert len(filter_.weights) == len(filter_.poses)
 
 
 def assert_rigid(poses):

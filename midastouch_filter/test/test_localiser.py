@@ -10,6 +10,7 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_filter.active_touch.suggestion import Wanted
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.loaded_object import LoadedObject
@@ -61,6 +62,12 @@ def test_only_a_running_filter_has_a_deferred_update():
     subject.process(np.eye(4), TOUCH)
     subject.deferred_update()
     assert running.deferred_updates == [1]
+
+
+def test_the_papers_filter_is_not_asked_where_to_touch_next():
+    subject, _ = localiser()  # without an advisor
+    with pytest.raises(InputError, match=r"paper's filter .*balanced or fast"):
+        subject.advise(Wanted())
 
 
 def test_motion_during_a_refused_measurement_is_not_lost():

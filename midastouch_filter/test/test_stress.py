@@ -1,52 +1,58 @@
-"""Numbers that nobody should give the filter: each ends in a defined state with a reason.
+"""Numbers that nobody should give the filter, and more of them than anybody will: each ends in a defined state.
 
-What lies closer to one module is tested there: weights in test_resampling.py, bad codes and odometry one by one in
-test_step.py, books and meshes in test_object_model.py, transforms in transforms/test_buffer.py, stamps that repeat or
-run back in nodes/test_time_jumps.py.
+What lies closer to one module is tested there: codes, maps and poses that are refused in core/test_fingers.py, books
+and meshes in core/test_object_model.py, transforms in transforms/test_buffer.py, stamps that repeat or run back in
+test_timeline.py and nodes/test_transform_times.py.
 """
 
 import contextlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from filter_runs import assert_defined, assert_rigid, codes_along, some_book
+import trimesh
+from filter_runs import assert_defined, codes_along, error, play, skipped, some_book
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.surface import SurfaceConstraint
-from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
-SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)
+FRAME = 1 / 30  # s
+AIR = Measurement(False)
+MAP_SHAPE = (80, 60)
 DIM = 64
 
 
 @pytest.fixture(scope="module")
 def filter_(world):
-    """With refinement, so that penetrations are looked at, too."""
+    """Of a small codebook, with maps."""
     book = some_book(world, world.mesh, 1000, sensor="digit_tacto")
-    return ParticleFilter(world.mesh, book, SMALL, 0)
+    return ParticleFilter(world.mesh, book, FilterConfig(threads=1))
 
 
 # --------------------------------------------------------------------------- starts and half turns
 
 
-def test_modes_of_particles_a_half_turn_apart_are_rotations(filter_, world):
+def test_half_turns_of_what_is_known_least_are_rotations(filter_, world):
     filter_.reset(0)
     filter_.initialise_gaussian(world.poses[0], 0.0, 10.0)
     for axis in np.eye(3):
         turn = se3.make(2 * np.outer(axis, axis) - np.eye(3), np.zeros(3))
-        assert_defined(filter_, filter_.step(turn, Measurement(False)))
+        assert_defined(filter_, filter_.step(turn, AIR))
 
 
 @given(
@@ -54,8 +60,8 @@ def test_modes_of_particles_a_half_turn_apart_are_rotations(filter_, world):
     st.floats(0, allow_infinity=False) | st.floats(0, 1),
     st.floats(0, allow_infinity=False) | st.floats(0, 1),
 )
-@settings(max_examples=40)
-def test_absurd_priors_are_refused_and_wide_ones_start_on_the_object(filter_, world, where, sigma_t, sigma_r):
+@settings(max_examples=25)
+def test_absurd_priors_are_refused_and_all_others_are_a_start(filter_, world, where, sigma_t, sigma_r):
     filter_.reset(0)
     prior = se3.translation(where)
     if max(np.abs(where).max() / 2, sigma_t, sigma_r) > 1e3:
@@ -64,71 +70,26 @@ def test_absurd_priors_are_refused_and_wide_ones_start_on_the_object(filter_, wo
         return
     with contextlib.suppress(InputError):  # just beyond the limit
         filter_.initialise_gaussian(prior, sigma_t, sigma_r)
-        assert world.mesh.closest_points(filter_.poses[:, :3, 3])[1].max() < 0.02
-        assert_defined(filter_, filter_.step(None, Measurement(True, world.encode(world.poses[:1])[0])))
+        touch = Measurement(True, world.encode(world.poses[:1])[0], penetration=np.full(MAP_SHAPE, 1e-4, np.float32))
+        for _ in range(3):
+            assert_defined(filter_, filter_.step(None, touch))
 
 
-# --------------------------------------------------------------------------- weights
-
-tops = st.sampled_from([-np.inf, np.inf, np.nan, -1e300, -1e30, 0.0])
-
-
-@given(tops, tops, st.integers(0, 300))
-@settings(max_examples=30)
-def test_any_weights_end_in_a_defined_state(filter_, world, most, some, count):
-    """All equal, all impossible, all but a few impossible, or no numbers at all."""
-    (motion, code), (second_motion, second) = codes_along(world, 2)
-    filter_.reset(1)
-    filter_.initialise_uniform()
-    filter_.step(motion, Measurement(True, code))
-
-    def log_weight(_, particles, codebook_distance):
-        out = np.full(len(particles), most)
-        out[:count] = some
-        return out
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SurfaceConstraint, "log_weight", log_weight)
-        estimate = filter_.step(second_motion, Measurement(True, second))
-    assert_defined(filter_, estimate)
-    usable = np.isfinite(most) if count == 0 else np.isfinite(some) or (count < 300 and np.isfinite(most))
-    if not usable:
-        assert estimate.status.state == state.LOST
-        assert "started again" in estimate.status.reason
-
-
-@pytest.mark.slow
-def test_a_million_particles(world):
-    book = some_book(world, world.mesh, 1000)
-    many = ParticleFilter(world.mesh, book, FilterConfig(max_particles=1_000_000, threads=1), 0)
-    many.initialise_uniform()
-    for motion, code in codes_along(world, 2):
-        estimate = many.step(motion, Measurement(True, code))
-    assert estimate.status.n_particles >= 500
-    for mode in estimate.modes:
-        assert_rigid(mode.pose)
-    assert many.weights.sum() == pytest.approx(1)
-
-
-# --------------------------------------------------------------------------- codes and penetrations
+# --------------------------------------------------------------------------- codes and maps
 
 
 @given(arrays(np.float64, DIM, elements=st.floats(width=64)), st.integers(0, 5))
-@settings(max_examples=50)
-def test_any_code_ends_in_a_defined_state(filter_, world, code, spoilt):
-    (motion, good), (second_motion, _) = codes_along(world, 2)
+@settings(max_examples=40)
+def test_any_code_ends_in_a_defined_state(filter_, mapped_slide, code, spoilt):
     filter_.reset(0)
     filter_.initialise_uniform()
-    filter_.step(motion, Measurement(True, good))
+    play(filter_, mapped_slide, slice(0, 1))
     code[: 10 * spoilt] = 0
-    estimate = filter_.step(second_motion, Measurement(True, code))
+    estimate = filter_.step(mapped_slide.odometry[1], replace(mapped_slide.touches[1], code=code))
     assert_defined(filter_, estimate)
     with np.errstate(over="ignore"):
         if not np.isfinite(code.astype(np.float32)).all():
             assert "not finite" in estimate.status.reason
-
-
-MAP_SHAPE = (80, 60)
 
 
 @pytest.mark.parametrize(
@@ -143,29 +104,236 @@ MAP_SHAPE = (80, 60)
     ],
     ids=["nan", "inf", "huge", "zero", "wrong size", "empty"],
 )
-def test_any_penetration_map_ends_in_a_defined_state(filter_, world, penetration):
-    frames = codes_along(world, 3)
-    truth = world.make_slide(world.mesh, 3, np.random.default_rng(3))
+def test_any_map_ends_in_a_defined_state(filter_, mapped_slide, penetration):
     filter_.reset(0)
-    filter_.initialise_gaussian(truth[0], 5e-4, 0.02)
-    for motion, code in frames:
-        estimate = filter_.step(motion, Measurement(True, code, penetration=penetration))
+    filter_.initialise_gaussian(mapped_slide.poses[0], 5e-4, 0.02)
+    for motion, touch in zip(mapped_slide.odometry[:12], mapped_slide.touches, strict=False):
+        estimate = filter_.step(motion, replace(touch, penetration=penetration))
         assert_defined(filter_, estimate)
     unusable = penetration.shape != MAP_SHAPE or not np.isfinite(penetration).all()
-    assert (estimate.status.skipped.get("bad_relief", 0) == 3) == unusable
+    assert skipped(estimate, "bad_relief") == (12 if unusable else 0)
     assert ("penetration" in estimate.status.reason) == unusable
 
 
-def test_penetration_maps_have_the_size_of_the_sensors_views():
-    assert SensorModel.load("digit_tacto").scaled(0.25).gel_depth.shape == MAP_SHAPE
+@pytest.mark.parametrize("dtype", [np.float64, np.float16])
+def test_maps_of_any_precision_and_order_are_taken(mapped_slide, dtype):
+    poses = []
+    for spoil in (lambda each: each, lambda each: np.asfortranarray(each.astype(dtype))):
+        filter_ = mapped_slide.make_filter()
+        filter_.initialise_uniform()
+        for motion, touch in zip(mapped_slide.odometry[:15], mapped_slide.touches, strict=False):
+            estimate = filter_.step(motion, replace(touch, penetration=spoil(touch.penetration)))
+        poses.append(estimate.pose)
+    np.testing.assert_allclose(*poses, atol=1e-3)
+
+
+def test_maps_have_the_size_of_the_sensors_views():
+    assert SensorModel.load("digit_tacto").scaled(MAP_SCALE).gel_depth.shape == MAP_SHAPE
+
+
+# --------------------------------------------------------------------------- beliefs
+
+
+def test_where_all_poses_weigh_the_same_it_says_so(world, mapped_slide):
+    """Codes that are all the same, and maps in which nothing is touched."""
+    book = world.make_codebook(world.poses, np.ones((8000, DIM), np.float32), world.codebook.derived)
+    book.meta["sensor"], book.symmetry = "digit_tacto", ObjectSymmetry()
+    filter_ = ParticleFilter(world.mesh, book, FilterConfig(threads=1))
+    filter_.initialise_uniform()
+    for motion in mapped_slide.odometry[:30]:
+        touch = Measurement(True, np.ones(DIM), penetration=np.zeros(MAP_SHAPE, np.float32))
+        estimate = filter_.step(motion, touch, elapsed=FRAME)
+        assert_defined(filter_, estimate)
+    assert estimate.status.state in (state.SEARCHING, state.LOST)
+    assert np.sqrt(np.trace(estimate.covariance[:3, :3])) > 0.02
+
+
+def test_with_one_hypothesis_left_anything_may_follow(mapped_slide):
+    for nonsense in ("maps", "codes", "air", "jump"):
+        filter_ = mapped_slide.make_filter()
+        filter_.initialise_uniform()
+        play(filter_, mapped_slide)
+        assert len(filter_.belief) == 1
+        rng = np.random.default_rng(0)
+        for k in range(30):
+            touch = mapped_slide.touches[k]
+            motion = se3.exp(rng.normal(size=6) * np.repeat([0.6 if nonsense == "jump" else 3e-3, 0.1], 3))
+            if nonsense == "maps":
+                touch = replace(touch, penetration=np.abs(rng.normal(0, 1e-3, MAP_SHAPE)).astype(np.float32))
+            elif nonsense == "codes":
+                touch = replace(touch, code=rng.standard_normal(DIM))
+            elif nonsense == "air" and k % 3:
+                touch = AIR
+            assert_defined(filter_, filter_.step(motion, touch, elapsed=FRAME))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-20, 1e4])
+@pytest.mark.parametrize("part", ["rotation", "all"])
+def test_covariances_may_be_nearly_singular(mapped_slide, scale, part):
+    filter_ = mapped_slide.make_filter()
+    filter_.initialise_gaussian(mapped_slide.poses[0], 1e-3, 0.02)
+    belief = filter_.belief
+    covariance = scale * np.eye(6)
+    if part == "rotation":
+        covariance[:3, :3] = 1e-6 * np.ones((3, 3))
+    belief.hypotheses = replace(belief.hypotheses, covariances=covariance[None])
+    for k in range(12):
+        assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1)))
+
+
+@pytest.mark.parametrize(
+    "extremes",
+    [
+        {"drift_translation": 0.0, "drift_rotation": 0.0, "jitter_translation": 1e-6, "jitter_rotation": 1e-5},
+        {"drift_translation": 0.1, "drift_rotation": 3.0, "jitter_translation": 0.05, "jitter_rotation": 1.0},
+        {"penetration_noise": 1e-6, "penetration_correlation": 1e-4, "temperature": 1e-3},
+        {"outlier": 0.9, "temperature": 10.0, "penetration_noise": 1e-2, "correlation_length": 1e-5},
+        {"max_particles": 100, "refined_modes": 1, "tested_poses": 1, "alignments_per_second": 1},
+        pytest.param(
+            {"alignments_per_second": 0, "keyframe_spacing": 1e-3, "refined_modes": 64}, marks=pytest.mark.slow
+        ),
+    ],
+    ids=["sure of all", "sure of nothing", "sure of maps", "sure of no map", "hardly any work", "all the work"],
+)
+def test_any_settings_end_in_a_defined_state(mapped_slide, extremes):
+    filter_ = mapped_slide.make_filter(**extremes)
+    filter_.initialise_uniform()
+    for _ in range(2):
+        for k in range(20):
+            assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1), FRAME))
+        filter_.step(se3.inverse(mapped_slide.poses[19]) @ mapped_slide.poses[0], AIR)
+
+
+# --------------------------------------------------------------------------- sizes
+
+
+def run_on(mesh, world, step):
+    """A filter after a slide of 40 steps over another mesh, and the truth."""
+    rng = np.random.default_rng(0)
+    book = some_book(world, mesh, 2000, sensor="digit_tacto")
+    book.symmetry = ObjectSymmetry()
+    filter_ = ParticleFilter(mesh, book, FilterConfig(threads=1))
+    filter_.initialise_uniform()
+    truth = world.make_slide(mesh, 40, rng, step)
+    maps = np.maximum(PenetrationRenderer(mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE)).render(truth), 0)
+    for motion, code, penetration in zip(se3.odometry(truth), world.encode(truth), maps, strict=True):
+        estimate = filter_.step(motion, Measurement(True, code, penetration=penetration), elapsed=FRAME)
+        assert_defined(filter_, estimate)
+    return estimate, truth[-1]
+
+
+@pytest.mark.parametrize("size", [0.01, 1.95])
+def test_objects_of_a_centimetre_and_of_two_metres(world, size):
+    low, high = world.mesh.bounds
+    vertices = world.mesh.vertices * size / np.linalg.norm(high - low)
+    estimate, truth = run_on(ObjectMesh.from_arrays(vertices, world.mesh.faces, "scaled"), world, 1.5e-3)
+    if estimate.status.state == state.CONVERGED:
+        assert error(estimate, truth)[0] < 5e-3
+
+
+def slivers(kind):
+    if kind == "blade":
+        return trimesh.creation.box([0.1, 2e-4, 0.05])
+    rod = trimesh.creation.cylinder(radius=0.01, height=0.2, sections=300)  # triangles of 0.2 mm x 200 mm
+    if kind == "needle":
+        rod.apply_scale([0.05, 0.05, 1.0])
+    return rod
+
+
+@pytest.mark.parametrize("kind", ["blade", "rod", "needle"])
+def test_slivers(world, kind):
+    shape = slivers(kind)
+    run_on(ObjectMesh.from_arrays(shape.vertices, shape.faces, kind), world, 1e-3)
+
+
+@pytest.mark.slow
+def test_a_codebook_of_two_hundred_thousand_poses(world, mapped_slide):
+    poses = world.random_poses(world.mesh, 200_000, np.random.default_rng(0))
+    book = world.make_codebook(poses, world.encode(poses), world.of_surface)
+    book.meta["sensor"], book.symmetry = "digit_tacto", ObjectSymmetry()
+    filter_ = ParticleFilter(world.mesh, book, FilterConfig(threads=1, max_particles=200_000))
+    filter_.initialise_uniform()
+    estimate = play(filter_, mapped_slide, slice(0, 60), FRAME)
+    assert_defined(filter_, estimate)
+    assert error(estimate, mapped_slide.poses[59])[0] < 2e-3
+
+
+# --------------------------------------------------------------------------- length
+
+
+def to_and_fro(slide):
+    """Steps (motion, touch) from the last frame of a slide to the first one and back."""
+    count = len(slide.poses)
+    order = [*range(count - 2, -1, -1), *range(1, count)]
+    before = [count - 1, *order[:-1]]
+    motions = se3.inverse(slide.poses[before]) @ slide.poses[order]
+    return list(zip(motions, [slide.touches[k] for k in order], strict=True))
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_steps(mapped_slide):
+    """An arm that rests most of the time, and slides to and fro, lifts now and then, and errs like a real one."""
+    filter_ = mapped_slide.make_filter()
+    filter_.initialise_uniform()
+    play(filter_, mapped_slide)
+    rng, most = np.random.default_rng(0), 0
+    lift, down = se3.translation([0, 0, 0.02]), se3.translation([0, 0, -0.02])
+    resting = mapped_slide.touches[-1]
+    for _ in range(25):
+        errors = se3.exp(rng.normal(size=(238, 6)) * np.repeat([5e-5, 1e-3], 3))
+        for (motion, touch), error_of_arm in zip(to_and_fro(mapped_slide), errors, strict=True):
+            filter_.step(motion @ error_of_arm, touch, elapsed=FRAME)
+            most = max(most, len(filter_.belief))
+        for motion, touch in ((lift, AIR), (down, resting)):
+            filter_.step(motion, touch, elapsed=FRAME)
+        for _ in range(3760):
+            estimate = filter_.step(np.eye(4), resting, elapsed=FRAME)
+        assert_defined(filter_, estimate)
+    assert most < 30_000
+    assert len(filter_.measured_gels) < 1000
+    assert error(estimate, mapped_slide.poses[-1])[0] < 3e-3
+    assert estimate.status.state == state.CONVERGED, estimate.status.reason
+
+
+@pytest.mark.slow
+def test_without_contact_for_an_hour(mapped_slide):
+    """At 30 Hz, on a way that comes back; nothing of it is forgotten and nothing piles up."""
+    filter_ = mapped_slide.make_filter()
+    filter_.initialise_uniform()
+    play(filter_, mapped_slide)
+    here = mapped_slide.poses[-1]
+    circle = [se3.exp([2e-3 * np.cos(a), 2e-3 * np.sin(a), 0, 0, 0, 0.0]) for a in np.linspace(0, 2 * np.pi, 99)[:-1]]
+    filter_.step(se3.translation([0, 0, 0.05]), AIR, elapsed=FRAME)
+    size = len(filter_.belief)
+    for k in range(98 * 1102):
+        estimate = filter_.step(circle[k % 98], AIR, elapsed=FRAME)
+    assert estimate.status.state == state.NO_CONTACT
+    assert_defined(filter_, estimate)
+    assert len(filter_.belief) == size
+    estimate = filter_.step(se3.translation([0, 0, -0.05]), mapped_slide.touches[-1], elapsed=FRAME)
+    assert_defined(filter_, estimate)
+    steps = to_and_fro(mapped_slide)
+    for motion, touch in steps:
+        estimate = filter_.step(motion, touch, elapsed=FRAME)
+    assert error(estimate, here)[0] < 3e-3
+    assert estimate.status.state == state.CONVERGED, estimate.status.reason
+
+
+@pytest.mark.parametrize("elapsed", [0.0, -5.0, 1e9, math.inf, 1e-9])
+def test_any_time_between_frames_ends_in_a_defined_state(mapped_slide, elapsed):
+    """That time runs backwards is the node's to notice."""
+    filter_ = mapped_slide.make_filter()
+    filter_.initialise_uniform()
+    for k in range(15):
+        assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1), elapsed))
 
 
 # --------------------------------------------------------------------------- all in turn
 
 actions = st.lists(
     st.tuples(
-        st.sampled_from(["slide", "rest", "nan", "jump", "spin", "lift", "small"]),
-        st.sampled_from(["touch", "nan", "zero", "short", "air", "random", "opposite"]),
+        st.sampled_from(["slide", "rest", "nan", "jump", "spin", "lift", "small", None]),
+        st.sampled_from(["touch", "nan", "zero", "short", "air", "random", "opposite", "blind"]),
     ),
     min_size=1,
     max_size=12,
@@ -174,7 +342,7 @@ actions = st.lists(
 
 @settings(max_examples=25)
 @given(actions, st.integers(0, 1000))
-def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, sequence, seed):
+def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, mapped_slide, sequence, seed):
     rng = np.random.default_rng(seed)
     (_, code), (slid, _) = codes_along(world, 2)
     motions = {
@@ -185,6 +353,7 @@ def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, sequen
         "spin": se3.exp([0, 0, 0, np.pi, 0, 0]),
         "lift": se3.exp([0, 0, 0.2, 0, 0, 0]),
         "small": se3.exp([1e-9] * 6),
+        None: None,
     }
     touches = {
         "touch": code,
@@ -194,11 +363,13 @@ def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, sequen
         "air": None,
         "random": rng.standard_normal(64),
         "opposite": -code,
+        "blind": code,
     }
     filter_.reset(seed)
     filter_.initialise_uniform()
     for motion, touch in sequence:
-        estimate = filter_.step(motions[motion], Measurement(touch != "air", touches[touch]))
+        penetration = None if touch == "blind" else mapped_slide.touches[0].penetration
+        estimate = filter_.step(motions[motion], Measurement(touch != "air", touches[touch], penetration=penetration))
         assert_defined(filter_, estimate)
 
 
@@ -222,20 +393,16 @@ def test_float32_pose_distance_agrees_with_float64(world, at, step, size):
     assert got == pytest.approx(exact, abs=1.5e-5)
 
 
-@pytest.mark.slow
-def test_float32_particles_agree_with_float64_over_a_slide(filter_, world):
-    """The whole chain of float32 moves against the same in matrices, without noise."""
-    still = FilterConfig(
-        noise_translation=0.0, noise_rotation=0.0, noise_per_metre=0.0, noise_per_radian=0.0, max_particles=200,
-        min_particles=200, recovery_fraction=0.0, refinement=False, threads=1,
-    )  # fmt: skip
-    chain = ParticleFilter(world.mesh, some_book(world, world.mesh), still, 0)
-    chain.initialise_gaussian(world.poses[0], 0.01, 0.2)
-    expected = chain.poses
-    for motion, _ in codes_along(world, 200):
-        chain.step(motion, Measurement(False))
-        if motion is not None:
-            expected = expected @ motion
-    off = se3.log(se3.inverse(expected) @ chain.poses)
+def test_poses_in_float32_agree_with_float64_over_a_slide(filter_, world):
+    """The whole chain of moves against the same in matrices."""
+    filter_.reset(0)
+    filter_.initialise_gaussian(world.poses[0], 0.02, 0.2)
+    expected = filter_.belief.untested[0].poses
+    truth = world.make_slide(world.mesh, 200, np.random.default_rng(3))
+    for motion in se3.inverse(truth[:-1]) @ truth[1:]:
+        filter_.step(motion, AIR)
+        filter_.belief.come_up(0.0, np.zeros((6, 6)))
+        expected = expected @ motion
+    off = se3.log(se3.inverse(expected) @ filter_.belief.untested[0].poses)
     assert np.abs(off[:, :3]).max() < 1e-5
     assert np.abs(off[:, 3:]).max() < 1e-4

@@ -18,11 +18,11 @@ from midastouch_perception.codebook import PRESS
 
 from ..core.noise_model import NoiseModel
 from ..core.object_model import ObjectModel
-from ..smoothing.competitor_search import ENTRIES_AROUND
+from ..core.surface import DEAD_DISTANCE
 from .hypotheses import Hypothesis
 from .slide_prediction import nearest_and_log_weight
 
-_AROUND = 1 + ENTRIES_AROUND  # entries around a pose: the true one lies between them
+_AROUND = 9  # entries around a pose: the nearest one and eight more, between which the true one lies
 _USUAL_POSES = 16  # poses, that say what is usual
 _SAME_COSINE = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 
@@ -68,8 +68,8 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
 
 
 def in_reach(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Whether gels at poses (N, 4, 4) are near enough to the surface for the filter not to drop them, (N,)."""
-    return np.abs(_off(model, poses)) <= model.config.dead_distance
+    """Whether gels at poses (N, 4, 4) are near enough to the surface to touch it, (N,)."""
+    return np.abs(_off(model, poses)) <= DEAD_DISTANCE
 
 
 def _off(model: ObjectModel, poses: np.ndarray) -> np.ndarray:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import midastouch_kernels as kernels
 
-from ..core.belief import Belief
-from ..core.config import FilterConfig
-from ..core.estimate import Mode
+from ..core.answer import Group, modes_of
+from ..core.belief import Belief, pose_rows
+from ..core.noise_model import REGION_WIDTH, NoiseModel
 from ..core.object_model import ObjectModel
 from ..core.pose_hypothesis import another
-from ..refinement.refinement import is_narrow
+from ..filter import ParticleFilter
 
 MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
 _MOST_NARROW = MOST // 2  # the other half are for what is spread out
+_NARROW, _NARROW_TURN = 8e-3, np.radians(24.0)  # m, rad: RMS spread of a mode below which one pose stands for it
 
 
 @dataclass(frozen=True)
@@ -37,45 +37,72 @@ class Hypothesis:
     residual_ratio: float | None = None
 
 
-def hypotheses_of(modes: Sequence[Mode], belief: Belief, model: ObjectModel, config: FilterConfig) -> list[Hypothesis]:
-    """Hypotheses and draws, most probable first, probabilities of sum 1; modes, those that are published.
+def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
+    """Hypotheses and draws of a filter that was started, most probable first, probabilities of sum 1.
 
-    A hypothesis is a narrow mode. The rest of the particles is represented by draws, unless that is less than the doubt
+    A hypothesis is a narrow mode. The rest of the belief is represented by draws, unless that is less than the doubt
     that `converged_probability` leaves. A single hypothesis is then doubted that much: it is compared with poses that
     nearly have its surface, of which only a part tells; or with poses all over the object, if it has none of these.
     """
-    chosen = [mode for mode in modes[:_MOST_NARROW] if is_narrow(mode, config)]
-    taken = {k: mode for mode in chosen for k, own in enumerate(belief.answers) if own.pose is mode.pose}
-    fits = {id(mode): belief.aligned[k].fit for k, mode in taken.items() if k in belief.aligned}
-    narrow = [
-        Hypothesis(
-            model, mode.pose, mode.weight, True,
-            residual_ratio=1.0 - fits[id(mode)] if id(mode) in fits else None,
-        )
-        for mode in chosen
-    ]  # fmt: skip
-    narrow = [*narrow[:1], *(_as_image(each, narrow[0].pose) for each in narrow[1:])]
-    doubt, left = 1.0 - config.converged_probability, 1.0 - sum(each.probability for each in narrow)
-    count, images = MOST - len(narrow), False
-    if left <= doubt and len(narrow) > 1:
-        poses, fraction = [], 0.0
-    elif left <= doubt:
-        images = bool(narrow) and len(model.symmetry.look_alikes) > 0
-        poses = _look_alikes(model, narrow[0].pose, count) if images else _all_over(model, count)
-        fraction = doubt
+    belief, weights = running.belief, _probabilities(running)
+    groups = [(sum(weights[group.members]), group) for group in running.groups]
+    groups = sorted(groups, key=lambda each: -each[0])[:_MOST_NARROW]
+    modes = modes_of(belief, [group for _, group in groups], {}, REGION_WIDTH, NoiseModel.of(running.config))
+    narrow, taken = [], []
+    for (probability, group), mode in zip(groups, modes, strict=True):
+        if mode.spread_translation < _NARROW and mode.spread_rotation < _NARROW_TURN:
+            model, residual = belief.objects[group.object], 1.0 - float(belief.hypotheses.fit[group.members[0]])
+            narrow.append(Hypothesis(model, mode.pose, probability, True, _name(belief, group.object), residual))
+            taken.append(group)
+    narrow = [*narrow[:1], *(_as_image(each, narrow[0]) for each in narrow[1:])]
+    doubt, left = 1.0 - running.config.converged_probability, 1.0 - sum(each.probability for each in narrow)
+    count = MOST - len(narrow)
+    if left > doubt:
+        draws = _spread(belief, weights, taken, count)
+    elif len(narrow) > 1:
+        draws, left = [], 0.0
     else:
-        poses, fraction = _spread(belief, list(taken), count), left
-    draws = [Hypothesis(model, pose, fraction / len(poses), images) for pose in poses]
-    total = fraction + sum(each.probability for each in narrow)
+        (found,), left = narrow, doubt
+        images = len(found.model.symmetry.look_alikes) > 0
+        poses = _look_alikes(found.model, found.pose, count) if images else _all_over(found.model, count)
+        draws = [Hypothesis(found.model, pose, 0.0, images, found.name) for pose in poses]
+    draws = [replace(each, probability=left / len(draws)) for each in draws]
+    total = left + sum(each.probability for each in narrow)
     return [replace(each, probability=each.probability / total) for each in [*narrow, *draws]]
 
 
-def _as_image(hypothesis: Hypothesis, leading: np.ndarray) -> Hypothesis:
-    """The hypothesis at an exact image of the leading pose (4, 4) if it is one of its look-alikes: how well either is
-    known makes them differ everywhere, and only the surface where they really do is to be gone to."""
+def _probabilities(running: ParticleFilter) -> np.ndarray:
+    """Probabilities (P,) of all hypotheses, then all untested poses. Those on one object add up to the object's own,
+    which maps tell of in part only, if the object has any hypothesis."""
+    belief = running.belief
+    log_weights = [belief.hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
+    weights, objects = np.exp(np.concatenate(log_weights) - belief.total()), _objects(belief)
+    mass = np.bincount(objects, weights, len(belief.objects))
+    known = np.isin(np.arange(len(mass)), belief.hypotheses.objects)
+    if known.any():
+        of_object = np.where(known, running.identity[0], 0.0)
+        weights = weights * (of_object / of_object.sum() / np.maximum(mass, 1e-300))[objects]
+    return weights
+
+
+def _objects(belief: Belief) -> np.ndarray:
+    """Numbers (P,) of the objects that all hypotheses, then all untested poses, are on."""
+    return np.concatenate(
+        [belief.hypotheses.objects, *(np.full(len(some), k) for k, some in enumerate(belief.untested))]
+    )
+
+
+def _name(belief: Belief, number: int) -> str:
+    """Of an object of several; nobody asks for that of a single one."""
+    return belief.objects[number].mesh.name if len(belief.objects) > 1 else ""
+
+
+def _as_image(hypothesis: Hypothesis, leading: Hypothesis) -> Hypothesis:
+    """The hypothesis at an exact image of the leading pose if it is one of its look-alikes: how well either is known
+    makes them differ everywhere, and only the surface where they really do is to be gone to."""
     symmetry = hypothesis.model.symmetry
-    images = symmetry.look_alikes @ leading
-    if not len(images):
+    images = symmetry.look_alikes @ leading.pose
+    if hypothesis.model is not leading.model or not len(images):
         return hypothesis
     image = images[[symmetry.exact.distance(images, hypothesis.pose).argmin()]]
     if another(symmetry.exact)(image, hypothesis.pose)[0]:
@@ -83,10 +110,20 @@ def _as_image(hypothesis: Hypothesis, leading: np.ndarray) -> Hypothesis:
     return replace(hypothesis, pose=symmetry.exact.nearest(image, hypothesis.pose)[0])
 
 
-def _spread(belief: Belief, taken: list[int], count: int) -> np.ndarray:
-    """Poses (count, 4, 4) drawn systematically by weight from the particles of none of the `taken` modes."""
-    weights = np.where(np.isin(belief.members, taken), 0.0, belief.weights)
-    return belief.particles.select(kernels.systematic(weights, count, 0.5)).poses
+def _spread(belief: Belief, weights: np.ndarray, taken: list[Group], count: int) -> list[Hypothesis]:
+    """Draws, systematic by weights (P,), from what is in none of the `taken` groups."""
+    weights, known = weights.copy(), belief.hypotheses.poses
+    for group in taken:
+        weights[group.members] = 0.0
+    chosen, objects = kernels.systematic(weights, count, 0.5), _objects(belief)
+    starts = np.cumsum([len(known), *map(len, belief.untested)])
+    poses = [known[chosen[chosen < len(known)]]]
+    for low, high, some in zip(starts, starts[1:], belief.untested, strict=False):
+        poses.append(pose_rows(some, chosen[(chosen >= low) & (chosen < high)] - low))
+    return [
+        Hypothesis(belief.objects[number], pose, 0.0, False, _name(belief, number))
+        for number, pose in zip(objects[chosen], np.concatenate(poses) @ belief.since, strict=True)
+    ]
 
 
 def _look_alikes(model: ObjectModel, pose: np.ndarray, count: int) -> np.ndarray:

@@ -50,7 +50,7 @@ def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.nd
     """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
     gives the poses by how far off they lie; any entry for one farther than matters."""
     entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
-    log_weight = model.surface.bounded_log_weight(np.zeros(len(distance)), distance, True, model.config.surface_sigma)
+    log_weight = model.surface.log_weight(np.zeros(len(distance)), distance)
     return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
 
 
@@ -108,7 +108,7 @@ def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
 
 
 def independence_on_the_way(tracks: np.ndarray, measured: np.ndarray, correlation: float) -> np.ndarray:
-    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `keyframes.independence`.
+    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `Track.keep`.
 
     tracks (H, K, T + 1, 4, 4); measured (F, 4, 4), in the frame of the start.
     """

@@ -228,7 +228,7 @@ def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], al
 
 
 class Advisor:
-    """Advises on one filter's object, by what the filter takes for possible."""
+    """Advises on what one filter touches, by what it takes for possible."""
 
     def __init__(self, running: ParticleFilter):
         self._running, self._noise = running, NoiseModel.of(running.config)
@@ -236,12 +236,10 @@ class Advisor:
     @property
     def hypotheses(self) -> list[Hypothesis]:
         """What the belief takes for possible, most probable first; none before something was measured."""
-        running, belief = self._running, self._running.belief
-        if belief is None or not belief.modes:
-            return []
-        return hypotheses_of(running.modes, belief, running.object, running.config)
+        return hypotheses_of(self._running) if self._running.modes else []
 
     def advise(self, wanted: Wanted) -> Advice | None:
         """Where to touch next; None before something was measured."""
-        hypotheses = self.hypotheses
-        return advise(hypotheses, self._running.measured_gels, wanted, self._noise) if hypotheses else None
+        running, hypotheses = self._running, self.hypotheses
+        on = running.object.mesh.name if len(running.objects) > 1 else ""
+        return advise(hypotheses, running.measured_gels, wanted, self._noise, on) if hypotheses else None

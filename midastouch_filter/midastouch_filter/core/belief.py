@@ -1,188 +1,236 @@
-"""What the filter believes: particles with weights, their modes, and the covariance to publish."""
+"""What the filter believes: a set of pose hypotheses on one or several objects.
+
+A hypothesis is the particle of a Rao-Blackwellised particle filter: a Gaussian over poses, with a weight. It was
+aligned to at least one penetration map. Poses of a codebook that no map was compared with yet are *untested*: points,
+weighed by codes alone. All poses are those of one frame, the last keyframe; `since` leads from there to the present.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_perception.symmetry.group import Symmetry
 
-from .alignment import Aligned
-from .estimate import Mode, modes_from_moments
-from .lookup import PoseLookup
-from .modes import ModeFinder
+from .alignment import transform_covariance
+from .motion_model import Odometry
+from .object_model import ObjectModel
 from .particles import Particles
-from .pose_hypothesis import pose_distance
 
-_COPY = 1e-3  # m: nearer to its equivalent a mode is where it should be; to a free axis, it is narrow
-_SAMPLE = 4096  # particles that the other hypotheses are judged by
+BEHIND = -14.0
+"""nats: hypotheses whose weight is that far behind the heaviest one go."""
+_SAME_T, _SAME_R = 2e-3, np.radians(2.0)  # m, rad: hypotheses that are nearer have met
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """P Gaussians over poses.
+
+    poses (P, 4, 4) `T_obj_gel`; covariances (P, 6, 6) of [translation, rotation] in their own frames, m and rad;
+    log_weights (P,); objects (P,), number of the object that each is on; support (P,) [nats], what the touches speak
+    for its being one of the known objects; aligned_at (P,) [m], reading of the odometer when it was last aligned; fit
+    (P,), fraction of the last keyframe's maps that it explains.
+    """
+
+    poses: np.ndarray
+    covariances: np.ndarray
+    log_weights: np.ndarray
+    objects: np.ndarray
+    support: np.ndarray
+    aligned_at: np.ndarray
+    fit: np.ndarray
+
+    @classmethod
+    def none(cls) -> Hypotheses:
+        """Without any."""
+        return cls.at(np.empty((0, 4, 4)), np.zeros((6, 6)), np.empty(0), 0, 0.0, 0.0)
+
+    @classmethod
+    def at(
+        cls,
+        poses: np.ndarray,
+        covariance: np.ndarray,
+        log_weights: np.ndarray,
+        number: int,
+        support: float,
+        odometer: float,
+    ) -> Hypotheses:
+        """On one object, all of one covariance (6, 6) and support, at a reading of the odometer [m]."""
+        n = len(poses)
+        spread, on = np.tile(covariance, (n, 1, 1)), np.full(n, number, np.int32)
+        return cls(poses, spread, log_weights, on, np.full(n, support), np.full(n, odometer), np.ones(n))
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def some(self, index: np.ndarray) -> Hypotheses:
+        """Those of an index or mask."""
+        return Hypotheses(*(each[index] for each in vars(self).values()))
+
+    def joined(self, others: Hypotheses) -> Hypotheses:
+        """These, then the others."""
+        pairs = zip(vars(self).values(), vars(others).values(), strict=True)
+        return Hypotheses(*(np.concatenate(pair) for pair in pairs))
+
+    def moved(self, motion: np.ndarray) -> Hypotheses:
+        """After the gel moved by `motion` (4, 4)."""
+        if not len(self):
+            return self
+        return replace(self, poses=self.poses @ motion, covariances=transform_covariance(self.covariances, motion))
+
+    def widened(self, covariance: np.ndarray) -> Hypotheses:
+        """Each known less well by a covariance (6, 6) in its own frame."""
+        return replace(self, covariances=self.covariances + covariance)
+
+    def drifted(self, odometer: float, drift: np.ndarray) -> Hypotheses:
+        """Each known less well by a covariance (6, 6) for every metre since it was last aligned."""
+        growth = np.maximum(odometer - self.aligned_at, 0.0)[:, None, None] * drift
+        return replace(self, covariances=self.covariances + growth, aligned_at=np.full(len(self), odometer))
+
+    def merged(self, symmetry: Symmetry) -> Hypotheses:
+        """One in place of all that have met on one object, modulo its symmetry: the heaviest, with the weight of
+        all."""
+        if len(self) < 2:
+            return self
+        order = np.argsort(-self.log_weights, kind="stable")
+        poses = symmetry.nearest(self.poses, self.poses[order[0]])
+        # the Frobenius norm between rotations is sqrt(2) times their angle, while that is small
+        turned = poses[:, :3, :3].reshape(-1, 9) / (np.sqrt(2) * _SAME_R)
+        tree = cKDTree(np.concatenate([poses[:, :3, 3] / _SAME_T, turned], axis=1))
+        pairs = tree.query_pairs(1.0, output_type="ndarray")
+        if not len(pairs):
+            return replace(self, poses=poses)
+        rank = np.empty(len(self), int)
+        rank[order] = np.arange(len(self))
+        # each goes into the heaviest of those near it that stay
+        ranked = np.sort(rank[pairs], axis=1)
+        log_weights, into = self.log_weights.copy(), np.arange(len(self))
+        for a, b in order[ranked[np.lexsort(ranked.T)]]:
+            if into[a] == a and into[b] == b:
+                into[b] = a
+                log_weights[a] = np.logaddexp(log_weights[a], log_weights[b])
+        kept = order[into[order] == order]
+        return replace(self, poses=poses, log_weights=log_weights).some(kept)
 
 
 class Belief:
-    """Particles and what is derived from them.
+    """Hypotheses and untested poses on the objects.
 
-    Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
-    aligned, by number of the mode, the alignment of each mode that the present penetration maps fitted; aligned_to,
-    names of the fingers that measured these maps (both empty once the particles change); answers, the modes to be
-    published, sharpened where they are aligned; explained, names of the fingers whose last maps the heaviest one fits.
-    The belief is one over poses modulo the symmetry of the object: no mode is another one's copy.
+    Attributes: objects; hypotheses; untested, for each object poses of its codebook with log-weights, as particles;
+    support (O,) [nats] of a new hypothesis on each object, as of `Hypotheses`; since (4, 4), motion of the gel since
+    the frame that all poses are of.
     """
 
-    def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder, symmetry: Symmetry):
-        self._lookup, self._finder, self._symmetry = lookup, finder, symmetry
-        self.restart(particles)
+    def __init__(self, objects: Sequence[ObjectModel]):
+        self.objects = objects
+        self.hypotheses = Hypotheses.none()
+        self.untested = [_no_particles() for _ in objects]
+        self.support = np.zeros(len(objects))
+        self._summed: list[np.ndarray | None] = [None for _ in objects]
+        self._untested_sum = -np.inf
+        self.since = np.eye(4)
 
-    def restart(self, particles: Particles) -> None:
-        """Start again with these particles."""
-        self._path = 0.0  # since the last look-up
-        self.modes: list[Mode] = []
-        self.answers: list[Mode] = []
-        self.explained: frozenset[str] = frozenset()
-        self._forget_alignment()
-        self.hold(particles)
-
-    def hold(self, particles: Particles) -> None:
-        """Replace the particles."""
-        self.particles, self.weights = particles, particles.weights
-        self._members: np.ndarray | None = None  # computed when first asked for
-
-    def follow_entries(self, now: np.ndarray) -> None:
-        """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""
-        self.particles.entries = now[self.particles.entries]
-        self.cluster()
-
-    def moved(self, path: float) -> None:
-        """The particles moved by `path` [m], turns included."""
-        self._path += path
-
-    def look_up(self) -> np.ndarray:
-        """Set each particle's codebook entry; returns the pose distances (N,) [m] to it."""
-        if self._path > self._lookup.reach:
-            self._lookup.relocate(self.particles)
-        self._path, self._members = 0.0, None
-        return self._lookup.follow(self.particles)
-
-    def reweigh(self, log_ratio: np.ndarray, tempered: np.ndarray) -> tuple[float, bool]:
-        """Multiply the weights by the tempered likelihood ratios (N,) and normalise.
-
-        Returns the log marginal likelihood ratio, of `log_ratio` (N,) itself, and whether a particle survives: if none
-        does, all stays as it was.
-        """
-        log_weights, weights = np.empty(len(log_ratio)), np.empty(len(log_ratio))
-        likelihood, total = kernels.reweigh(self.particles.log_weights, log_ratio, tempered, log_weights, weights)
-        alive = bool(np.isfinite(total))
-        if alive:
-            self.particles.log_weights, self.weights = log_weights, weights
-        return likelihood, alive
-
-    def cluster(self) -> None:
-        """Find the modes anew (paper section 4.3, hypothesis clustering), modulo symmetry."""
-        self._find_modes()
-        if self._fold():
-            self._find_modes()
-
-    def _find_modes(self) -> None:
-        self.modes = self.answers = modes_from_moments(self._finder.find(self.particles, self.weights))
-        self._members = None
-        self._forget_alignment()
-
-    def _fold(self) -> bool:
-        """Move modes that are farther from the heaviest one than an equivalent pose is there; whether any was.
-
-        A mode goes as a whole, by the motion that suits its mean. What the symmetry leaves free, about an axis, each
-        particle is turned by for itself, as a mode may reach all around it.
-        """
-        symmetry = self._symmetry
-        if symmetry.trivial or not self.modes:
-            return False
-        goal, free = self.modes[0].pose, symmetry.free != "none"
-        means = np.stack([mode.pose for mode in self.modes])
-        images = symmetry.nearest(means, goal)
-        apart = pose_distance(means, images) > _COPY
-        apart[0] = free and self.modes[0].spread_translation > _COPY
-        rows = np.flatnonzero(np.append(apart, False)[self.members])
-        if not len(rows):
-            return False
-        poses = self.particles.select(rows).poses
-        if free:
-            poses = symmetry.nearest(poses, goal)
-        else:
-            motions = images @ se3.inverse(means)
-            poses = motions[self.members[rows]] @ poses
-        self.particles.replace(rows, Particles.from_poses(poses, self._lookup.exact(poses)))
-        return True
-
-    def _forget_alignment(self) -> None:
-        self.aligned: dict[int, Aligned] = {}
-        self.aligned_to: frozenset[str] = frozenset()
-
-    def align(
-        self,
-        aligned: dict[int, Aligned],
-        gains: np.ndarray,
-        names: frozenset[str],
-        widening: Callable[[Aligned], float],
-    ) -> None:
-        """The particles were moved by what these fingers' maps say of the modes, by their number, whose masses change.
-
-        gains (m,): log-factors of the masses of all modes; no mass in all comes or goes. widening: factors on the
-        covariances of the answers.
-        """
-        finder = self._finder
-        of_peak = {finder.peaks[k]: each for k, each in aligned.items()}
-        if gains.any():
-            of_member, members = np.append(gains, 0.0), self.members  # the last stands for -1: no mode
-            self.particles.log_weights += of_member[members]
-            self.weights = self.weights * np.exp(of_member)[members]
-        self.modes, self._members = modes_from_moments(finder.moments(self.particles, self.weights)), None
-        self.aligned = {k: of_peak[peak] for k, peak in enumerate(finder.peaks) if peak in of_peak}
-        self.aligned_to = names
-        self.answers = [
-            sharpened(mode, self.aligned[k], widening(self.aligned[k])) if k in self.aligned else mode
-            for k, mode in enumerate(self.modes)
-        ]
+    def total(self) -> float:
+        """Log of the sum of all weights."""
+        return _log_sum([_log_sum(self.hypotheses.log_weights), self._untested_total()])
 
     @property
-    def dominant_mass(self) -> float:
-        """Weight of the heaviest mode, 0 while none was looked for."""
-        return self.modes[0].weight if self.modes else 0.0
+    def untested_mass(self) -> float:
+        """Fraction of the weight that untested poses hold."""
+        return float(np.exp(self._untested_total() - self.total()))
 
-    @property
-    def members(self) -> np.ndarray:
-        """Mode (N,) int32 of each particle, -1 for none."""
-        if self._members is None:
-            self._members = self._finder.members(self.particles)
-        return self._members
+    def _untested_total(self) -> float:
+        # of many thousand weights, which change once a keyframe
+        weights = [some.log_weights for some in self.untested]
+        if not all(now is before for now, before in zip(weights, self._summed, strict=True)):
+            self._summed, self._untested_sum = weights, _log_sum([_log_sum(each) for each in weights])
+        return self._untested_sum
 
-    @property
-    def covariance(self) -> np.ndarray:
-        """Covariance (6, 6) of the whole belief about the published pose."""
-        return covariance_about(self.answers[0], self.members, self.particles, self.weights)
+    def object_masses(self) -> np.ndarray:
+        """Fractions (O,) of the weight that are on each object."""
+        hypotheses, total = self.hypotheses, self.total()
+        own = np.bincount(hypotheses.objects, np.exp(hypotheses.log_weights - total), len(self.objects))
+        return own + [np.exp(some.log_weights - total).sum() for some in self.untested]
+
+    def __len__(self) -> int:
+        return len(self.hypotheses) + sum(map(len, self.untested))
+
+    def scale(self, factor: float) -> None:
+        """Add `factor` [nats] to all log-weights."""
+        self.hypotheses = replace(self.hypotheses, log_weights=self.hypotheses.log_weights + factor)
+        for some in self.untested:
+            some.log_weights = some.log_weights + factor
+
+    def come_up(self, odometer: float, drift: np.ndarray) -> None:
+        """Take the present frame for the one that all poses are of; arguments as of `Hypotheses.drifted`."""
+        self.hypotheses = self.hypotheses.moved(self.since).drifted(odometer, drift)
+        row, still = Odometry.from_matrix(self.since).row, np.zeros(6, np.float32)
+        for model, some in zip(self.objects, self.untested, strict=True):
+            model.workers.run(
+                len(some),
+                lambda low, high, _, some=some: kernels.compose(
+                    low, high, some.positions, some.quaternions, row, still, None
+                ),
+            )
+        self.since = np.eye(4)
+
+    def expect(self, number: int, entries: np.ndarray, log_weights: np.ndarray) -> None:
+        """Add poses at `entries` (n,) of an object's codebook, untested, with log-weights (n,), at the present frame.
+
+        All poses must be of that frame (`come_up`)."""
+        born = Particles.from_poses(self.objects[number].lookup.poses[entries], entries)
+        self.untested[number] = _joined(self.untested[number], born, log_weights)
+
+    def take(self, number: int, rows: np.ndarray) -> Particles:
+        """Take untested poses, by their rows (n,), out of the belief."""
+        some, kept = self.untested[number], np.ones(len(self.untested[number]), bool)
+        kept[rows] = False
+        self.untested[number] = _some(some, kept)
+        return _some(some, rows)
+
+    def settle(self, negligible: float) -> None:
+        """Normalise the weights, drop what is too light to matter, and let hypotheses that have met become one.
+
+        negligible: log-weight of an untested pose, relative to the heaviest hypothesis, below which it goes.
+        """
+        self.scale(-self.total())
+        weights = [self.hypotheses.log_weights, *(some.log_weights for some in self.untested)]
+        top = max(each.max() for each in weights if len(each))
+        left = self.hypotheses.some(self.hypotheses.log_weights > top + BEHIND)
+        self.hypotheses = Hypotheses.none()
+        for number, model in enumerate(self.objects):
+            self.hypotheses = self.hypotheses.joined(left.some(left.objects == number).merged(model.symmetry.exact))
+            some = self.untested[number]
+            if len(some) and not (keep := some.log_weights > top + negligible).all():
+                self.untested[number] = _some(some, keep)
 
 
-def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
-    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included.
-
-    widening: factor on its covariance, by which it is as wide as the truth is far.
-    """
-    turn = se3.turn(aligned.pose[:3, :3])
-    return replace(mode, pose=aligned.pose, covariance=widening * turn @ aligned.covariance @ turn.T)
+def pose_rows(particles: Particles, rows: np.ndarray) -> np.ndarray:
+    """Poses (n, 4, 4) of particles by their rows (n,)."""
+    return se3.from_xyzquat(np.concatenate([particles.positions[rows], particles.quaternions[rows]], axis=1))
 
 
-def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weights: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of the belief about the dominant mode's pose, in the order and axes of `Mode.covariance`.
+def _no_particles() -> Particles:
+    return Particles(np.empty((0, 3), np.float32), np.empty((0, 4), np.float32), np.empty(0), np.empty(0, np.int32))
 
-    A mode's own covariance says how well its pose is known if it is the right one. The published covariance must also
-    say how far away the truth lies if it is another one. So the part of the others is the second moment of position
-    and rotation vector about the mode's pose; the mode's own part is its covariance. members (N,) int32: the mode of
-    each particle, 0 for this one; weights (N,), sum 1.
-    """
-    position = kernels.decompose(mode.pose)[1]
-    mass, moment = kernels.second_moment(
-        particles.positions, particles.quaternions, weights, members, position, _SAMPLE
-    )
-    return (1.0 - mass) * mode.covariance + mass * moment
+
+def _some(particles: Particles, rows: np.ndarray) -> Particles:
+    return Particles(*(np.ascontiguousarray(each[rows]) for each in vars(particles).values()))
+
+
+def _joined(particles: Particles, born: Particles, log_weights: np.ndarray) -> Particles:
+    born.log_weights = log_weights
+    pairs = zip(vars(particles).values(), vars(born).values(), strict=True)
+    return Particles(*(np.concatenate(pair) for pair in pairs))
+
+
+def _log_sum(values: np.ndarray | Sequence[float]) -> float:
+    """log(sum(exp)) of values (n,), -inf without any."""
+    values = np.asarray(values)
+    top = values.max(initial=-np.inf)
+    return float(top + np.log(np.exp(values - top).sum())) if np.isfinite(top) else -np.inf

@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-import numpy as np
-
 from midastouch_common.errors import InputError
 
 
@@ -30,50 +28,42 @@ class FilterConfig:
     (inclusive), so that nodes can declare their parameters and documents can list them without repeating anything.
     """
 
-    # --- number of particles (paper appendix C; KLD sampling, Fox 2001)
-    min_particles: int = _number(500, 1, 1_000_000, "", "fewest particles")
-    max_particles: int = _number(5_000, 1, 5_000_000, "", "most particles; also the number at the start")
-    pf_err: float = _number(0.02, 1e-3, 0.5, "", "KLD sampling: allowed divergence from the true distribution")
-    pf_z: float = _number(
-        3.0, 0.0, 6.0, "", "KLD sampling: quantile of the standard normal, not a probability (3 means 99.87 %)"
+    # --- hypotheses
+    max_particles: int = _number(
+        20_000, 100, 5_000_000, "", "most poses of a codebook that are hypotheses at the start and after a lift"
     )
-    region_radius: float = _number(
-        0.005, 1e-3, 0.05, "m", "of the SE(3) cells for KLD sampling and clustering; 1 rad counts as 10 mm"
+    refined_modes: int = _number(4, 1, 64, "", "modes that are aligned to every map, heaviest first")
+    tested_poses: int = _number(300, 1, 100_000, "", "most poses of the codebook that are compared with a keyframe")
+    alignments_per_second: int = _number(
+        1800, 0, 1_000_000, "1/s", "comparisons of hypotheses with maps, what bounds the work of a core; 0: no limit"
     )
-    kld_sampling: bool = _switch(True, "adapt the number of particles; off keeps max_particles")
+    keyframe_spacing: float = _number(
+        0.012, 1e-3, 0.2, "m", "path between two keyframes; 1 rad counts as 10 mm", former="smoothing_spacing"
+    )
 
     # --- motion model (paper equation 1)
-    noise_translation: float = _number(1e-3, 0.0, 0.05, "m", "noise per step in contact, each axis, sigma")
-    noise_rotation: float = _number(math.radians(2.0), 0.0, 1.0, "rad", "noise per step in contact, each axis, sigma")
-    noise_converged: float = _number(0.25, 0.0, 1.0, "", "fraction of both that is left once one mode dominates")
-    noise_per_metre: float = _number(0.02, 0.0, 1.0, "m/m", "further translation noise per distance moved")
-    noise_per_radian: float = _number(0.02, 0.0, 1.0, "rad/rad", "further rotation noise per angle turned")
+    drift_translation: float = _number(
+        8e-3, 0.0, 0.1, "m/sqrt(m)", "error of the odometry that adds up, each axis, sigma after one metre of path"
+    )
+    drift_rotation: float = _number(
+        0.15, 0.0, 3.0, "rad/sqrt(m)", "error of the odometry that adds up, each axis, sigma after one metre of path"
+    )
     update_min_d: float = _number(2e-4, 0.0, 0.1, "m", "the arm is at rest until it has moved this far")
     update_min_a: float = _number(math.radians(0.2), 0.0, 1.0, "rad", "... or turned this far")
     max_odometry_jump: float = _number(0.5, 0.01, 10.0, "m", "one step longer than this starts the filter again")
 
-    # --- measurement model (paper equation 2, made a calibrated likelihood ratio)
+    # --- codes (paper equation 2, made a calibrated likelihood ratio)
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "fraction of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.02, 1e-5, 0.1, "m", "touches nearer count in part only, unless a map fits nothing; 1 rad counts as 10 mm"
+        0.02, 1e-5, 0.1, "m", "path over which touches see nearly the same; 1 rad counts as 10 mm"
     )
 
-    # --- surface constraint (paper appendix C, pruning)
-    max_penetration: float = _number(2e-3, 0.0, 0.02, "m", "the gel's apex may lie this deep in the object for free")
-    max_hover: float = _number(1e-3, 0.0, 0.02, "m", "... and this far above its surface")
-    surface_sigma: float = _number(1e-3, 1e-5, 0.02, "m", "softness of both limits")
-    dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
-    book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
-
-    # --- coarse to fine: alignment of narrow modes to the measured map; jitter as of the paper's tracker (section 5)
-    refinement: bool = _switch(True, "align narrow modes to the measured penetration map")
-    refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
-    refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
-    refine_rotation: float = _number(math.radians(24.0), 0.01, 1.5, "rad", "... and below this one in rotation")
-    jitter_translation: float = _number(5e-4, 0.0, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
+    # --- penetration maps; jitter as of the paper's tracker (section 5)
+    refinement: bool = _switch(True, "compare hypotheses with penetration maps; off: with codes only")
+    jitter_translation: float = _number(5e-4, 1e-6, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
     jitter_rotation: float = _number(
-        math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
+        math.radians(1.0), 1e-5, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
     )
     penetration_fit: float = _number(
         0.6, 0.0, 1.0, "", "fraction of touched pixels a pose must explain to be believed", former="relief_fit"
@@ -85,36 +75,17 @@ class FilterConfig:
         4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same", former="relief_correlation"
     )
 
-    # --- fixed-lag smoothing: other poses that explain the last touches as well
-    smoothing: bool = _switch(
-        True, "re-evaluate the last touches at competing pose hypotheses; needs refinement", former="hindsight"
+    # --- changes
+    change_lifted: float = _number(0.2, 0.0, 0.9, "", "probability that the object was moved while the gel was lifted")
+    object_jump_translation: float = _number(
+        0.003, 1e-4, 0.05, "m", "how far a push moves the object, each axis, sigma"
     )
-    smoothing_touches: int = _number(
-        16, 2, 200, "", "touches that are kept, the older the sparser", former="hindsight_touches"
+    object_jump_rotation: float = _number(
+        math.radians(3.0), 1e-3, 0.5, "rad", "how far a push turns the object, each axis, sigma"
     )
-    smoothing_spacing: float = _number(
-        0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm", former="hindsight_spacing"
-    )
-
-    # --- another object may be touched
     unknown_prior: float = _number(
         0.5, 0.0, 0.999, "", "probability beforehand that it is none of the known objects; 0: it is one of them"
     )
-
-    # --- the object may move: contact odometry against the arm's
-    object_motion: bool = _switch(True, "follow the object when it slips or is pushed; needs refinement")
-    object_jump_translation: float = _number(
-        0.003, 1e-4, 0.05, "m", "size of the jumps of the object that are looked for, each axis, sigma"
-    )
-    object_jump_rotation: float = _number(
-        math.radians(3.0), 1e-3, 0.5, "rad", "size of the jumps of the object that are looked for, each axis, sigma"
-    )
-
-    # --- self-calibration while sliding
-    calibration: bool = _switch(True, "learn the errors of mount and clock while sliding; needs refinement")
-    mount_translation: float = _number(2e-3, 1e-6, 0.02, "m", "error of the mount, each axis, sigma")
-    mount_rotation: float = _number(math.radians(2.0), 1e-6, 0.3, "rad", "error of the mount, each axis, sigma")
-    clock_offset: float = _number(0.05, 1e-6, 0.5, "s", "offset of the arm's clock to the camera's, sigma")
 
     # --- further fingers on the same object
     finger_translation: float = _number(
@@ -124,63 +95,20 @@ class FilterConfig:
         math.radians(1.0), 0.0, 1.0, "rad", "error of a further finger's pose relative to the first one's, each axis"
     )
 
-    # --- recovery
-    recovery_fraction: float = _number(
-        0.1,
-        0.0,
-        0.9,
-        "",
-        "without refinement: largest fraction of particles that the codebook's best matches replace at a time when the "
-        "likelihood collapses",
-        former="recovery_share",
-    )
-
-    # --- modes and status
-    mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
-    min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
-    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged: the dominant mode holds this much")
+    # --- status
     converged_probability: float = _number(
-        0.99,
-        0.5,
-        1.0,
-        "",
-        "converged: the dominant mode is this probable, by the last touches, among all that explain them",
-    )
-    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "converged: its particles spread no wider, RMS")
-    converged_rotation: float = _number(
-        math.radians(15.0), 0.01, 3.0, "rad", "converged: its particles, and the published pose, turn no wider, RMS"
+        0.99, 0.5, 1.0, "", "converged: the dominant mode is this probable"
     )
     converged_error: float = _number(
-        0.005,
-        1e-4,
-        0.5,
-        "m",
-        "converged: the published covariance is no wider, RMS; innovations and residuals widen it",
+        0.005, 1e-4, 0.5, "m", "converged: the published covariance is no wider, RMS"
+    )
+    converged_rotation: float = _number(
+        math.radians(15.0), 0.01, 3.0, "rad", "converged: the published pose is known no worse in rotation, RMS"
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 
     # --- machine
     threads: int = _number(0, 0, 256, "", "worker threads; 0: one per available core")
-
-    @property
-    def jitter(self) -> np.ndarray:
-        """Covariance (6, 6) of one measured sensor pose, in its own frame: m^2, rad^2."""
-        return np.diag(np.repeat([self.jitter_translation, self.jitter_rotation], 3) ** 2)
-
-    @property
-    def object_jump(self) -> np.ndarray:
-        """Covariance (6, 6) of how far the object jumps, in the gel's frame: m^2, rad^2."""
-        return np.diag(np.repeat([self.object_jump_translation, self.object_jump_rotation], 3) ** 2)
-
-    @property
-    def mount_error(self) -> np.ndarray:
-        """Covariance (6, 6) of the mount's error, in the gel's frame: m^2, rad^2."""
-        return np.diag(np.repeat([self.mount_translation, self.mount_rotation], 3) ** 2)
-
-    @property
-    def finger_error(self) -> np.ndarray:
-        """Covariance (6, 6) of a further finger's pose, given the first one's, in its own frame: m^2, rad^2."""
-        return np.diag(np.repeat([self.finger_translation, self.finger_rotation], 3) ** 2)
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -197,17 +125,50 @@ class FilterConfig:
             if not low <= value <= high:
                 unit = f" {item.metadata['unit']}" if item.metadata["unit"] else ""
                 raise InputError(f"parameter {item.name}: {value} is outside [{low}, {high}]{unit}")
-        if self.min_particles > self.max_particles:
-            raise InputError(
-                f"parameter min_particles: {self.min_particles} is more than max_particles {self.max_particles}"
-            )
 
 
+_ONE_RECURSION = "hypotheses are Gaussians now and are not resampled"
+_NO_TEMPERING = "what odometry does not know is drift_translation and drift_rotation"
+_ARM = "errors of mount and clock are part of drift_translation and drift_rotation"
+_SURFACE = "maps say where the surface is"
 GONE = {
-    "resample_ess": "particles are resampled at every touch",
-    "recovery": "without refinement the filter recovers; recovery_fraction 0.0 turns that off",
-    "recovery_alpha_slow": "the long average of the likelihood has one rate",
-    "recovery_alpha_fast": "the last touch is the short average of the likelihood",
+    "min_particles": _ONE_RECURSION,
+    "pf_err": _ONE_RECURSION,
+    "pf_z": _ONE_RECURSION,
+    "kld_sampling": _ONE_RECURSION,
+    "resample_ess": _ONE_RECURSION,
+    "region_radius": _ONE_RECURSION,
+    "mode_radius": "what counts as one pose is fixed: 10 mm and 20 deg",
+    "min_mode_mass": "modes are published down to a weight of 1e-5",
+    "noise_translation": _NO_TEMPERING,
+    "noise_rotation": _NO_TEMPERING,
+    "noise_converged": _NO_TEMPERING,
+    "noise_per_metre": _NO_TEMPERING,
+    "noise_per_radian": _NO_TEMPERING,
+    "max_penetration": _SURFACE,
+    "max_hover": _SURFACE,
+    "surface_sigma": _SURFACE,
+    "dead_distance": _SURFACE,
+    "book_constraint": _SURFACE,
+    "refine_translation": "every hypothesis that matters is compared with maps",
+    "refine_rotation": "every hypothesis that matters is compared with maps",
+    "smoothing": "competing hypotheses are compared in any case; refinement: false does without maps",
+    "hindsight": "competing hypotheses are compared in any case; refinement: false does without maps",
+    "smoothing_touches": "nothing is compared twice, so no touches are kept",
+    "hindsight_touches": "nothing is compared twice, so no touches are kept",
+    "hindsight_spacing": "it is now keyframe_spacing",
+    "object_motion": "a push is one more hypothesis; object_jump_translation says how far it goes",
+    "calibration": _ARM,
+    "mount_translation": _ARM,
+    "mount_rotation": _ARM,
+    "clock_offset": _ARM,
+    "recovery": "hypotheses are born where touches contradict all others",
+    "recovery_fraction": "hypotheses are born where touches contradict all others",
+    "recovery_share": "hypotheses are born where touches contradict all others",
+    "recovery_alpha_slow": "hypotheses are born where touches contradict all others",
+    "recovery_alpha_fast": "hypotheses are born where touches contradict all others",
+    "converged_mass": "a mode's weight is its probability: converged_probability",
+    "converged_translation": "a mode's covariance is that of its pose: converged_error",
 }
 """Fields that there were, and what is in their place."""
 

@@ -1,4 +1,4 @@
-"""Measurement model: what a tactile code says about each particle (paper equation 2, calibrated).
+"""Measurement model: what a tactile code says about each pose of a codebook (paper equation 2, calibrated).
 
 The paper weighs particles by a softmax of cosines, whose ratios never exceed e^2. Here the similarity s of the
 measured code to a codebook entry becomes a log-likelihood ratio against a random touch of the same object,
@@ -11,7 +11,7 @@ ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): 
 
 from __future__ import annotations
 
-import copy
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,19 +19,18 @@ import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 
 from .config import FilterConfig
-from .particles import Particles
-from .touch import Measurement
 from .workers import Workers
 
 _SPARSE = 16  # stride through the sample below that is enough to find what is typical of a code
-_SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
+_SAMPLE = 2048  # codebook entries that stand for all of them
 
 
-class CodeScores:
-    """Scores codes (M, D) by a measured one.
+class MeasurementModel:
+    """Scores the codes of one object's codebook by a measured one.
 
-    Args: codes; meta, which holds `temperature` and `outlier`; config; workers.
-    Attributes: codes, float32; log_ratio (M,) float32, l of the entries scored last, others hold stale values; outlier.
+    Args: codes (M, D), in the order of the look-up's poses; meta, which holds `temperature` and `outlier`; config;
+    workers. Attributes: codes, float32; outlier.
+    Raises InputError if codes or calibration cannot be used.
     """
 
     def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):
@@ -41,11 +40,7 @@ class CodeScores:
         self._temperature, self.outlier = calibration(meta, config)
         self._workers = workers
         self._every = np.arange(len(self.codes))
-        self._forget()
-
-    def _forget(self) -> None:
-        self.log_ratio = np.zeros(len(self.codes), np.float32)
-        self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
+        self._sampled_codes = self.codes[:: max(len(self.codes) // _SAMPLE, 1)].copy()
 
     @property
     def dimension(self) -> int:
@@ -66,65 +61,16 @@ class CodeScores:
             raise ValueError("code is zero")
         return (code / norm).astype(np.float32)
 
-    def score_codebook(self, code: np.ndarray) -> None:
-        """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
-        if self._scored is not None and np.array_equal(code, self._scored):
-            return
-        likelihood = self._relative_likelihood(self._similarity(self.codes, self._every, code))
-        self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
-        self._scored = code
-
-    def log_ratio_of(self, touch: Measurement) -> np.ndarray:
-        """(M,) float32: that of a touch's code, of every entry; valid until the next code is scored."""
-        self.score_codebook(self.unit_code(touch.code))
-        return self.log_ratio
-
-    def _similarity(self, codes: np.ndarray, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
-        """Cosines (n,) float32 of the codes (m, D) at `rows` (n,) with a unit code.
+    def likelihoods(self, code: np.ndarray) -> np.ndarray:
+        """Likelihoods (M,) float32 of a unit code (D,) at every entry, up to a factor that all objects share.
 
         In our own threads: those of BLAS would spin beside them, and double the time of a step.
         """
-        out = np.empty(len(rows), np.float32)
-        code = np.ascontiguousarray(code, np.float32)
-        self._workers.run(len(rows), lambda low, high, _: kernels.dot_rows(low, high, codes, rows, code, out))
-        return out
-
-    def _relative_likelihood(self, scores: np.ndarray) -> np.ndarray:
-        return np.exp((scores - scores.max()) * np.float32(1 / self._temperature))
-
-    def _set(self, rows: np.ndarray | slice, likelihood: np.ndarray, mean: float) -> None:
-        likelihood *= np.float32((1 - self.outlier) / mean)
-        likelihood += np.float32(self.outlier)
-        self.log_ratio[rows] = np.log(likelihood, out=likelihood)
-
-
-class MeasurementModel(CodeScores):
-    """Scores codebook entries by a measured code and hands the scores to particles."""
-
-    def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):
-        """`codes` (M, D) in the order of the look-up's poses; the others as of `CodeScores`."""
-        super().__init__(codes, meta, config, workers)
-        self._sample = self._every[:: max(len(self.codes) // _SAMPLE, 1)].copy()
-        self._sampled_codes = self.codes[self._sample]
-
-    def for_another_sensor(self) -> MeasurementModel:
-        """A model of the same codes with scores of its own."""
-        other = copy.copy(self)
-        other._forget()
-        return other
-
-    def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
-        """Set `log_ratio` only of the entries nearest to particles.
-
-        The mean over the codebook is then the exact sum over these entries, and a fixed sample's over the rest.
-        """
-        self._scored = None
-        rows, others = kernels.occupied_entries(particles.entries, len(self.codes), self._sample)
-        scores = self._similarity(self.codes, rows, code), self._similarity(self._sampled_codes, others, code)
-        likelihood = self._relative_likelihood(np.concatenate(scores))
-        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
-        rest = elsewhere.mean(dtype=float) * (len(self.codes) - len(rows)) if len(elsewhere) else 0.0
-        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self.codes))
+        cosines, code = np.empty(len(self.codes), np.float32), np.ascontiguousarray(code, np.float32)
+        self._workers.run(
+            len(cosines), lambda low, high, _: kernels.dot_rows(low, high, self.codes, self._every, code, cosines)
+        )
+        return self.similarity(cosines)
 
     def similarity(self, cosines: np.ndarray) -> np.ndarray:
         """Likelihood (...) up to a factor, of cosines (...) between codes."""
@@ -135,14 +81,13 @@ class MeasurementModel(CodeScores):
         typical = self.similarity(codes @ self._sampled_codes[::_SPARSE].T).mean(axis=1)
         return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
 
-    def log_likelihood(self, particles: Particles) -> np.ndarray:
-        """l (N,) float32 of each particle: that of its entry."""
-        return self.log_ratio[particles.entries]
 
-    def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """n entries (n,) int32 drawn by their likelihood; needs `score_codebook` for the same code before."""
-        cumulative = np.cumsum(np.exp(self.log_ratio, dtype=float))
-        return np.searchsorted(cumulative, rng.random(n) * cumulative[-1], side="right").astype(np.int32)
+def log_ratios(models: Sequence[MeasurementModel], code: np.ndarray) -> list[np.ndarray]:
+    """l (M,) float32 of a unit code (D,) at every entry of each object, against a touch at random of any of them."""
+    every = [model.likelihoods(code) for model in models]
+    outlier = models[0].outlier
+    mean = sum(float(each.sum(dtype=float)) for each in every) / sum(map(len, every))
+    return [np.log((1 - outlier) / max(mean, 1e-30) * each + np.float32(outlier)) for each in every]
 
 
 def calibration(meta: dict, config: FilterConfig) -> tuple[float, float]:

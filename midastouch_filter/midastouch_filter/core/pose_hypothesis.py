@@ -1,9 +1,9 @@
-"""Hypotheses on the object that may explain what was measured, and what is known of them."""
+"""Distances between poses, what counts as one pose, and what is known of a start."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,32 +11,11 @@ from midastouch_common import se3
 from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.symmetry.group import Symmetry
 
-from .alignment import transform_covariance
-
 ANOTHER, ANOTHER_TURN = 0.01, np.radians(20.0)
 """m, where 1 rad counts as 10 mm, and rad: a hypothesis farther than this from the truth, or turned by more, is a wrong
 answer, so it is another hypothesis."""
 
-APART = 0.015
-"""m: hypotheses on an object of a catalogue that are nearer to each other than this count as one; never less than
-`ANOTHER`."""
-
-
 NO_SYMMETRY = Symmetry()
-
-
-@dataclass(frozen=True)
-class PoseHypothesis:
-    """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
-    probability."""
-
-    pose: np.ndarray
-    covariance: np.ndarray
-    probability: float
-
-    def moved(self, transform: np.ndarray) -> PoseHypothesis:
-        """After the gel moved by `transform` (4, 4)."""
-        return replace(self, pose=self.pose @ transform, covariance=transform_covariance(self.covariance, transform))
 
 
 @dataclass(frozen=True)
@@ -46,6 +25,16 @@ class Prior:
     pose: np.ndarray
     sigma_t: float
     sigma_r: float
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(6, 6) of [translation, rotation], m^2 and rad^2."""
+        return np.diag(np.repeat([self.sigma_t, self.sigma_r], 3) ** 2)
+
+    def widened(self, covariance: np.ndarray) -> Prior:
+        """Known less well by a covariance (6, 6), the same along all axes."""
+        sigma_t, sigma_r = np.sqrt(np.diag(self.covariance + covariance)[[0, 3]])
+        return Prior(self.pose, float(sigma_t), float(sigma_r))
 
     def log_density(self, poses: np.ndarray, floor: float, symmetry: Symmetry) -> np.ndarray:
         """(N,) nats of poses (N, 4, 4), modulo a symmetry, below the prior's own pose, but no less than `floor`."""
@@ -77,24 +66,12 @@ def another(symmetry: Symmetry = NO_SYMMETRY) -> Differ:
     return differ
 
 
-def farther(apart: float, symmetry: Symmetry) -> Differ:
-    """What lies farther from each other than `apart` [m], modulo a symmetry."""
-    return lambda poses, pose: symmetry.distance(poses, pose) > apart
-
-
-def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, differ: Differ) -> np.ndarray:
-    """(N,) which of the poses (N, 4, 4) differ from all `taken`."""
-    far = np.ones(len(poses), bool)
-    for each in taken:
-        far &= differ(poses, each)
-    return far
-
-
-def distinct(poses: np.ndarray, order: Iterable[int], differ: Differ) -> list[int]:
-    """Those of `order`, among poses (N, 4, 4), that differ from all that were chosen before."""
-    free, chosen = np.ones(len(poses), bool), []
-    for i in order:
-        if free[i]:
-            chosen.append(int(i))
-            free &= differ(poses, poses[i])
-    return chosen
+def alike(poses: np.ndarray) -> np.ndarray:
+    """Which (N, N) of poses (N, 4, 4) are no other hypotheses than each other, as `another` without a symmetry."""
+    positions, rotations = poses[:, :3, 3], poses[:, :3, :3].reshape(-1, 9)
+    position = positions - positions.mean(axis=0)
+    norms = np.square(position).sum(axis=1)
+    straight = norms[:, None] + norms - 2.0 * position @ position.T
+    chord = 3.0 - rotations @ rotations.T  # (2 sin(angle / 2))^2
+    near = straight + ROTATION_SCALE**2 * chord <= ANOTHER**2
+    return near & (chord <= (2.0 * np.sin(0.5 * ANOTHER_TURN)) ** 2)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from midastouch_common.errors import InputError
 
-BALANCED = "balanced"
+BALANCED, PAPER = "balanced", "paper"
 PRESETS: dict[str, dict[str, int]] = {
-    "fast": {"max_particles": 1_000, "refined_modes": 1},
+    "fast": {"alignments_per_second": 600, "refined_modes": 1},
     BALANCED: {},
+    PAPER: {},
 }
-"""By name, the settings of `FilterConfig` that differ from its defaults."""
+"""By name, the settings of `FilterConfig` that differ from its defaults. `PAPER` is another filter (`PaperFilter`)."""
 
 
 def preset(name: str) -> dict[str, int]:
@@ -24,6 +25,8 @@ def preset(name: str) -> dict[str, int]:
 
 def preset_in_words(name: str) -> str:
     """For help and tables."""
+    if name == PAPER:
+        return "the paper's own filter, as a baseline: one sensor, codes only"
     return ", ".join(f"{key} {value}" for key, value in PRESETS[name].items()) or "the defaults"
 
 

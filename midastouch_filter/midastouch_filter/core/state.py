@@ -17,10 +17,9 @@ STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE, SEARCHIN
 WAITING = "waiting"
 """Said of a frame whose answer is still to come; no state of the filter."""
 
-# the short likelihood average as a fraction of the worst possible one, log(outlier): lost above, found again below
-_LOST_SUPPORT, _FOUND_SUPPORT = 0.6, 0.3
-# probability of another object: said above the first, taken back below the second, above which nothing is converged
-_FOREIGN, _OWN = 0.95, 0.5
+# probability of another object: said above the first, taken back below the second; nothing is converged above the third
+_FOREIGN, _OWN, _DOUBTED = 0.95, 0.5, 0.8
+_FOUND = 2.0  # nats: a trend below 0 is lost, and found again above this
 _LISTED = 0.9  # probability that the truth is among the published modes, from which on they are all that is possible
 
 
@@ -30,9 +29,9 @@ class Status:
 
     state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
-    likelihood_trend [nats]: short average of the log-likelihood ratio against a random touch (below 0: the
-    particles explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
-    stage, those of what followed the last answer included; symmetry of the object, in words; foreign: whether it is
+    likelihood_trend [nats]: what the last touches speak for the dominant mode, against one that barely explains them
+    (below 0: it does not); skipped: how often each gate saved work or refused input; ms: per stage, those of what
+    followed the last answer included; symmetry of the object, in words; foreign: whether it is
     lost because another object is touched.
     """
 
@@ -55,22 +54,19 @@ class Status:
 class StateEvidence:
     """What the state depends on; units as in `Status`.
 
-    support: the trend over log(outlier), 1 is worst; doubt: why nobody may rely on the dominant mode, in words, though
-    it may be narrow, empty if one may;
-    error_t [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its
-    hypothesis is the right one; listed: probability that the truth is among the published modes; unknown: that another
-    object is touched; alike: how many poses feel the same as each one, in words, empty if none do.
+    trend: as `Status.likelihood_trend`; restarted: why the filter started again in this frame, in words, "" if not;
+    listed: probability that the truth is among the published modes; mode_mass: weight of the dominant mode; error_t
+    [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its mode is
+    the right one; unknown: probability that another object is touched; alike: how many poses feel the same as each
+    one, in words, empty if none do.
     """
 
     initialised: bool = False
     in_contact: bool = False
-    support: float = 0.0
+    trend: float = 0.0
     restarted: str = ""
-    doubt: str = ""
     listed: float = 1.0
     mode_mass: float = 0.0
-    spread_t: float = 0.0
-    spread_r: float = 0.0
     error_t: float = 0.0
     error_r: float = 0.0
     unknown: float = 0.0
@@ -99,7 +95,7 @@ class StateMachine:
         if not e.initialised:
             self._lost = self._converged = self._foreign = False
             return UNINITIALISED, "no start given yet"
-        self._lost = bool(e.restarted) or e.support > (_FOUND_SUPPORT if self._lost else _LOST_SUPPORT)
+        self._lost = bool(e.restarted) or e.trend < (_FOUND if self._lost else 0.0)
         self._foreign = e.unknown > (_OWN if self._foreign else _FOREIGN)
         narrow, why_not = self._narrow(e)
         self._converged = narrow and not self._lost
@@ -108,32 +104,23 @@ class StateMachine:
         if self._foreign:
             return LOST, f"these touches are not of this mesh: with {e.unknown:.1%} another object is touched"
         if self._lost:
-            return LOST, e.restarted or "the touches contradict every particle; looking for better hypotheses"
+            return LOST, e.restarted or "the last touches contradict every hypothesis; looking for better ones"
         if self._converged:
             modulo = f", modulo symmetry: {e.alike}" if e.alike else ""
-            return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm{modulo}"
+            return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.error_t:.1f} mm{modulo}"
         if e.listed < _LISTED:
-            none = f"with {1 - e.listed:.0%} the pose is none of those that are named"
-            return SEARCHING, none if e.listed else "no hypotheses were compared yet"
+            return SEARCHING, f"{1 - e.listed:.0%} of the weight is on poses that no touch was compared with yet"
         return AMBIGUOUS, why_not
 
     def _narrow(self, e: StateEvidence) -> tuple[bool, str]:
         c = self._config
         slack = c.hysteresis if self._converged else 1.0
-        if e.support > _FOUND_SUPPORT:
-            return False, "the last touches fit the particles badly"
-        if e.mode_mass < c.converged_mass / slack:
+        if e.mode_mass < c.converged_probability:
             return False, f"the dominant mode holds {e.mode_mass:.0%} only"
-        if e.spread_t > c.converged_translation * slack:
-            return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
-        if e.spread_r > c.converged_rotation * slack:
-            return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
         if e.error_t > c.converged_error * slack:
             return False, f"the published pose is known to {1000 * e.error_t:.1f} mm only"
         if e.error_r > c.converged_rotation * slack:
             return False, f"the published pose is known to {e.error_r:.2f} rad only"
-        if e.unknown > _OWN:
+        if e.unknown > _DOUBTED:
             return False, f"with {e.unknown:.0%} these touches are not of this mesh"
-        if e.doubt:
-            return False, f"one mode holds {e.mode_mass:.0%}, but {e.doubt}"
         return True, ""

@@ -1,4 +1,4 @@
-"""Distance of the gel's apex to the object's surface, and what it says about a particle (paper appendix C).
+"""Distance of the gel's apex to the object's surface, and what it says about a pose (paper appendix C).
 
 The paper prunes particles farther than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
 signed distance to the surface itself is stored on a grid: filled exactly near the surface, saturated elsewhere,
@@ -13,10 +13,11 @@ import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
-from .config import FilterConfig
-from .particles import Particles
 from .workers import Workers
 
+DEAD_DISTANCE = 6e-3
+"""m: a gel farther from the surface than this touches nothing."""
+_MAX_PENETRATION, _MAX_HOVER, _SIGMA = 2e-3, 1e-3, 1e-3  # m: free range of the apex, and softness of its limits
 _LARGEST_GRID = 4_000_000  # nodes, 2 bytes each
 _FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm where the radius of curvature is 5 mm
 _UNIT = 1e-6  # m per stored integer
@@ -102,61 +103,31 @@ def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
 
 
 class SurfaceConstraint:
-    """Log-weight of being where a touch can be: near the surface, and near some pose of the codebook.
+    """What the distance of a gel's apex to the surface says about its pose.
 
     The gel poses of a contact lie up to 2 mm inside the surface, because pressing moves the gel frame in.
     """
 
-    def __init__(self, grid: SurfaceGrid, codebook_reach: float, config: FilterConfig, workers: Workers):
+    def __init__(self, grid: SurfaceGrid, codebook_reach: float, workers: Workers):
         """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
-        self._grid, self._codebook_reach, self._config, self._workers = grid, codebook_reach, config, workers
-
-    def log_weight(self, particles: Particles, codebook_distance: np.ndarray) -> np.ndarray:
-        """(N,) float64 <= 0: 0 between both limits, quadratic beyond, -inf farther than `dead_distance`.
-
-        `codebook_distance` (N,) [m] is each particle's pose distance to its codebook entry.
-        """
-        c, n = self._config, len(particles)
-        reach = self._codebook_reach if c.book_constraint else np.inf
-        distance, out = np.empty(n, np.float32), np.empty(n)
-
-        def weigh(low: int, high: int, _: int) -> None:
-            self._grid.interpolate(low, high, particles.positions, distance)
-            kernels.surface_log_weight(
-                low, high, distance, codebook_distance, c.max_penetration, c.max_hover, reach, 1 / c.surface_sigma,
-                c.dead_distance, out,
-            )  # fmt: skip
-
-        self._workers.run(n, weigh)
-        return out
-
-    def distance(self, particles: Particles) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of the gel's apex, negative inside; saturated beyond `dead_distance`."""
-        return self.distance_of(particles.positions)
+        self._grid, self._codebook_reach, self._workers = grid, codebook_reach, workers
 
     def distance_of(self, positions: np.ndarray) -> np.ndarray:
-        """The same of positions (N, 3)."""
+        """Signed distances (N,) float32 [m] of the surface to positions (N, 3), negative inside; saturated beyond
+        `DEAD_DISTANCE`."""
         return self._grid.distance(np.ascontiguousarray(positions, np.float32), self._workers)
 
-    def bounded_log_weight(
-        self, distance: np.ndarray, codebook_distance: np.ndarray, in_contact: bool, sigma: float
-    ) -> np.ndarray:
-        """(N,) float64 <= 0 of gels whose poses are known less well, to about `sigma` [m]: far off is no proof.
+    def log_weight(self, distance: np.ndarray, codebook_distance: np.ndarray) -> np.ndarray:
+        """(N,) float64 <= 0 of gels in contact: 0 between both limits, quadratic beyond; far off is no proof.
 
-        distance (N,) [m] as from `distance`. A gel that touches nothing may be anywhere but deep in the object;
-        `codebook_distance` does not matter then.
+        distance (N,) [m] as from `distance_of`; codebook_distance (N,) [m], pose distance to the nearest entry.
         """
-        c = self._config
-        excess = -c.max_penetration - distance
-        if in_contact:
-            excess = np.maximum(excess, distance - c.max_hover)
+        excess = np.maximum(-_MAX_PENETRATION - distance, distance - _MAX_HOVER)
         out = np.square(np.maximum(excess, 0.0), dtype=float)
-        if in_contact and c.book_constraint:
-            out += np.square(np.clip(codebook_distance - self._codebook_reach, 0.0, c.dead_distance))
-        out *= -0.5 / sigma**2
-        return out
+        out += np.square(np.clip(codebook_distance - self._codebook_reach, 0.0, DEAD_DISTANCE))
+        return -0.5 / _SIGMA**2 * out
 
     @property
     def reach(self) -> float:
-        """Pose distance [m] to the nearest entry, beyond which `bounded_log_weight` tells no difference."""
-        return self._codebook_reach + self._config.dead_distance
+        """Pose distance [m] to the nearest entry, beyond which `log_weight` tells no difference."""
+        return self._codebook_reach + DEAD_DISTANCE

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook import YAWS, Codebook, require_sensor
+from midastouch_perception.codebook import YAWS, Codebook, mapped_npz, require_sensor
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.symmetry.group import Symmetry
 
-from ..core.alignment import PenetrationAlignment
 from ..core.config import FilterConfig
-from ..core.lookup import NearestEntry
 from ..core.noise_model import NoiseModel
-from ..core.touch import MAP_SCALE
-from ..loaded_object import SIZE, LoadedObject, object_of
+from ..core.object_model import ObjectModel, of_surface
+from ..core.workers import Workers
+from ..loaded_object import SIZE
 
 FEWEST = SIZE
 """Poses of each codebook that are compared, at least: as many as are enough to localise by."""
@@ -34,29 +31,26 @@ _SAME_SIZE = 8 * np.finfo(np.float32).eps  # fraction of its size within which o
 
 
 class Entry:
-    """One object of a catalogue, made ready, so that no touch has to wait for it.
+    """One object of a catalogue.
 
-    Attributes: name; path of the whole codebook, None if there is no more of it; meta, its description; size, poses of
-    it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; symmetry, as far as that tells;
-    lookup among them; alignment to the mesh.
+    Attributes: name; mesh; meta, description of its codebook; source, the codebook's file, or the mesh's; model, made
+    ready, so that no touch has to wait for it.
     """
 
-    def __init__(self, mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel):
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        codebook: Codebook,
+        path: Path | None,
+        config: FilterConfig,
+        noise: NoiseModel,
+        workers: Workers,
+    ):
+        self.name, self.mesh, self.meta = mesh.name, mesh, codebook.meta
+        self.source = path or mesh.path or mesh.name
         if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
-            unsaid = ", ".join(missing)
-            raise InputError(f"{path or mesh.name}: codebook that does not say its {unsaid}; build it again")
-        if path is not None and len(codebook.poses) > (worth := poses_worth(mesh)):
-            codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
-        self.mesh, self.codebook = mesh, codebook
-        self.name, self.path, self.meta, self.size = mesh.name, path, codebook.meta, len(codebook.poses)
-        self.symmetry = codebook.symmetry.exact if codebook.symmetry else Symmetry()
-        self.lookup = NearestEntry(codebook.poses)
-        self.alignment = PenetrationAlignment(mesh, SensorModel.of_codebook(self.meta).scaled(MAP_SCALE), noise)
-
-    def load(self, config: FilterConfig, seed: int) -> LoadedObject:
-        """The filter on this object, with its whole codebook; InputError as `localiser.object_of`."""
-        codebook = self.codebook if self.path is None else Codebook.load(self.path, mesh=self.mesh)
-        return object_of(self.mesh, codebook, config, seed)
+            raise InputError(f"{self.source}: codebook that does not say its {', '.join(missing)}; build it again")
+        self.model = ObjectModel(mesh, codebook, config, noise, workers)
 
     def is_same_as(self, other: Entry) -> bool:
         """Whether the two meshes are one, be it in other files."""
@@ -71,8 +65,8 @@ class Entry:
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; rows, of each entry among the poses of all; calibration of the codes; sensor, at map
-    resolution; network_id; duplicates, for each name that stands for the same mesh as another one, that one's.
+    Attributes: entries; duplicates, for each name that stands for the same mesh as another one, that one's; sensor, at
+    map resolution; network_id.
     Raises InputError without objects.
     """
 
@@ -81,25 +75,23 @@ class Catalogue:
             raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
         self.entries, self.duplicates = list(entries), dict(duplicates or {})
         first = self.entries[0].meta
-        ends = np.cumsum([0, *(entry.size for entry in self.entries)])
-        self.rows = [slice(low, high) for low, high in pairwise(ends)]
-        self.calibration, self.network_id = first, str(first["tcn"])
-        self.sensor = SensorModel.of_codebook(first).for_maps
+        self.sensor, self.network_id = SensorModel.of_codebook(first).for_maps, str(first["tcn"])
 
     @classmethod
     def of(
-        cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel, room: int = ROOM
+        cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], config: FilterConfig, room: int = ROOM
     ) -> Catalogue:
-        """Of meshes with their codebooks, and the files of these if an `Entry` is to read them again.
+        """Of meshes with their codebooks, and the files of these, if there are any, for messages.
 
         Meshes that are the same count once, under the first one's name. Raises InputError on more than `room` poses,
         two objects of one name, and codebooks of different networks or sensors.
         """
+        noise, workers = NoiseModel.of(config), Workers(config.threads)
         entries: list[Entry] = []
         duplicates: dict[str, str] = {}
         poses = 0
         for mesh, codebook, path in objects:
-            entry = Entry(mesh, codebook, path, noise)
+            entry = Entry(mesh, codebook, path, config, noise, workers)
             if entries:
                 _require_alike(entries[0], entry)
             original = next((each.name for each in entries if each.is_same_as(entry)), None)
@@ -109,20 +101,20 @@ class Catalogue:
             if mesh.name in (each.name for each in entries):
                 raise InputError(f"{mesh.path or mesh.name}: another object is called '{mesh.name}'; rename the file")
             entries.append(entry)
-            poses += entry.size
+            poses += len(entry.model.lookup)
             if poses > room:
                 raise InputError(
-                    f"{path or mesh.path or mesh.name}: the {len(entries)} objects up to this one have {poses:,} poses "
-                    f"to compare a touch with, {room:,} are allowed; leave objects out of the catalogue"
+                    f"{entry.source}: the {len(entries)} objects up to this one have {poses:,} poses to compare a "
+                    f"touch with, {room:,} are allowed; leave objects out of the catalogue"
                 )
         return cls(entries, duplicates)
 
     def __len__(self) -> int:
         return len(self.entries)
 
-    def number(self, name: str) -> int:
-        """Of the object of that name."""
-        return [entry.name for entry in self.entries].index(name)
+    def entry(self, name: str) -> Entry:
+        """The object of that name."""
+        return next(entry for entry in self.entries if entry.name == name)
 
     def without(self, name: str) -> Catalogue:
         """The same but for one object."""
@@ -137,7 +129,7 @@ def poses_worth(mesh: ObjectMesh) -> int:
 def read_catalogue(
     sources: Sequence[Path],
     build: Callable[[Path], tuple[ObjectMesh, Codebook]],
-    noise: NoiseModel,
+    config: FilterConfig,
     sensor: str | Path,
     room: int = ROOM,
 ) -> Catalogue:
@@ -147,8 +139,8 @@ def read_catalogue(
     in a folder, those of other sensors are passed over. Raises InputError that names the file: missing, unreadable, too
     large or too small, of another sensor, and as `Catalogue.of`.
     """
-    catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), noise, room)
-    require_sensor(catalogue.sensor, sensor, catalogue.entries[0].path or catalogue.entries[0].name)
+    catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), config, room)
+    require_sensor(catalogue.sensor, sensor, catalogue.entries[0].source)
     return catalogue
 
 
@@ -183,7 +175,9 @@ def _read(
     mesh = ObjectMesh.load(mesh_path)
     if mesh.sha256 != meta["mesh_sha256"]:
         raise InputError(f"{source}: its mesh {mesh_path} has changed since; build the codebook again")
-    return mesh, Codebook.load(source, mesh=mesh, first=poses_worth(mesh)), source
+    codebook = Codebook.load(source, mesh=mesh, first=poses_worth(mesh))
+    codebook.derived = of_surface(mapped_npz(source))
+    return mesh, codebook, source
 
 
 def _require_alike(first: Entry, other: Entry) -> None:
@@ -192,11 +186,11 @@ def _require_alike(first: Entry, other: Entry) -> None:
         one, two = first.meta[key], other.meta[key]
         if one != two:
             raise InputError(
-                f"{other.path or other.name}: codebook of the {what} {two}, that of {first.name} is of {one}; "
+                f"{other.source}: codebook of the {what} {two}, that of {first.name} is of {one}; "
                 "build one of them again"
             )
     if SensorModel.of_codebook(first.meta).content_id != SensorModel.of_codebook(other.meta).content_id:
         raise InputError(
-            f"{other.path or other.name}: codebook of a sensor {other.meta['sensor']} with another geometry than "
+            f"{other.source}: codebook of a sensor {other.meta['sensor']} with another geometry than "
             f"that of {first.name}; build one of them again"
         )

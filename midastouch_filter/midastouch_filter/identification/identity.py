@@ -1,17 +1,19 @@
 """Which object of a catalogue is touched, and how probable that is.
 
-Identity and pose are one question: the posterior is over hypotheses on all objects, from the same keyframes, and
-`unknown` is what none of them explains. Codes are of one network, so that how well they fit is on one scale over all
-objects. docs/internals.md has the mathematics.
+Identity and pose are one question: the filter's hypotheses are on all objects, and `unknown` is what none of them
+explains. Codes are of one network, so that how well they fit is on one scale over all objects. docs/internals.md has
+the mathematics.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.pose_hypothesis import PoseHypothesis
+from ..core.noise_model import NoiseModel
+from ..filter import ParticleFilter
 
 UNKNOWN = "unknown"
 """Name of what is none of the catalogue's objects."""
@@ -20,13 +22,23 @@ _NAMED_PROBABILITY = 0.01
 
 
 @dataclass(frozen=True)
+class PossiblePose:
+    """One mode on an object, at present: pose (4, 4) `T_obj_gel`; covariance (6, 6) of [translation, rotation] in the
+    pose's own frame, m and rad; probability."""
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    probability: float
+
+
+@dataclass(frozen=True)
 class CandidateObject:
     """An object of the catalogue: name; probability that it is touched; hypotheses on it, most probable first, whose
-    probabilities sum up to that."""
+    probabilities sum up to that; none before it was compared with a touch."""
 
     name: str
     probability: float
-    hypotheses: list[PoseHypothesis]
+    hypotheses: list[PossiblePose]
 
 
 @dataclass(frozen=True)
@@ -37,23 +49,48 @@ class Identity:
     objects: list[CandidateObject]
     unknown: float
 
+    @classmethod
+    def of(cls, names: Sequence[str], running: ParticleFilter) -> Identity:
+        """What a filter on objects of these names has found."""
+        probabilities, unknown = running.identity
+        modes = _modes(running)
+        objects = []
+        for number, (name, probability) in enumerate(zip(names, probabilities.tolist(), strict=True)):
+            own = [mode for on, mode in modes if on == number]
+            factor = probability / max(sum(mode.probability for mode in own), 1e-300)
+            scaled = [PossiblePose(mode.pose, mode.covariance, factor * mode.probability) for mode in own]
+            objects.append(CandidateObject(name, probability, scaled))
+        return cls(sorted(objects, key=lambda each: -each.probability), unknown)
+
     @property
     def leading(self) -> CandidateObject:
         """The most probable object."""
         return self.objects[0]
+
+    def probability(self, name: str) -> float:
+        """That the object of this name is touched."""
+        return next(each.probability for each in self.objects if each.name == name)
 
     @property
     def answer(self) -> str:
         """The most probable object's name, or `UNKNOWN` if that is more probable."""
         return UNKNOWN if self.unknown > self.leading.probability else self.leading.name
 
-    def moved(self, transform: np.ndarray) -> Identity:
-        """After the gel moved by `transform` (4, 4)."""
-        moved = [replace(one, hypotheses=[each.moved(transform) for each in one.hypotheses]) for one in self.objects]
-        return replace(self, objects=moved)
-
     def in_words(self) -> str:
         """Those that compete, such as "mug 62 %, bowl 30 %, unknown 8 %"."""
         fractions = [*((each.name, each.probability) for each in self.objects), (UNKNOWN, self.unknown)]
         named = sorted((each for each in fractions if each[1] >= _NAMED_PROBABILITY), key=lambda each: -each[1])
         return ", ".join(f"{name} {fraction:.0%}" for name, fraction in named)
+
+
+def _modes(running: ParticleFilter) -> list[tuple[int, PossiblePose]]:
+    """The filter's modes on all objects at present, heaviest first, with the numbers of the objects."""
+    groups = running.groups
+    if not groups:
+        return []
+    first, jitter = [int(group.members[0]) for group in groups], NoiseModel.of(running.config).jitter
+    now = running.belief.hypotheses.some(np.array(first)).widened(jitter).moved(running.belief.since)
+    return [
+        (group.object, PossiblePose(pose, covariance, group.weight))
+        for group, pose, covariance in zip(groups, now.poses, now.covariances, strict=True)
+    ]

@@ -15,10 +15,10 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileCode
 
+from ..core.pace import InTime, always, until_next_frame
 from ..core.state import STALE, UNINITIALISED
 from ..core.touch import Measurement, measurement_from_msg
 from ..localiser import Localiser, seconds_between
-from ..smoothing.pace import InTime, always, until_next_frame
 from ..timeline import Judgement, Timeline
 from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait

@@ -30,14 +30,14 @@ from midastouch_common import se3
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, stamped_transform, transform_to_msg
 from midastouch_common.ros.parameters import Parameters
-from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
+from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
 from midastouch_perception.symmetry.group import Symmetry
 
 from ..core.alignment import transform_covariance
-from ..core.estimate import Calibration, Estimate
+from ..core.estimate import Estimate
 from ..core.state import LOST, Status
-from ..filter import ParticleFilter
 from ..identification.identity import UNKNOWN, CandidateObject, Identity
+from ..loaded_object import RunningFilter
 from . import markers
 
 
@@ -56,8 +56,6 @@ class EstimatePublisher:
         latched, stream = qos.latched(depth), qos.stream_publisher(depth)
         self._status = node.create_publisher(FilterStatus, "filter_status", latched)
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "pose", latched)
-        self._calibration = node.create_publisher(ArmCalibration, "calibration", qos.latched())
-        self._touches = 0
         self._sent_symmetry: Symmetry | None = None
         self._sent_fields: dict = {}
         self._modes = node.create_publisher(PoseModes, "pose_modes", stream)
@@ -79,7 +77,7 @@ class EstimatePublisher:
         """Publish a status that stands for itself: no frame was processed."""
         self._status.publish(_status_to_msg(status, self._header(stamp)))
 
-    def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
+    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
         header = self._header(stamp)
         if not _finite(estimate):
@@ -94,7 +92,6 @@ class EstimatePublisher:
         self._modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
         if T_base_obj is not None and self._parameters["tf_broadcast"]:
             self._broadcast(stamp, T_base_obj)
-        self._tell_calibration(stamp, estimate.calibration)
         self._view(header, estimate, running)
         # Last, so that everything else of this frame is out when a listener sees its status.
         self.status(stamp, estimate.status)
@@ -107,28 +104,19 @@ class EstimatePublisher:
     def _header(self, stamp: int) -> Header:
         return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
 
-    def _symmetry_fields(self, running: ParticleFilter) -> dict:
+    def _symmetry_fields(self, running: RunningFilter) -> dict:
         """Those of `PoseModes`; made anew only for another object."""
         symmetry = running.object.symmetry.exact
         if symmetry is not self._sent_symmetry:
             self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
         return self._sent_fields
 
-    def _tell_calibration(self, stamp: int, calibration: Calibration | None) -> None:
-        """Publish what is known of mount and clock, when a touch has taught something."""
-        if calibration is None or calibration.touches == self._touches:
-            return
-        self._touches = calibration.touches
-        if np.isfinite(calibration.covariance).all() and np.isfinite(calibration.mount).all():
-            header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["sensor_frame_id"])
-            self._calibration.publish(_calibration_to_msg(calibration, header))
-
     def _broadcast(self, stamp: int, T_base_obj: np.ndarray) -> None:
         ahead = stamp + round(1e9 * self._parameters["transform_tolerance"])
         base, child = self._parameters["base_frame_id"], self._parameters["object_frame_id"]
         self._tf.publish(TFMessage(transforms=[stamped_transform(stamp_from_ns(ahead), base, child, T_base_obj)]))
 
-    def _view(self, header: Header, estimate: Estimate, running: ParticleFilter) -> None:
+    def _view(self, header: Header, estimate: Estimate, running: RunningFilter) -> None:
         viewed = [p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0]
         if not viewed:
             self.skipped["no_subscriber"] += 1
@@ -151,19 +139,6 @@ class EstimatePublisher:
                 self._particles.publish(markers.particle_poses(poses, weights, header))
             if self._cloud in viewed:
                 self._cloud.publish(markers.particle_cloud(poses, weights, header))
-
-
-def _calibration_to_msg(calibration: Calibration, header: Header) -> ArmCalibration:
-    # the errors are small: those of the inverse transform have the same covariance
-    mount = _pose_to_msg(se3.inverse(calibration.mount), calibration.covariance[:6, :6])
-    return ArmCalibration(
-        header=header,
-        mount=mount,
-        clock_offset=calibration.clock,
-        clock_offset_sigma=float(calibration.sigma[6]),
-        known=calibration.known.tolist(),
-        touches=calibration.touches,
-    )
 
 
 def _symmetry_to_fields(symmetry: Symmetry) -> dict:

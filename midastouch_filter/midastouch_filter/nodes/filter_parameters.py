@@ -16,18 +16,6 @@ from ..core.config import FilterConfig
 from ..core.presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 from ..localiser import Start
 
-_INITIAL_POSE = tuple(
-    Parameter(f"initial_pose.{name}", 0.0, text, unit=unit)
-    for name, text, unit in (
-        ("x", "Start of the gel frame in the object's frame, with init_mode pose", "m"),
-        ("y", "As initial_pose.x", "m"),
-        ("z", "As initial_pose.x", "m"),
-        ("roll", "Rotation about the object's fixed x, y, z axes, in this order", "rad"),
-        ("pitch", "As initial_pose.roll", "rad"),
-        ("yaw", "As initial_pose.roll", "rad"),
-    )
-)
-
 _NODE = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"),
     Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`; empty: one is built and grows"),
@@ -50,20 +38,16 @@ _NODE = (
         "Start: over the whole surface, at initial_pose, or not before a pose is given on initialpose",
         choices=("uniform", "pose", "wait"),
     ),
-    *_INITIAL_POSE,
     Parameter(
-        "initial_pose.sigma_translation",
-        0.02,
-        "Spread of the start per axis, with init_mode pose",
-        unit="m",
-        minimum=0.0,
-        maximum=2.0,
+        "initial_pose",
+        [0.0] * 6,
+        "Start of the gel frame in the object's frame, with init_mode pose: x y z [m], roll pitch yaw [rad] about the "
+        "object's fixed axes, in this order",
     ),
     Parameter(
-        "initial_pose.sigma_rotation",
-        0.35,
-        "Spread of the start per axis, with init_mode pose",
-        unit="rad",
+        "initial_sigma",
+        [0.02, 0.35],
+        "Spread of the start per axis, with init_mode pose: in translation [m], in rotation [rad]",
         minimum=0.0,
         maximum=3.15,
     ),
@@ -145,19 +129,15 @@ _NODE = (
 
 
 _SETTINGS = (
-    "min_particles",
     "max_particles",
-    "refinement",
+    "alignments_per_second",
     "refined_modes",
-    "smoothing",
+    "refinement",
     "unknown_prior",
-    "object_motion",
-    "calibration",
+    "drift_translation",
+    "drift_rotation",
     "jitter_translation",
     "jitter_rotation",
-    "mount_translation",
-    "mount_rotation",
-    "clock_offset",
     "finger_translation",
     "finger_rotation",
     "converged_probability",
@@ -195,20 +175,25 @@ GONE = {
     **config.GONE,
     "suggestion_length": "the request of suggest_motion says max_length",
     "suggestion_count": "the request of suggest_motion says count",
+    **{
+        f"initial_pose.{name}": "initial_pose is one list now: x y z [m], roll pitch yaw [rad]"
+        for name in ("x", "y", "z", "roll", "pitch", "yaw")
+    },
+    "initial_pose.sigma_translation": "it is the first number of initial_sigma",
+    "initial_pose.sigma_rotation": "it is the second number of initial_sigma",
 }
 """Parameters that there were, and what is in their place."""
 
 
 def config_of(parameters: Parameters) -> FilterConfig:
-    """The filter's settings; InputError where two of them contradict each other."""
+    """The filter's settings."""
     return FilterConfig(**{parameter.name: parameters[parameter.name] for parameter in _CONFIG})
 
 
 def start_of(parameters: Parameters) -> Start | None:
-    """The start that `init_mode` and `initial_pose` describe; None: no pose is given."""
+    """The start that `init_mode`, `initial_pose` and `initial_sigma` describe; None: no pose is given."""
     if parameters["init_mode"] != "pose":
         return None
-    value = {name: parameters[f"initial_pose.{name}"] for name in ("x", "y", "z", "roll", "pitch", "yaw")}
-    rotation = Rotation.from_euler("xyz", [value["roll"], value["pitch"], value["yaw"]]).as_matrix()
-    pose = se3.make(rotation, np.array([value["x"], value["y"], value["z"]]))
-    return Start(pose, parameters["initial_pose.sigma_translation"], parameters["initial_pose.sigma_rotation"])
+    position, angles = np.split(np.array(parameters["initial_pose"]), 2)
+    rotation = Rotation.from_euler("xyz", angles).as_matrix()
+    return Start(se3.make(rotation, position), *parameters["initial_sigma"])

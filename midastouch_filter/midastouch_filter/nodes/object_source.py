@@ -15,6 +15,7 @@ from midastouch_perception.objects import bundled_objects
 
 from ..core.config import FilterConfig
 from ..core.noise_model import NoiseModel
+from ..core.presets import PAPER
 from ..identification.catalogue import Catalogue, read_catalogue
 from ..loaded_object import LoadedObject, coarse_codebook
 
@@ -28,8 +29,8 @@ class NewObject:
 
 
 class ObjectSource:
-    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed)`, and where there is no codebook has
-    one built by `build(mesh_path, network, sensor_model, config, seed)`; all of it raises InputError."""
+    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed, paper)`, and if there is no codebook
+    has one built by `build(mesh_path, network, sensor_model, config, seed, paper)`; all of it raises InputError."""
 
     def __init__(
         self,
@@ -39,7 +40,7 @@ class ObjectSource:
         config: FilterConfig,
     ):
         self._load, self._build, self._parameters, self._config = load, build, parameters, config
-        self._sensor = parameters["sensor_model"]
+        self._sensor, self._paper = parameters["sensor_model"], parameters["preset"] == PAPER
         self._folders = [resolve(f, "object_folders") for f in parameters["object_folders"].split(":") if f]
 
     def initial(self) -> NewObject | None:
@@ -51,7 +52,7 @@ class ObjectSource:
         """The objects of the parameter `objects`; None if it is empty."""
         if not (given := self._parameters["objects"]):
             return None
-        self._require_no_object_named()
+        self._require_catalogue_possible()
 
         def build(path: Path) -> tuple[ObjectMesh, Codebook]:
             return coarse_codebook(path, self._parameters["tcn"], self._sensor, self._config)
@@ -62,11 +63,13 @@ class ObjectSource:
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"objects: cannot read {given}: {error}") from error
 
-    def _require_no_object_named(self) -> None:
+    def _require_catalogue_possible(self) -> None:
         if self._parameters["mesh"] or self._parameters["codebook"]:
             raise InputError("objects, and mesh or codebook: which object is it? Give either of them")
         if self._parameters["init_mode"] != "uniform":
             raise InputError("objects: no pose on an object that nobody knows; set init_mode to uniform")
+        if self._paper:
+            raise InputError("objects: the paper's filter has to know the object; set preset to balanced or fast")
         if not self._config.refinement:
             raise InputError("objects: distinguished by their penetration maps; set refinement to true")
 
@@ -96,14 +99,14 @@ class ObjectSource:
                 if loaded.sensor is not None:
                     require_sensor(loaded.sensor, self._sensor, codebook)
             else:
-                loaded = self._build(path, self._parameters["tcn"], self._sensor, self._config, seed)
+                loaded = self._build(path, self._parameters["tcn"], self._sensor, self._config, seed, self._paper)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"cannot read {mesh} with {codebook or 'no codebook'}: {error}") from error
         return NewObject(loaded, mesh if "://" in mesh else path)
 
     def _load_or_say_how_to_build(self, mesh: Path, codebook: Path, seed: int) -> LoadedObject:
         try:
-            return self._load(mesh, codebook, self._config, seed)
+            return self._load(mesh, codebook, self._config, seed, self._paper)
         except InputError as error:
             if not mesh.is_file() or codebook.is_file():
                 raise

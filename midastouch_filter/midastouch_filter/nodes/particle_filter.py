@@ -8,6 +8,7 @@ from midastouch_common.ros import diagnostics, spin
 from midastouch_common.ros.graph_watch import OnlyPublisher
 from midastouch_common.ros.managed_node import ManagedNode
 
+from ..core.presets import PAPER
 from ..core.state import UNINITIALISED, Status
 from ..core.touch import Measurement
 from ..identification.catalogue import Catalogue
@@ -106,8 +107,9 @@ class ParticleFilterNode(ManagedNode):
         """Listen to codes and transforms, from the beginning."""
         if not self._localiser.untouched:  # what was measured counts no more: the object may have been moved meanwhile
             self._localiser.restart()
+        maps = self._config.refinement and self.parameters["preset"] != PAPER
         self._codes = CodeProcessor(
-            self, self._localiser, self._out, self._time, self._config.refinement, self._subscribe, self._advice.changed
+            self, self._localiser, self._out, self._time, maps, self._subscribe, self._advice.changed
         )
         StartTopics(self, self.parameters, self._localiser, self._codes.transforms, self.diagnostics.problem)
         self._codes.report.say(self._time.stamp(), UNINITIALISED, self._codes.waits_for)

@@ -7,24 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from midastouch_common import se3
 from midastouch_common.ros import diagnostics
 
-from ..core.estimate import Calibration, Estimate
+from ..core.estimate import Estimate
 from ..core.state import LOST, STALE, UNINITIALISED, WAITING, Status
-from ..filter import ParticleFilter
+from ..loaded_object import RunningFilter
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics
-
-_AXES = (
-    ("mount_x", "mm"),
-    ("mount_y", "mm"),
-    ("mount_z", "mm"),
-    ("mount_rotation_x", "deg"),
-    ("mount_rotation_y", "deg"),
-    ("mount_rotation_z", "deg"),
-    ("clock_offset", "ms"),
-)
 
 
 class StatusReport:
@@ -43,7 +32,7 @@ class StatusReport:
 
     def forget(self) -> None:
         """Drop the numbers of the last step: the object was changed."""
-        self._last, self._calibration = Status(UNINITIALISED, ""), None
+        self._last = Status(UNINITIALISED, "")
 
     def say(self, stamp: int, state: str, reason: str) -> None:
         """Publish a state that no step of the filter made; its other numbers are those of the last step."""
@@ -58,9 +47,9 @@ class StatusReport:
         """Publish that the answer to `stamp` [ns] is still to come; the state stays what it was."""
         self._out.status(stamp, self._complete(dataclasses.replace(self._last, state=WAITING, reason=reason, ms={})))
 
-    def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
+    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""
-        self._last, self._calibration = estimate.status, estimate.calibration
+        self._last = estimate.status
         complete = dataclasses.replace(estimate, status=self._complete(estimate.status))
         self._out.estimate(stamp, complete, running, T_base_obj)
 
@@ -72,23 +61,9 @@ class StatusReport:
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
         if s.symmetry:
             values["symmetry"] = s.symmetry
-        if self._calibration is not None:
-            values |= _in_words(self._calibration)
         return level, f"{s.state}: {s.reason}", values
 
     def _complete(self, status: Status) -> Status:
         skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
         reason, note = self._fingers.qualify(status.reason), self._note()
         return dataclasses.replace(status, skipped=skipped, reason=f"{reason}; {note}" if note else reason)
-
-
-def _in_words(calibration: Calibration) -> dict[str, str]:
-    """Mount and clock, axis by axis; what is not known better than before anything was measured is said to be
-    unknown."""
-    offset, turn = np.split(se3.log(se3.inverse(calibration.mount)), 2)
-    values = [*1e3 * offset, *np.degrees(turn), 1e3 * calibration.clock]
-    sigmas = [*1e3 * calibration.sigma[:3], *np.degrees(calibration.sigma[3:6]), 1e3 * calibration.sigma[6]]
-    return {
-        name: f"{value:.2f} +- {sigma:.2f} {unit}" if known else "unknown"
-        for (name, unit), value, sigma, known in zip(_AXES, values, sigmas, calibration.known, strict=True)
-    }

@@ -3,6 +3,7 @@
 import copy
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,13 +13,12 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.active_touch.expected_evidence import carried_along, map_evidence
 from midastouch_filter.active_touch.hypotheses import MOST, Hypothesis, hypotheses_of
 from midastouch_filter.active_touch.slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
-from midastouch_filter.active_touch.suggestion import Wanted, advise, mixture_information
-from midastouch_filter.core.belief import Belief
+from midastouch_filter.active_touch.suggestion import Advisor, Wanted, advise, mixture_information
+from midastouch_filter.core.answer import grouped
+from midastouch_filter.core.belief import Belief, Hypotheses
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.estimate import Mode
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
-from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 
 CONFIG = FilterConfig(threads=1)
@@ -72,26 +72,40 @@ def test_it_leads_to_where_copies_differ(world, handed):
     assert "differs from" in best.reason
 
 
-def believed_at(model, *centres) -> Belief:
-    """As many particles within half a millimetre of each of these poses."""
-    rng = np.random.default_rng(0)
-    poses = np.concatenate(
-        [centre @ se3.exp(rng.normal(scale=[2e-4] * 3 + [0.01] * 3, size=(500, 6))) for centre in centres]
+KNOWN, VAGUE = NOISE.jitter, 100 * NOISE.between_entries
+
+
+def believing(models, *hypotheses, untested=0.0, identity=None) -> SimpleNamespace:
+    """A filter on these models that believes in hypotheses, each (number of its model, pose, covariance, weight), and
+    gives all poses of the first codebook a weight together; identity: probabilities of the objects."""
+    belief = Belief(models)
+    for number, pose, covariance, weight in hypotheses:
+        one = Hypotheses.at(pose[None], covariance, np.log([weight]), number, 0.0, 0.0)
+        belief.hypotheses = belief.hypotheses.joined(one)
+    if untested:
+        entries = np.arange(len(models[0].lookup))
+        belief.expect(0, entries, np.full(len(entries), np.log(untested / len(entries))))
+    groups = grouped(belief)
+    return SimpleNamespace(
+        belief=belief,
+        groups=groups,
+        modes=[None],
+        objects=models,
+        object=models[groups[0].object if groups else 0],
+        config=CONFIG,
+        identity=(np.array(identity or [1.0]), 0.0),
+        measured_gels=NOTHING_MEASURED,
     )
-    particles = Particles.from_poses(poses, model.lookup.exact(poses))
-    belief = Belief(particles, model.lookup, model.mode_finder, model.symmetry.exact)
-    belief.cluster()
-    return belief
 
 
-def possible(belief, model) -> list[Hypothesis]:
-    """Where the modes of the particles are what is published."""
-    return hypotheses_of(belief.answers, belief, model, CONFIG)
+def possible(model, *centres) -> list[Hypothesis]:
+    """Of a filter that knows the pose to be at one of these centres (4, 4), all equally probable."""
+    return hypotheses_of(believing([model], *((0, centre, KNOWN, 1 / len(centres)) for centre in centres)))
 
 
 def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, handed):
     pose = copies(world, handed)[0].pose
-    found, image = possible(believed_at(handed, pose), handed)
+    found, image = possible(handed, pose)
     assert found.probability == pytest.approx(CONFIG.converged_probability, abs=0.001)
     assert np.linalg.norm(image.pose[:3, 3] - (HALF_TURN @ pose)[:3, 3]) < 1e-3
     advice = advise([found, image], NOTHING_MEASURED, Wanted(), NOISE)
@@ -104,36 +118,77 @@ def test_a_mode_beside_a_near_image_is_taken_for_it(world, handed):
     """Two poses that are known to a millimetre or two would else seem to differ wherever there is an edge."""
     pose = copies(world, handed)[0].pose
     beside = HALF_TURN @ pose @ se3.exp([0.002, -0.001, 0, 0, 0, 0.03])
-    found, image = possible(believed_at(handed, pose, pose, beside), handed)
-    assert 0.3 < image.probability < found.probability
+    found, image = hypotheses_of(believing([handed], (0, pose, KNOWN, 0.6), (0, beside, KNOWN, 0.4)))
+    assert image.probability == pytest.approx(0.4)
     (motion,) = handed.symmetry.look_alikes
     np.testing.assert_allclose(image.pose, motion @ found.pose, atol=1e-6)
 
 
 def test_a_mode_that_is_no_image_stays_where_it_is(world, handed):
-    here = copies(world, handed)[0].pose
-    there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
-    other = possible(believed_at(handed, here, here, there), handed)[1]
-    assert np.linalg.norm(other.pose[:3, 3] - there[:3, 3]) < 1e-4
+    here, there = copies(world, handed)[0].pose, copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
+    np.testing.assert_allclose(possible(handed, here, there)[1].pose, there, atol=1e-12)
 
 
 def test_exact_images_are_no_other_hypotheses(world, alike):
     pose = copies(world, alike)[0].pose
-    _, *others = possible(believed_at(alike, pose), alike)
+    found, *others = possible(alike, pose)
     assert len(alike.symmetry.exact.transforms) == 2
-    assert len(others) == MOST - 1
+    assert (found.narrow, len(others)) == (True, MOST - 1)
     assert not any(each.narrow for each in others)
 
 
-def test_a_published_mode_without_particles_is_a_hypothesis(world, handed):
-    here = copies(world, handed)[0].pose
-    there = copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
-    belief = believed_at(handed, here)
-    (followed,) = belief.answers
-    published = [replace(followed, weight=0.6), Mode(0.4, there, followed.covariance, 0)]
-    found = hypotheses_of(published, belief, handed, CONFIG)
-    assert [each.probability for each in found] == pytest.approx([0.6, 0.4])
-    np.testing.assert_array_equal(found[1].pose, there)
+def test_a_hypothesis_says_what_it_left_of_the_last_map(world, handed):
+    running = believing([handed], (0, copies(world, handed)[0].pose, KNOWN, 1.0))
+    running.belief.hypotheses = replace(running.belief.hypotheses, fit=np.array([0.93]))
+    assert hypotheses_of(running)[0].residual_ratio == pytest.approx(0.07)
+
+
+def test_the_rest_of_the_belief_is_drawn_where_the_gel_is_now(world, handed):
+    """A mode that is known too badly, and poses that no touch was compared with."""
+    here, there = copies(world, handed)[0].pose, copies(world, handed, point=(-0.02, 0.03, 0.012))[0].pose
+    running = believing([handed], (0, here, KNOWN, 0.6), (0, there, VAGUE, 0.3), untested=0.1)
+    running.belief.since = moved = se3.translation([0.01, 0.0, 0.0])
+    found, *others = hypotheses_of(running)
+    assert (found.probability, found.narrow, len(others)) == (pytest.approx(0.6), True, MOST - 1)
+    np.testing.assert_allclose(found.pose, here @ moved, atol=1e-12)
+    assert [each.probability for each in others] == pytest.approx([0.4 / len(others)] * len(others))
+    vague = [np.allclose(each.pose, there @ moved) for each in others]
+    assert vague == [True] * 5 + [False] * 2
+    for each in others[5:]:
+        assert np.abs(handed.lookup.poses @ moved - each.pose).max(axis=(1, 2)).min() < 1e-5
+    assert not any(each.narrow for each in others)
+
+
+def test_before_a_hypothesis_was_tested_all_are_draws(handed):
+    others = hypotheses_of(believing([handed], untested=1.0))
+    assert len(others) == MOST
+    assert sum(each.probability for each in others) == pytest.approx(1.0)
+    assert not any(each.narrow for each in others)
+
+
+def test_a_filter_is_advised_from_its_first_touch_on(mapped_slide):
+    running = mapped_slide.make_filter()
+    running.initialise_uniform()
+    advisor = Advisor(running)
+    assert advisor.advise(Wanted()) is None
+    for motion, touch in list(zip(mapped_slide.odometry, mapped_slide.touches, strict=True))[:20]:
+        running.step(motion, touch)
+        running.deferred_update()
+        assert sum(each.probability for each in advisor.hypotheses) == pytest.approx(1.0)
+    assert all(each.information > 0 for each in advisor.advise(Wanted()).suggestions)
+    assert advisor.advise(Wanted()).suggestions
+
+
+def test_an_object_is_as_probable_as_the_filter_says(world, alike, handed):
+    """Maps tell two poses apart better than two objects: weights alone would be too sure of one."""
+    pose = copies(world, alike)[0].pose
+    believed = (0, pose, KNOWN, 0.999), (1, pose, KNOWN, 0.001)
+    running = believing([alike, handed], *believed, identity=[0.7, 0.3])
+    found, other = hypotheses_of(running)
+    assert [each.probability for each in (found, other)] == pytest.approx([0.7, 0.3])
+    assert [(each.model, each.name) for each in (found, other)] == [(alike, "bumpy"), (handed, "handed")]
+    advice = Advisor(running).advise(Wanted())
+    assert all(name in advice.message for name in ("bumpy at", "handed at"))
 
 
 def test_what_is_out_of_reach_does_not_count(world, handed):
@@ -186,9 +241,12 @@ def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
 
 def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
     here, there = copies(world, handed)
-    for fraction, hopeless in (0.5, True), (0.9, False):
+    hopeless = {}
+    for fraction in (0.5, 0.9):
         belief = [replace(here, probability=fraction), replace(there, probability=1 - fraction)]
-        assert advise(belief, NOTHING_MEASURED, Wanted(max_length=0.023), NOISE).indistinguishable == hopeless
+        advices = [advise(belief, NOTHING_MEASURED, Wanted(length), NOISE) for length in np.arange(0.012, 0.032, 0.002)]
+        hopeless[fraction] = [advice.indistinguishable for advice in advices]
+    assert sum(hopeless[0.9]) < sum(hopeless[0.5]) < len(hopeless[0.5])
 
 
 def test_who_wants_certainty_gets_advice_too(world, handed):

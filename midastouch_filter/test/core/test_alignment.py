@@ -1,16 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.alignment import (
-    Aligned,
-    CredibleRegion,
-    PenetrationAlignment,
-    adjoint,
-    align_in_turn,
-    transform_covariance,
-)
+from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
@@ -113,175 +108,91 @@ def test_nothing_measured_is_finite(tool, sensor):
     assert np.isfinite(aligned.log_evidence)
 
 
-CONFIG = FilterConfig()
 VARIANCE = np.repeat([2e-3, np.radians(3.0)], 3) ** 2
 OFF = np.array([1e-3, -8e-4, 4e-4, 0.02, -0.02, 0.02])
 
 
 @pytest.fixture(scope="module")
 def hand(tool):
-    """An alignment, poses (2, 4, 4) of two fingers on the tool and the penetrations they measure."""
+    """Poses (2, 4, 4) of two fingers on the tool and what they measure: the second one, seen from the first."""
     sensor = SensorModel.load("digit_tacto")
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
     poses = sample_contact_poses(tool, 6, np.random.default_rng(4), sensor, sampling)
     # the nearest two: neither decides alone
     gaps = np.linalg.norm(poses[:, None, :3, 3] - poses[None, :, :3, 3], axis=2) + np.eye(6)
     poses = poses[list(np.unravel_index(gaps.argmin(), gaps.shape))]
-    penetrations = [reduced_penetration(r) for r in PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses)]
-    alignment = PenetrationAlignment(tool, sensor.scaled(MAP_SCALE), NoiseModel.of(CONFIG))
-    return alignment, poses, penetrations
+    first, second = (reduced_penetration(r) for r in PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses))
+    between = se3.inverse(poses[0]) @ poses[1]
+    return poses, [Measurement(True, penetration=first), Measurement(True, penetration=second, T_gel_finger=between)]
 
 
-def measured(penetration, T_gel_finger=None):
-    return Measurement(True, penetration=penetration, T_gel_finger=T_gel_finger)
-
-
-def joint(hand, start, touches, finger_error=None):
-    error = CONFIG.finger_error if finger_error is None else finger_error
-    return align_in_turn(hand[0], start, np.diag(VARIANCE), touches, error)
+def align_each(tool, starts, touches, **settings):
+    """Hypotheses at starts (P, 4, 4), aligned to the maps of all touches."""
+    sensor = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
+    alignment = PenetrationAlignment(tool, sensor, NoiseModel.of(FilterConfig(**settings)))
+    return alignment.align_each(starts, np.tile(np.diag(VARIANCE), (len(starts), 1, 1)), touches)
 
 
 def distance(a, b):
     return np.linalg.norm(a[:3, 3] - b[:3, 3])
 
 
-def test_of_the_reference_alone_it_is_the_alignment(hand):
-    alignment, poses, penetrations = hand
-    start = poses[0] @ se3.exp(OFF)
-    alone, found = (
-        alignment.align(start, np.diag(VARIANCE), penetrations[0]),
-        joint(hand, start, [measured(penetrations[0])]),
-    )
-    for name in ("pose", "covariance", "log_evidence", "fit"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
-
-
-def test_a_second_finger_makes_it_surer_and_better(hand):
-    _, poses, penetrations = hand
-    start = poses[0] @ se3.exp(OFF)
-    between = se3.inverse(poses[0]) @ poses[1]
-    one = joint(hand, start, [measured(penetrations[0])])
-    two = joint(hand, start, [measured(penetrations[0]), measured(penetrations[1], between)])
-    assert two.fit > 0.8
-    assert np.linalg.det(two.covariance) < 0.5 * np.linalg.det(one.covariance)
-    assert (np.linalg.eigvalsh(two.covariance) > 0).all()
-    errors = [distance(f.pose, poses[0]) + distance(f.pose @ between, poses[1]) for f in (one, two)]
+def test_a_second_finger_makes_it_surer_and_better(tool, hand):
+    poses, touches = hand
+    start = poses[:1] @ se3.exp(OFF)
+    one, two = align_each(tool, start, touches[:1]), align_each(tool, start, touches)
+    between = touches[1].T_gel_finger
+    assert two.fits.min() > 0.8
+    assert np.linalg.det(two.seen_covariances[0]) < 0.5 * np.linalg.det(one.seen_covariances[0])
+    assert (np.linalg.eigvalsh(two.covariances) > 0).all()
+    errors = [distance(f.seen[0], poses[0]) + distance(f.seen[0] @ between, poses[1]) for f in (one, two)]
     assert errors[1] < errors[0]
 
 
-def test_the_second_finger_alone_tells_of_the_reference(hand):
-    _, poses, penetrations = hand
-    start = poses[0] @ se3.exp(OFF)
-    between = se3.inverse(poses[0]) @ poses[1]
-    found = joint(hand, start, [measured(penetrations[1], between)])
-    assert found.fit > 0.8
-    gel_before, gel_after = start @ between, found.pose @ between
-    assert distance(gel_after, poses[1]) < 0.6 * distance(gel_before, poses[1])
+def test_the_second_finger_alone_tells_of_the_first_ones_pose(tool, hand):
+    poses, touches = hand
+    start, between = poses[:1] @ se3.exp(OFF), touches[1].T_gel_finger
+    found = align_each(tool, start, touches[1:])
+    assert found.fits.min() > 0.8
+    assert distance(found.seen[0] @ between, poses[1]) < 0.6 * distance(start[0] @ between, poses[1])
 
 
-def test_the_order_of_the_fingers_does_not_matter(hand):
-    _, poses, penetrations = hand
-    start = poses[0] @ se3.exp(0.3 * OFF)
-    between = se3.inverse(poses[0]) @ poses[1]
-    touches = [measured(penetrations[0], np.eye(4)), measured(penetrations[1], between)]
-    a, b = joint(hand, start, touches), joint(hand, start, touches[::-1])
-    assert distance(a.pose, b.pose) < 1e-4
-    assert a.log_evidence == pytest.approx(b.log_evidence, rel=0.1, abs=0.5)
+def test_a_finger_that_measures_elsewhere_is_not_explained_and_nothing_moves(tool, hand):
+    poses, touches = hand
+    elsewhere = touches[1].T_gel_finger @ se3.exp(np.array([0.01, 0.005, 0, 0, 0, 1.5]))
+    start = poses[:1] @ se3.exp(0.2 * OFF)
+    right, wrong = (align_each(tool, start, [touches[0], replace(touches[1], T_gel_finger=pose)])
+                    for pose in (touches[1].T_gel_finger, elsewhere))  # fmt: skip
+    assert wrong.fits[0, 1] < right.fits[0, 1] - 0.2
+    np.testing.assert_array_equal(wrong.poses, start)
+    assert distance(right.poses[0], poses[0]) < distance(start[0], poses[0])
 
 
-def test_a_finger_that_measures_elsewhere_spoils_fit_and_evidence(hand):
-    _, poses, penetrations = hand
-    between = se3.inverse(poses[0]) @ poses[1]
-    right = joint(hand, poses[0], [measured(penetrations[0]), measured(penetrations[1], between)])
-    elsewhere = between @ se3.exp(np.array([0.01, 0.005, 0, 0, 0, 1.5]))
-    wrong = joint(hand, poses[0], [measured(penetrations[0]), measured(penetrations[1], elsewhere)])
-    assert wrong.fit < right.fit - 0.2
-    assert wrong.log_evidence < right.log_evidence - 3
+def test_a_finger_whose_pose_is_not_known_says_little(tool, hand):
+    poses, touches = hand
+    start = poses[:1] @ se3.exp(OFF)
+    sure = align_each(tool, start, touches[1:])
+    unsure = align_each(tool, start, touches[1:], finger_translation=0.02, finger_rotation=0.5)
+    assert np.linalg.det(unsure.seen_covariances[0]) > 10 * np.linalg.det(sure.seen_covariances[0])
 
 
-def test_a_finger_whose_pose_is_not_known_says_little(hand):
-    _, poses, penetrations = hand
-    start = poses[0] @ se3.exp(OFF)
-    touches = [measured(penetrations[1], se3.inverse(poses[0]) @ poses[1])]
-    sure, unsure = joint(hand, start, touches), joint(hand, start, touches, finger_error=np.diag(100 * VARIANCE))
-    assert np.linalg.det(unsure.covariance) > np.linalg.det(sure.covariance)
-    assert np.linalg.slogdet(unsure.covariance)[1] == pytest.approx(np.log(VARIANCE).sum(), abs=2)
+def test_only_part_of_an_innovation_stays_for_the_arm_errs_in_each_frame(tool, hand):
+    poses, touches = hand
+    start = poses[:1] @ se3.exp(0.5 * OFF)
+    exact, rough = (align_each(tool, start, touches, jitter_translation=sigma, jitter_rotation=40 * sigma)
+                    for sigma in (1e-6, 3e-3))  # fmt: skip
+    (seen,) = rough.sightings()
+    assert distance(seen.pose, poses[0]) < 5e-4
+    assert distance(rough.poses[0], start[0]) < 0.7 * distance(exact.poses[0], start[0])
+    np.testing.assert_allclose(exact.poses[0], exact.seen[0], atol=1e-4)
+    assert seen.fit == rough.fits.min()
 
 
-def test_a_covariance_is_transformed_as_samples_are():
-    rng = np.random.default_rng(0)
-    half = rng.standard_normal((6, 6)) * np.repeat([1e-3, 1e-2], 3)[:, None]
-    covariance = half @ half.T
-    motion = se3.exp(np.array([0.05, -0.02, 0.08, 0.4, -1.0, 2.0]))
-    samples = se3.exp(rng.multivariate_normal(np.zeros(6), covariance, 20_000)) @ motion
-    deviations = se3.log(se3.inverse(motion) @ samples)
-    empirical = np.cov(deviations.T)
-    scale = np.sqrt(np.diag(empirical))
-    np.testing.assert_allclose(
-        transform_covariance(covariance, motion) / np.outer(scale, scale), empirical / np.outer(scale, scale), atol=0.05
-    )
-    np.testing.assert_allclose(
-        transform_covariance(transform_covariance(covariance, motion), se3.inverse(motion)), covariance, atol=1e-12
-    )
-
-
-def test_the_kernel_transforms_a_covariance_by_the_same_adjoint():
-    rng = np.random.default_rng(0)
-    motion, covariance = se3.exp(np.array([0.05, -0.02, 0.08, 0.4, -1.0, 2.0])), np.cov(rng.standard_normal((6, 20)))
-    tangent = np.array([2e-3, -1e-3, 3e-3, 0.02, 0.05, -0.03])
-    seen_after = se3.log(se3.inverse(motion) @ se3.exp(tangent) @ motion)
-    np.testing.assert_allclose(adjoint(motion) @ tangent, seen_after, atol=1e-14)
-    expected = adjoint(motion) @ covariance @ adjoint(motion).T
-    np.testing.assert_allclose(transform_covariance(covariance, motion), expected, atol=1e-13)
-
-
-POSE = se3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]))
-SIGMA = np.repeat([1e-3, 0.02], 3)
-INFORMED = np.array([0, 1, 1, 1, 1, 0], bool)  # axes that maps tell something of
-POSTERIOR = np.diag(np.where(INFORMED, 0.1, 1.0) * SIGMA**2)
-
-
-@pytest.fixture
-def region():
-    return CredibleRegion(NoiseModel.of(FilterConfig()))
-
-
-def correct(region, steps):
-    """Maps that each move the pose by a step (6,), in standard deviations of the prior."""
-    for step in steps:
-        region.follow(POSE, np.diag(SIGMA**2), Aligned(POSE @ se3.exp(step * SIGMA), POSTERIOR, 0.0, 1.0))
-
-
-def with_fit(fit):
-    return Aligned(POSE, POSTERIOR, 0.0, fit)
-
-
-def test_the_less_of_the_map_is_explained_the_wider(region):
-    widths = [region.widening(with_fit(fit)) for fit in (1.0, 0.97, 0.9, 0.7)]
-    assert widths == sorted(widths)
-    assert widths[-1] > 5 * widths[0] > 0
-
-
-def test_corrections_in_one_direction_widen_and_white_ones_do_not(region):
-    rng = np.random.default_rng(0)
-    white = rng.standard_normal((300, 6)) * np.sqrt(0.9)
-    correct(region, white)
-    as_assumed = region.bias
-    correct(region, white[:50] + 1.0)
-    assert as_assumed < 8, "four axes of a chi-square's quarter to half each"
-    assert region.bias > 5 * as_assumed
-    assert region.widening(with_fit(0.98)) > 4 * CredibleRegion(NoiseModel.of(FilterConfig())).widening(with_fit(0.98))
-    correct(region, white)
-    assert region.bias < 8, "it is forgotten"
-
-
-def test_axes_that_maps_say_nothing_of_do_not_count(region):
-    correct(region, np.tile(np.where(INFORMED, 0.0, 3.0), (40, 1)))
-    assert region.bias == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_restart_forgets(region):
-    correct(region, np.ones((40, 6)))
-    assert region.bias > 10
-    region.restart()
-    assert region.bias == 0.0
+def test_an_innovation_is_measured_in_standard_deviations(tool, hand):
+    poses, touches = hand
+    starts = np.stack([poses[0], poses[0] @ se3.exp(OFF)])
+    found = align_each(tool, starts, touches)
+    covariances = np.tile(np.diag(VARIANCE), (2, 1, 1))
+    near, far = found.squared_innovation(starts, covariances)
+    assert near < 0.2 * far
+    np.testing.assert_allclose(found.squared_innovation(starts, 4 * covariances), [near / 4, far / 4])

@@ -1,110 +1,136 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from filter_runs import hypotheses_at, model_of
+from hypothesis import given
+from hypothesis import strategies as st
 
 from midastouch_common import se3
-from midastouch_filter.core.belief import Belief, covariance_about
-from midastouch_filter.core.estimate import Mode
-from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.modes import ModeFinder, Regions
-from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.workers import Workers
+from midastouch_filter.core.belief import Belief, Hypotheses
 from midastouch_perception.symmetry.group import Symmetry
 
-
-def spread(n, rng):
-    """Particles all over a 0.2 m cube in all orientations, with uneven weights."""
-    poses = se3.make(Rotation.random(n, rng).as_matrix(), rng.uniform(-0.1, 0.1, (n, 3)))
-    particles = Particles.from_poses(poses, np.zeros(n, int))
-    weights = rng.random(n)
-    return particles, weights / weights.sum()
+HALF_TURN = se3.make(np.diag([-1.0, -1, 1]), np.zeros(3))
+COVARIANCE = np.diag([1.0, 2, 3, 100, 200, 300]) * 1e-6
 
 
-def moment_about(pose, particles, weights):
-    turn = Rotation.from_quat(particles.quaternions) * Rotation.from_matrix(pose[:3, :3]).inv()
-    d = np.concatenate([particles.positions - pose[:3, 3], turn.as_rotvec()], axis=1)
-    return (weights[:, None] * d).T @ d
+def along_x(*metres):
+    return np.stack([se3.translation([x, 0.0, 0.0]) for x in metres])
 
 
-def test_other_hypotheses_are_part_of_it():
-    rng = np.random.default_rng(0)
-    particles, weights = spread(300, rng)
-    pose = se3.exp(np.array([0.01, 0.02, 0.03, 0.4, 0.5, 0.6]))
-    mode = Mode(0.0, pose, np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-6, 0)
-    others = (np.arange(300) >= 100).astype(np.int32)
-    expected = weights[:100].sum() * mode.covariance
-    expected += moment_about(pose, particles, np.where(others, weights, 0))
-    np.testing.assert_allclose(covariance_about(mode, others, particles, weights), expected, rtol=1e-4, atol=1e-9)
+# --------------------------------------------------------------------------- hypotheses that have met
 
 
-def test_many_particles_are_sampled():
-    rng = np.random.default_rng(1)
-    particles, weights = spread(40_000, rng)
-    mode = Mode(0.0, np.eye(4), np.zeros((6, 6)), 0)
-    found = covariance_about(mode, np.ones(40_000, np.int32), particles, weights)
-    np.testing.assert_allclose(np.diag(found), np.diag(moment_about(np.eye(4), particles, weights)), rtol=0.1)
+def test_those_that_have_met_become_the_heaviest_with_the_weight_of_all():
+    merged = hypotheses_at(along_x(1e-3, 0.0, 0.03), np.log([0.3, 0.5, 0.2])).merged(Symmetry())
+    np.testing.assert_allclose(merged.poses, along_x(0.0, 0.03))
+    np.testing.assert_allclose(np.exp(merged.log_weights), [0.8, 0.2])
 
 
-@pytest.mark.parametrize("weight", [0.0, 1.0])
-def test_alone_a_mode_keeps_its_covariance(weight):
-    """No other particles, or others that weigh nothing."""
-    particles, _ = spread(20, np.random.default_rng(2))
-    mode = Mode(1.0, np.eye(4), np.diag([1.0, 2, 3, 4, 5, 6]), 20)
-    others = np.full(20, weight == 0.0, np.int32)
-    weights = np.full(20, weight / 20)
-    np.testing.assert_array_equal(covariance_about(mode, others, particles, weights), mode.covariance)
+def test_a_row_of_neighbours_does_not_collapse_into_one():
+    merged = hypotheses_at(along_x(0.0, 1.5e-3, 3e-3), np.log([0.5, 0.3, 0.2])).merged(Symmetry())
+    np.testing.assert_allclose(merged.poses, along_x(0.0, 3e-3))
 
 
-def test_a_half_turn_counts_as_one():
-    """The rotation vector's length is the angle, not the chord."""
-    half_turn = se3.make(Rotation.from_rotvec([0, 0, np.pi - 1e-3]).as_matrix()[None], np.zeros((1, 3)))
-    mode = Mode(0.5, np.eye(4), np.zeros((6, 6)), 1)
-    particles = Particles.from_poses(half_turn, np.zeros(1, int))
-    found = covariance_about(mode, np.ones(1, np.int32), particles, np.array([0.5]))
-    assert found[5, 5] == pytest.approx(0.5 * (np.pi - 1e-3) ** 2, rel=1e-3)
+def test_those_that_are_turned_have_not_met():
+    poses = se3.exp(np.radians([[0, 0, 0, 0, 0, deg] for deg in (0.0, 1.0, 4.0)]))
+    assert len(hypotheses_at(poses, np.log([0.5, 0.3, 0.2])).merged(Symmetry())) == 2
 
 
-def ring(n: int) -> np.ndarray:
-    """Poses (n, 4, 4) around a can of 60 mm about z, each looking at its axis."""
-    turns = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None] * [0, 0, 1]).as_matrix()
-    start = se3.make(Rotation.from_euler("y", -90, degrees=True).as_matrix(), np.array([0.03, 0, 0]))
-    return se3.make(turns, np.zeros(3)) @ start
+def test_a_pose_that_feels_the_same_is_the_same():
+    poses = se3.exp([[0.02, 0, 0.01, 0.3, 0, 0], [0.02, 5e-4, 0.01, 0.3, 0, 0]])
+    hypotheses = hypotheses_at(np.stack([poses[0], HALF_TURN @ poses[1]]), np.log([0.6, 0.4]))
+    assert len(hypotheses.merged(Symmetry())) == 2
+    (pose,) = hypotheses.merged(Symmetry(np.stack([np.eye(4), HALF_TURN]))).poses
+    np.testing.assert_allclose(pose, poses[0], atol=1e-12)
 
 
-def belief_of(poses: np.ndarray, weights: np.ndarray, symmetry: Symmetry) -> Belief:
-    """A belief on the can, clustered."""
-    lookup = PoseLookup(ring(240), Workers(1))
-    finder = ModeFinder(lookup, Regions(lookup, 0.005), 0.012, 0.01, Workers(1))
-    particles = Particles.from_poses(poses, lookup.exact(poses))
-    particles.log_weights = np.log(weights / weights.sum())
-    belief = Belief(particles, lookup, finder, symmetry)
-    belief.cluster()
+def test_around_the_axis_of_a_can_there_is_one_hypothesis():
+    turns = se3.exp([[0, 0, 0, 0, 0, angle] for angle in np.linspace(0, 6, 50)])
+    hypotheses = hypotheses_at(turns @ se3.translation([0.03, 0, 0]), np.zeros(50))
+    assert len(hypotheses.merged(Symmetry(free="axis"))) == 1
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 60))
+def test_no_two_that_are_left_have_met_and_no_weight_is_lost(seed, count):
+    rng = np.random.default_rng(seed)
+    poses = se3.exp(rng.normal(size=(count, 6)) * np.repeat([2e-3, 0.03], 3))
+    hypotheses = hypotheses_at(poses, rng.normal(size=count))
+    merged = hypotheses.merged(Symmetry())
+    assert np.exp(merged.log_weights).sum() == pytest.approx(np.exp(hypotheses.log_weights).sum())
+    between = se3.log(se3.inverse(merged.poses)[:, None] @ merged.poses[None])
+    apart = np.hypot(np.linalg.norm(between[..., :3], axis=-1) / 2e-3,
+                     np.linalg.norm(between[..., 3:], axis=-1) / np.radians(2))  # fmt: skip
+    assert (apart + 2 * np.eye(len(merged)) > 0.999).all()
+
+
+# --------------------------------------------------------------------------- motion
+
+
+def test_a_covariance_moves_with_its_frame():
+    motion, rng = se3.exp([0.05, -0.02, 0.08, 0.4, -1.0, 2.0]), np.random.default_rng(0)
+    moved = Hypotheses.at(np.eye(4)[None], COVARIANCE, np.zeros(1), 0, 0.0, 0.0).moved(motion)
+    np.testing.assert_allclose(moved.poses[0], motion)
+    samples = se3.exp(rng.multivariate_normal(np.zeros(6), COVARIANCE, 20_000)) @ motion
+    empirical = np.cov(se3.log(se3.inverse(motion) @ samples).T)
+    scale = np.sqrt(np.outer(np.diag(empirical), np.diag(empirical)))
+    np.testing.assert_allclose(moved.covariances[0] / scale, empirical / scale, atol=0.05)
+
+
+def test_the_way_since_the_last_alignment_widens_once():
+    drift = np.diag([1.0, 1, 1, 4, 4, 4])
+    hypotheses = hypotheses_at(along_x(0.0), np.zeros(1))
+    there = hypotheses.drifted(2.0, drift)
+    np.testing.assert_allclose(there.covariances[0] - hypotheses.covariances[0], 2 * drift)
+    np.testing.assert_allclose(there.drifted(2.0, drift).covariances, there.covariances)
+
+
+# --------------------------------------------------------------------------- a belief
+
+
+@pytest.fixture
+def belief(world):
+    """On two objects of the same shape: hypotheses on both, and untested poses on the second."""
+    models = [model_of(world), model_of(world)]
+    belief = Belief(models)
+    belief.hypotheses = hypotheses_at(along_x(0.0, 0.0, 0.05), np.log([0.3, 0.2, 0.1]), numbers=(0, 1, 1))
+    belief.expect(1, np.arange(100), np.full(100, np.log(0.4 / 100)))
     return belief
 
 
-HALF_TURN = se3.make(np.diag([-1.0, -1, 1]), np.zeros(3))
+def test_poses_come_up_to_the_present_frame(belief):
+    before, untested = belief.hypotheses.poses, belief.untested[1].poses
+    belief.since = motion = se3.exp([0.01, 0, 0.02, 0, 0.3, 0])
+    belief.come_up(0.1, np.zeros((6, 6)))
+    np.testing.assert_allclose(belief.hypotheses.poses, before @ motion, atol=1e-12)
+    np.testing.assert_allclose(belief.untested[1].poses, untested @ motion, atol=1e-6)
+    np.testing.assert_array_equal(belief.since, np.eye(4))
 
 
-def test_modes_that_the_symmetry_maps_onto_each_other_are_one():
-    near = ring(240)[:3]
-    poses, weights = np.concatenate([near, HALF_TURN @ near]), np.repeat([0.6, 0.4], 3)
-    assert [round(mode.weight, 2) for mode in belief_of(poses, weights, Symmetry()).modes] == [0.6, 0.4]
-    folded = belief_of(poses, weights, Symmetry(np.stack([np.eye(4), HALF_TURN])))
-    (mode,) = folded.modes
-    assert mode.weight == pytest.approx(1)
-    assert np.linalg.norm(mode.pose[:3, 3] - near[1, :3, 3]) < 1e-4  # at the heavier one's side
-    np.testing.assert_allclose(folded.weights, weights / weights.sum(), rtol=1e-6)
+def test_untested_poses_are_expected_at_entries_and_taken_by_their_rows(belief, world):
+    model = belief.objects[0]
+    belief.expect(0, np.array([7, 5, 9]), np.log([0.1, 0.2, 0.3]))
+    taken = belief.take(0, np.array([2, 0]))
+    np.testing.assert_array_equal(taken.entries, [9, 7])
+    np.testing.assert_allclose(taken.poses, model.lookup.poses[[9, 7]], atol=1e-6)
+    np.testing.assert_allclose(np.exp(taken.log_weights), [0.3, 0.1])
+    np.testing.assert_array_equal(belief.untested[0].entries, [5])
+    assert len(belief) == 3 + 100 + 1
 
 
-def test_modes_that_are_no_copies_stay_apart():
-    poses = np.concatenate([ring(240)[:3], ring(240)[80:83]])
-    belief = belief_of(poses, np.repeat([0.6, 0.4], 3), Symmetry(np.stack([np.eye(4), HALF_TURN])))
-    assert [round(mode.weight, 2) for mode in belief.modes] == [0.6, 0.4]
+def test_to_settle_is_to_normalise_and_to_merge_on_each_object_alone(belief):
+    belief.scale(3.0)
+    assert belief.untested_mass == pytest.approx(0.4)
+    belief.settle(-30.0)
+    assert belief.total() == pytest.approx(0.0)
+    assert belief.hypotheses.objects.tolist() == [0, 1, 1]
+    np.testing.assert_allclose(np.exp(belief.hypotheses.log_weights), [0.3, 0.2, 0.1])
 
 
-def test_where_an_object_turns_freely_all_around_it_is_one_narrow_mode():
-    belief = belief_of(ring(120), np.ones(120), Symmetry(free="axis"))
-    (mode,) = belief.modes
-    assert mode.weight == pytest.approx(1)
-    assert mode.spread_translation < 2e-3
-    assert mode.spread_rotation < 0.1
+def test_what_is_too_light_to_matter_goes(belief):
+    belief.hypotheses = belief.hypotheses.joined(hypotheses_at(along_x(0.1), np.array([-30.0])))
+    belief.expect(0, np.arange(50), np.full(50, -9.0))
+    belief.settle(-7.0)
+    assert len(belief.hypotheses) == 3
+    assert [len(some) for some in belief.untested] == [0, 100]
+    belief.settle(-0.1)
+    assert [len(some) for some in belief.untested] == [0, 0]
+    assert len(belief.hypotheses) == 3, "the limit is that of untested poses"

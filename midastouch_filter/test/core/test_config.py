@@ -4,8 +4,8 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_filter import preset
-from midastouch_filter.core.config import FilterConfig, by_present_names
-from midastouch_filter.core.presets import BALANCED, PRESETS, preset_in_words
+from midastouch_filter.core.config import GONE, FilterConfig, by_present_names
+from midastouch_filter.core.presets import BALANCED, PAPER, PRESETS, preset_in_words
 
 
 def test_every_field_says_what_it_means_and_its_default_is_in_range():
@@ -22,11 +22,10 @@ def test_every_field_says_what_it_means_and_its_default_is_in_range():
     [
         ({"max_particles": 0}, "max_particles.* 0"),
         ({"max_particles": 1000.5}, "max_particles.*1000.5"),
-        ({"min_particles": 600, "max_particles": 500}, "min_particles.*max_particles"),
         ({"temperature": -1.0}, "temperature"),
         ({"temperature": float("nan")}, "temperature.*nan"),
         ({"refinement": 1}, "refinement.*true"),
-        ({"pf_err": "small"}, "pf_err.*small"),
+        ({"keyframe_spacing": "small"}, "keyframe_spacing.*small"),
         ({"threads": True}, "threads"),
     ],
 )
@@ -38,7 +37,7 @@ def test_wrong_values_are_named(change, complaint):
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_is_valid_and_says_what_it_changes(name):
     config, default = FilterConfig(**preset(name)), FilterConfig()
-    assert (config == default) == (name == BALANCED)
+    assert (config == default) == (name in (BALANCED, PAPER))
     for key, value in preset(name).items():
         assert value != getattr(default, key)
         assert f"{key} {value}" in preset_in_words(name)
@@ -50,7 +49,15 @@ def test_an_unknown_name_is_refused(name):
         preset(name)
 
 
-def test_a_field_that_is_gone_names_what_is_in_its_place():
-    with pytest.raises(InputError, match=r"recovery is gone: .*recovery_fraction"):
-        by_present_names({"recovery": True, "max_particles": 7})
-    assert by_present_names({"max_particles": 7}) == {"max_particles": 7}
+@pytest.mark.parametrize("name", GONE)
+def test_a_field_that_is_gone_names_what_is_in_its_place(name):
+    assert name not in {item.name for item in dataclasses.fields(FilterConfig)}
+    with pytest.raises(InputError, match=f"{name} is gone: "):
+        by_present_names({name: 1.0, "max_particles": 7})
+
+
+def test_a_former_name_is_taken_with_a_warning_and_not_beside_the_present_one():
+    with pytest.warns(FutureWarning, match="relief_fit is now penetration_fit"):
+        assert by_present_names({"relief_fit": 0.7, "threads": 1}) == {"penetration_fit": 0.7, "threads": 1}
+    with pytest.raises(InputError, match="both are given"):
+        by_present_names({"relief_fit": 0.7, "penetration_fit": 0.6})

@@ -3,16 +3,9 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup, space_filling_order
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.touch import Measurement
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.codebook import codebook_poses
-from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.slide import measure_poses
 
 
@@ -65,40 +58,6 @@ def test_following_agrees_with_the_exact_search(world, lookup):
     agrees = (particles.entries == exact) | (found <= 1.01 * nearest + 1e-6)
     assert agrees.mean() >= 0.99
     np.testing.assert_allclose(found, distance(poses, world.poses[particles.entries]), atol=1e-5)
-
-
-@pytest.fixture(scope="module")
-def tool(world):
-    """A bundled object and the codebook poses that the builder lays on it, with codes of the test's encoder."""
-    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
-    poses = codebook_poses(mesh, 6000, SensorModel.load("digit_tacto"), np.random.default_rng(0))
-    return mesh, world.make_codebook(poses, world.encode(poses))
-
-
-@pytest.mark.parametrize("spread", [True, False])
-def test_a_running_filter_knows_the_nearest_entries(world, tool, spread):
-    """99 % of its particles, after every step of a slide over an object with even, builder-made poses."""
-    mesh, codebook = tool
-    slide = world.make_slide(mesh, 12, np.random.default_rng(1))
-    particle_filter = ParticleFilter(mesh, codebook, FilterConfig(min_particles=10_000, max_particles=10_000))
-    if spread:
-        particle_filter.initialise_uniform()
-    else:
-        particle_filter.initialise_gaussian(slide[0], 0.003, np.radians(6))
-    lookup = PoseLookup(codebook.poses, Workers(1))
-    for odometry, code in zip(se3.odometry(slide), world.encode(slide), strict=True):
-        particle_filter.step(odometry, Measurement(True, code))
-        poses, entries = particle_filter.poses, particle_filter.codebook_indices
-        found = distance(poses, codebook.poses[entries])
-        nearest = distance(poses, codebook.poses[lookup.exact(poses)])
-        assert (found <= 1.01 * nearest + 1e-6).mean() >= 0.99
-
-
-def test_relocation_finds_particles_that_jumped(world, lookup):
-    queries = world.random_poses(world.mesh, 500, np.random.default_rng(6))
-    particles = Particles.from_poses(queries, np.zeros(500, np.int32))
-    lookup.relocate(particles)
-    np.testing.assert_array_equal(particles.entries, lookup.exact(queries))
 
 
 def test_threads_change_nothing(world):

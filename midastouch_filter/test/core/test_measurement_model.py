@@ -3,8 +3,7 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.measurement_model import MeasurementModel
-from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.measurement_model import MeasurementModel, log_ratios
 from midastouch_filter.core.workers import Workers
 
 WORKERS = Workers(1)
@@ -17,61 +16,33 @@ def model(world, **config):
 def test_is_the_stated_log_likelihood_ratio(world):
     m = model(world, temperature=0.2, outlier=0.1)
     code = world.codebook.codes[42]
-    m.score_codebook(code)
     likelihood = np.exp(world.codebook.codes.astype(float) @ code.astype(float) / 0.2)
-    np.testing.assert_allclose(m.log_ratio, np.log(0.9 * likelihood / likelihood.mean() + 0.1), atol=1e-4)
+    (ratio,) = log_ratios([m], code)
+    np.testing.assert_allclose(ratio, np.log(0.9 * likelihood / likelihood.mean() + 0.1), atol=1e-4)
 
 
-def test_averages_to_a_certain_event_over_the_book(world):
-    m = model(world)
-    m.score_codebook(world.codebook.codes[7])
-    assert np.exp(m.log_ratio.astype(float)).mean() == pytest.approx(1.0, abs=1e-4)
-    assert m.log_ratio.min() >= np.log(m.outlier) - 1e-5
-
-
-def test_another_sensor_has_scores_of_its_own(world):
-    m = model(world)
-    m.score_codebook(world.codebook.codes[7])
-    before = m.log_ratio.copy()
-    other = m.for_another_sensor()
-    other.score_codebook(world.codebook.codes[8])
-    np.testing.assert_array_equal(m.log_ratio, before)
-    m.score_codebook(world.codebook.codes[8])
-    np.testing.assert_array_equal(m.log_ratio, other.log_ratio)
+def test_averages_to_a_certain_event_over_all_objects(world):
+    meta = world.codebook.meta
+    parts = [MeasurementModel(world.codebook.codes[rows], meta, FilterConfig(), WORKERS)
+             for rows in (slice(0, 500), slice(500, None))]  # fmt: skip
+    code = world.codebook.codes[7]
+    ratios = log_ratios(parts, code)
+    assert np.exp(np.concatenate(ratios).astype(float)).mean() == pytest.approx(1.0, abs=1e-4)
+    np.testing.assert_allclose(np.concatenate(ratios), log_ratios([model(world)], code)[0], atol=1e-5)
+    assert min(each.min() for each in ratios) >= np.log(parts[0].outlier) - 1e-5
 
 
 @pytest.mark.parametrize("temperature", [1e-3, 0.05, 10.0])
 def test_no_temperature_overflows(world, temperature):
-    m = model(world, temperature=temperature)
-    m.score_codebook(-world.codebook.codes[3])
-    assert np.isfinite(m.log_ratio).all()
+    (ratio,) = log_ratios([model(world, temperature=temperature)], -world.codebook.codes[3])
+    assert np.isfinite(ratio).all()
 
 
-def test_scoring_occupied_entries_gives_what_the_whole_book_gives(world):
-    rng = np.random.default_rng(0)
-    near = np.argsort(np.linalg.norm(world.poses[:, :3, 3] - world.poses[5, :3, 3], axis=1))[:300]
-    entries = rng.choice(near, 400)
-    particles = Particles.from_poses(world.poses[entries], entries)
-    m = model(world)
-    code = world.codebook.codes[5]
-    m.score_codebook(code)
-    whole = m.log_likelihood(particles).copy()
-    m.log_ratio[:] = np.nan
-    m.score_occupied(code, particles)
-    # the sampled mean of the book is off by some per cent, the same for every particle
-    np.testing.assert_allclose(m.log_likelihood(particles), whole, atol=0.25)
-    strong = whole > 0
-    assert np.ptp((m.log_likelihood(particles) - whole)[strong]) < 0.02
-
-
-def test_draws_the_best_matches_by_their_likelihood(world):
-    m = model(world)
-    m.score_codebook(world.codebook.codes[11])
-    drawn = m.draw_matches(4000, np.random.default_rng(0))
-    fraction = np.exp(m.log_ratio.astype(float))
-    best = np.argsort(-fraction)[:50]
-    expected = fraction[best].sum() / fraction.sum()
-    assert np.isin(drawn, best).mean() == pytest.approx(expected, abs=0.03)
+def test_codes_that_would_be_measured_are_scored_by_a_sample(world):
+    m, codes = model(world), world.codebook.codes[:20]
+    expected = np.stack([log_ratios([m], code)[0][:50] for code in codes])
+    found = m.log_ratio_between(codes, m.similarity(codes @ world.codebook.codes[:50].T))
+    assert min(np.corrcoef(a, b)[0, 1] for a, b in zip(found, expected, strict=True)) > 0.95
 
 
 @pytest.mark.parametrize(

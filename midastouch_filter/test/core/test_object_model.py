@@ -1,25 +1,22 @@
 """Books and meshes that nobody should give the filter: refused by name, or of use none the less."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import trimesh
-from filter_runs import assert_defined, codes_along, some_book
+from filter_runs import assert_defined, codes_along, model_of, some_book
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.object_model import ObjectIndex, derived_arrays
+from midastouch_filter.core.object_model import of_surface
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement
-from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import FORMAT, Codebook
 
-SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)
+SMALL = FilterConfig(max_particles=300, threads=1)
 
 
 @pytest.mark.parametrize(
@@ -93,67 +90,70 @@ def test_degenerate_meshes_work(world, name):
 
 
 @pytest.mark.slow
-def test_a_book_in_millimetres_is_lost_with_a_reason(world):
-    poses = world.random_poses(world.mesh, 300, np.random.default_rng(2))
-    codes = world.encode(poses)
-    poses[:, :3, 3] *= 1000
-    filter_ = ParticleFilter(world.mesh, world.make_codebook(poses, codes), SMALL, 0)
-    filter_.initialise_uniform()
-    for motion, code in codes_along(world, 3):
-        estimate = filter_.step(motion, Measurement(True, code))
-        assert_defined(filter_, estimate)
-    assert estimate.status.state == state.LOST
-
-
-@pytest.mark.slow
-def test_a_book_that_holds_every_pose_twice_works(world):
-    poses = np.repeat(world.random_poses(world.mesh, 200, np.random.default_rng(2)), 2, axis=0)
-    filter_ = ParticleFilter(world.mesh, world.make_codebook(poses, world.encode(poses)), SMALL, 0)
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(lambda poses: np.repeat(poses[:200], 2, axis=0), id="every pose twice"),
+        pytest.param(lambda poses: se3.make(poses[:, :3, :3], 1e3 * poses[:, :3, 3]), id="in millimetres"),
+    ],
+)
+def test_odd_books_give_an_answer_that_is_not_trusted(world, make):
+    poses = make(world.random_poses(world.mesh, 300, np.random.default_rng(2)))
+    filter_ = ParticleFilter(world.mesh, world.make_codebook(poses, world.encode(poses), world.of_surface), SMALL)
     filter_.initialise_uniform()
     for motion, code in codes_along(world, 4):
-        assert_defined(filter_, filter_.step(motion, Measurement(True, code)))
+        estimate = filter_.step(motion, Measurement(True, code))
+        assert_defined(filter_, estimate)
+        assert estimate.status.state != state.CONVERGED
 
 
-CONFIG = FilterConfig()
-
-
-@pytest.fixture(scope="module")
-def codebook(world):
-    book = Codebook(world.poses, np.ones((len(world.poses), 4), np.float32), {})
-    book.derived = derived_arrays(world.mesh, book)
-    return book
-
-
-def indexed(world, codebook, config=CONFIG) -> ObjectIndex:
-    return ObjectIndex(world.mesh, codebook, config, Workers(1))
-
-
-def followed(index: ObjectIndex) -> tuple[bytes, bytes]:
-    entries = np.roll(np.arange(len(index.lookup.poses)), 1)
-    particles = Particles.from_poses(index.lookup.poses, entries)
-    distance = index.lookup.follow(particles)
+def followed(model) -> tuple[bytes, bytes]:
+    entries = np.roll(np.arange(len(model.lookup)), 1)
+    particles = Particles.from_poses(model.lookup.poses, entries)
+    distance = model.lookup.follow(particles)
     return particles.entries.tobytes(), distance.tobytes()
 
 
-def test_a_kept_index_is_the_one_that_would_be_made(world, codebook):
-    kept = indexed(world, codebook)
-    made = indexed(world, Codebook(codebook.poses, codebook.codes, {}))
+def near(model) -> bytes:
+    """What a model has of the surface."""
+    points = model.lookup.poses[:100, :3, 3]
+    faces = np.zeros(100, int)
+    return model.surface.distance_of(points).tobytes() + model.normals.at(points, faces).tobytes()
+
+
+def test_kept_arrays_are_those_that_would_be_made(world):
+    kept = model_of(world)
+    made = model_of(world, world.make_codebook(world.poses, world.codebook.codes))
     assert followed(kept) == followed(made)
-    assert kept.lookup.stride == made.lookup.stride
-    np.testing.assert_array_equal(kept.surface.values, made.surface.values)
-    np.testing.assert_array_equal(kept.normals.values, made.normals.values)
+    assert near(kept) == near(made)
 
 
-def test_it_outlives_a_file(world, codebook, tmp_path):
-    codebook.save(tmp_path / "book.npz")
-    with np.load(tmp_path / "book.npz", allow_pickle=False) as file:
-        for name, array in codebook.derived.items():
-            np.testing.assert_array_equal(file[name], array)
+def test_what_is_kept_of_the_surface_holds_for_a_part_of_the_codebook(world):
+    whole, poses = world.codebook, world.poses[:500]
+    part = model_of(world, world.make_codebook(poses, whole.codes[:500], of_surface(whole.derived)))
+    made = model_of(world, world.make_codebook(poses, whole.codes[:500]))
+    assert followed(part) == followed(made)
+    assert near(part) == near(made)
 
 
-def test_other_limits_ask_for_another_grid(world, codebook):
-    wider = dataclasses.replace(CONFIG, dead_distance=1.5 * CONFIG.dead_distance)
-    assert indexed(world, codebook, wider).surface.limit > indexed(world, codebook).surface.limit
+def test_normals_are_found_only_once_they_are_needed(world, monkeypatch):
+    monkeypatch.setattr(ObjectMesh, "smooth_normals", lambda *_: pytest.fail("normals were looked for"))
+    kept = {name: array for name, array in of_surface(world.codebook.derived).items() if not name.endswith("normals")}
+    model = model_of(world, world.make_codebook(world.poses, world.codebook.codes, kept))
+    with pytest.raises(pytest.fail.Exception, match="looked for"):
+        near(model)
+
+
+def test_a_model_takes_the_entries_of_a_denser_codebook(world):
+    coarse = model_of(world, world.make_codebook(world.poses[:500], world.codebook.codes[:500], world.of_surface))
+    lookup = coarse.lookup
+    coarse.take(coarse.with_codebook(world.codebook))
+    whole = model_of(world)
+    assert len(lookup) == len(world.poses)
+    assert followed(coarse) == followed(whole)
+    assert near(coarse) == near(whole)
+    assert coarse.density == whole.density
+    np.testing.assert_array_equal(coarse.order, whole.order)
 
 
 @pytest.mark.parametrize(
@@ -168,10 +168,11 @@ def test_other_limits_ask_for_another_grid(world, codebook):
         ("normals", lambda a: a[1:]),
     ],
 )
-def test_broken_arrays_are_refused_naming_the_file(world, codebook, name, change, tmp_path):
-    key = next(key for key in codebook.derived if key.endswith(name))
-    meta = dict.fromkeys(("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn"), "") | {"format": FORMAT}
-    derived = codebook.derived | {key: change(codebook.derived[key])}
-    Codebook(codebook.poses, codebook.codes, meta, derived).save(tmp_path / "broken.npz")
+def test_broken_arrays_are_refused_naming_the_file(world, name, change, tmp_path):
+    whole = world.codebook
+    key = next(key for key in whole.derived if key.endswith(name))
+    meta = dict.fromkeys(("mesh_name", "mesh_sha256", "sensor_id"), "") | {"format": FORMAT, "sensor": ""}
+    derived = whole.derived | {key: change(whole.derived[key])}
+    Codebook(whole.poses, whole.codes, whole.meta | meta, derived).save(tmp_path / "broken.npz")
     with pytest.raises(InputError, match=r"broken\.npz: .*build-codebook"):
-        indexed(world, Codebook.load(tmp_path / "broken.npz"))
+        model_of(world, Codebook.load(tmp_path / "broken.npz"))

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from midastouch_common import se3
-from midastouch_filter.core.pose_hypothesis import ANOTHER, another, distinct, far_from, farther
+from midastouch_filter.core.pose_hypothesis import ANOTHER, NO_SYMMETRY, Prior, alike, another, pose_distance
 from midastouch_perception.symmetry.group import Symmetry
 
 HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
@@ -29,13 +31,22 @@ def test_turns_that_no_touch_can_tell_do_not_count(deg, differs):
     assert another(SYMMETRY)(moved(0.001, deg)[None], np.eye(4))[0] == differs
 
 
-def test_of_poses_that_do_not_differ_the_first_of_the_order_is_chosen():
-    poses = np.stack([moved(0.0), moved(0.004), moved(0.0, 25.0), moved(0.03)])
-    assert distinct(poses, [1, 0, 3, 2], another()) == [1, 3, 2]
-    assert distinct(poses, range(4), farther(0.015, Symmetry())) == [0, 3]
+@given(st.integers(0, 2**32 - 1))
+def test_all_pairs_at_once_are_told_as_one_by_one(seed):
+    poses = se3.exp(np.random.default_rng(seed).normal(size=(20, 6)) * np.repeat([6e-3, 0.2], 3)) @ moved(0.3)
+    np.testing.assert_array_equal(alike(poses), ~np.stack([another()(poses, pose) for pose in poses]))
 
 
-def test_far_from_all_that_are_taken():
-    poses = np.stack([moved(0.0), moved(0.02), moved(0.04)])
-    np.testing.assert_array_equal(far_from([moved(0.001), moved(0.041)], poses, another()), [False, True, False])
-    assert far_from([], poses, another()).all()
+def test_distances_count_a_radian_as_ten_millimetres():
+    poses = np.stack([moved(0.003), moved(0.0, 10.0), moved(0.004, 10.0)])
+    turned = 0.02 * np.sin(np.radians(5.0))
+    np.testing.assert_allclose(pose_distance(poses, np.eye(4)), [0.003, turned, np.hypot(0.004, turned)])
+
+
+def test_a_prior_is_a_normal_density_with_a_floor_modulo_symmetry():
+    prior = Prior(moved(0.01), 2e-3, np.radians(5.0))
+    poses = np.stack([moved(0.01), moved(0.014), moved(0.01, 10.0), moved(0.3), HALF_TURN @ moved(0.01)])
+    np.testing.assert_allclose(prior.log_density(poses, -12.0, SYMMETRY), [0, -2, -2, -12, 0], atol=1e-9)
+    assert prior.log_density(poses, -12.0, NO_SYMMETRY)[-1] == -12
+    wide = prior.widened(np.diag([9e-6] * 3 + [0.0] * 3))
+    np.testing.assert_allclose(wide.covariance, prior.covariance + np.diag([9e-6] * 3 + [0.0] * 3))

@@ -6,12 +6,12 @@ import trimesh
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.identification.catalogue import FEWEST, Catalogue, poses_worth, read_catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
-NOISE = NoiseModel.of(FilterConfig(threads=1))
+CONFIG = FilterConfig(threads=1)
 SENSOR = "digit_tacto"
 OTHER_GEL = SensorModel.load(SENSOR).at_scale(15e3).as_json()
 
@@ -27,6 +27,7 @@ def described(mesh, poses, codes, derived=None, **other):
         "tcn": "fourier-test",
         "temperature": 0.1,
         "outlier": 0.05,
+        "symmetry": ObjectSymmetry().as_json(),
     }
     return Codebook(poses, codes, meta | other, derived)
 
@@ -54,18 +55,22 @@ def read(*sources, **room):
     def build(path):
         raise AssertionError(f"{path}: nothing is to be built")
 
-    return read_catalogue(sources, build, NOISE, SENSOR, **room)
+    return read_catalogue(sources, build, CONFIG, SENSOR, **room)
 
 
 def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
     catalogue = read(*shelf.books)
     assert [entry.name for entry in catalogue.entries] == ["bumpy", "small"]
     assert len(catalogue) == 2
-    assert all(len(entry.codebook.poses) == FEWEST for entry in catalogue.entries)
-    assert catalogue.rows[1] == slice(FEWEST, 2 * FEWEST)
-    whole = catalogue.entries[0].load(FilterConfig(threads=1), seed=0)
-    assert whole.name == "bumpy"
-    assert "8,000" in whole.density
+    assert all(len(entry.model.lookup) == FEWEST for entry in catalogue.entries)
+    assert catalogue.entry("small").mesh.diagonal == pytest.approx(0.8 * catalogue.entry("bumpy").mesh.diagonal)
+
+
+def test_what_a_file_keeps_of_the_surface_is_not_made_again(shelf, monkeypatch):
+    monkeypatch.setattr(ObjectMesh, "closest_points", lambda *_: pytest.fail("the surface was searched"))
+    assert len(read(shelf.books[0])) == 1
+    with pytest.raises(pytest.fail.Exception, match="searched"):
+        read(shelf.books[1])
 
 
 def test_a_catalogue_of_too_many_poses_is_refused(shelf):
@@ -83,9 +88,8 @@ def test_large_objects_are_worth_more_poses(world):
 def test_a_mesh_without_codebook_gets_one(world, shelf):
     mesh = ObjectMesh.load(shelf.folder / "bumpy.ply")
     book = described(mesh, world.poses[:100], world.encode(world.poses[:100]), world.of_surface)
-    catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE, SENSOR)
-    assert catalogue.entries[0].size == 100
-    assert "100 poses" in catalogue.entries[0].load(FilterConfig(threads=1), 0).density
+    catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), CONFIG, SENSOR)
+    assert len(catalogue.entries[0].model.lookup) == 100
 
 
 def test_a_folder_stands_for_its_codebooks(shelf, tmp_path):
@@ -104,7 +108,7 @@ def test_of_a_folder_those_of_the_sensor_are_taken(shelf, tmp_path):
         sensor = name.removeprefix("bumpy_").removesuffix(".npz")
         Codebook(book.poses, book.codes, book.meta | {"sensor": sensor}, book.derived).save(tmp_path / name)
     catalogue = read(tmp_path)
-    assert [entry.path.name for entry in catalogue.entries] == ["bumpy_digit_tacto.npz"]
+    assert [entry.source.name for entry in catalogue.entries] == ["bumpy_digit_tacto.npz"]
     assert not catalogue.duplicates
     (tmp_path / "bumpy_digit_tacto.npz").unlink()
     with pytest.raises(
@@ -164,7 +168,7 @@ def test_two_objects_of_one_name_are_refused(shelf, tmp_path):
     first = ObjectMesh.load(shelf.folder / "bumpy.ply")
     books = [Codebook.load(book) for book in shelf.books]
     with pytest.raises(InputError, match=r"small\.ply.*'bumpy'"):
-        Catalogue.of([(first, books[0], None), (mesh, books[1], None)], NOISE)
+        Catalogue.of([(first, books[0], None), (mesh, books[1], None)], CONFIG)
 
 
 def test_an_empty_catalogue_is_refused():

@@ -16,7 +16,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion, Wanted
-from midastouch_filter.core.estimate import Calibration, Estimate, Mode
+from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.state import AMBIGUOUS, Status
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import TactileCode
@@ -36,7 +36,7 @@ class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
     Attributes: object, of which nothing is known; starts, odometry, measurements, others, elapsed and wanted, what it
-    was asked; state, calibration and alike, whether hypotheses cannot be distinguished, what it answers;
+    was asked; state and alike, whether hypotheses cannot be distinguished, what it answers;
     deferred_updates, how many measurements had come at each `deferred_update`.
     """
 
@@ -48,7 +48,6 @@ class FakeFilter:
         self.others: list = []
         self.elapsed: list = []
         self.deferred_updates: list[int] = []
-        self.calibration: Calibration | None = None
         self.forced = 0
         self.state = AMBIGUOUS
         self.alike = False
@@ -81,7 +80,7 @@ class FakeFilter:
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
         status = replace(status, symmetry=self.object.symmetry.describe())
-        return Estimate(modes, status, covariance, self.calibration)
+        return Estimate(modes, status, covariance)
 
     def deferred_update(self, in_time=None) -> None:
         self.deferred_updates.append(len(self.measurements))
@@ -121,13 +120,14 @@ class StubGrowth:
 
 
 def loader_of(filters: list[FakeFilter]):
-    """A `load` for the node that hands out fakes and refuses a mesh called bad.ply."""
+    """A `load` for the node that hands out fakes and refuses a mesh called bad.ply; the paper's gives no advice."""
 
-    def load(mesh_path, codebook_path, config, seed) -> LoadedObject:
+    def load(mesh_path, codebook_path, config, seed, paper=False) -> LoadedObject:
         if mesh_path.name == "bad.ply":
             raise InputError(f"{mesh_path}: not a mesh")
         filters.append(FakeFilter())
-        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem, MAP_SENSOR, advisor=filters[-1])
+        advisor = None if paper else filters[-1]
+        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem, MAP_SENSOR, advisor=advisor)
 
     return load
 

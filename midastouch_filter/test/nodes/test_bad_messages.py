@@ -29,7 +29,7 @@ DIM = 16
 EXTREMES = np.array([0.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-300, 1.0])
 
 
-def load(mesh_path, codebook_path, config, seed) -> LoadedObject:
+def load(mesh_path, codebook_path, config, seed, paper) -> LoadedObject:
     """The real filter on a bundled object, with a small codebook of random codes."""
     rng = np.random.default_rng(0)
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
@@ -87,7 +87,6 @@ def test_every_code_is_answered_and_nothing_published_is_not_finite(graph):
             "input_timeout": 1000.0,
             "mesh": "/a.ply",
             "codebook": "/a.npz",
-            "min_particles": 100,
             "max_particles": 400,
             "threads": 1,
         },

@@ -96,6 +96,7 @@ def test_the_object_is_named_with_its_pose(graph, shelf, folder):
         ("/nowhere/cup.npz", {}, "/nowhere/cup.npz"),
         ("", {"mesh": "/data/cup.ply"}, "mesh or codebook"),
         ("", {"init_mode": "wait"}, "init_mode.*uniform"),
+        ("", {"preset": "paper"}, "paper's filter has to know the object"),
         ("", {"refinement": False}, "refinement.*true"),
     ],
 )

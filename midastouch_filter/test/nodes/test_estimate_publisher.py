@@ -12,9 +12,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.message_arrays import SECOND, stamp_ns, transform_from_msg
-from midastouch_filter.core.estimate import Calibration
 from midastouch_filter.core.state import CONVERGED
-from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes
+from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.symmetry.search import ObjectSymmetry
 
@@ -71,30 +70,6 @@ def test_another_object_has_another_symmetry(graph):
     bench.frame(2 * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: len(modes) > 1)
     assert [len(each.symmetries) for each in modes] == [1, 2]
-
-
-def test_mount_and_clock_are_published_when_a_touch_has_taught_them(graph):
-    bench = Bench(graph, **OBJECT)
-    sent = graph.listen(ArmCalibration, "calibration", latched=True)
-    covariance = np.diag([0.25e-3, 0.3e-3, 2e-3, 0.01, 0.01, 0.01, 0.004]) ** 2
-    prior = np.array([2e-3, 2e-3, 2e-3, 0.035, 0.035, 0.035, 0.05])
-    bench.filter.calibration = Calibration(translation(0.002), 0.05, covariance, prior, touches=0)
-    bench.frame(SECOND, T_BASE_OBJ)
-    bench.filter.calibration = Calibration(translation(0.002), 0.05, covariance, prior, touches=7)
-    bench.frame(2 * SECOND, T_BASE_OBJ)
-    bench.frame(3 * SECOND, T_BASE_OBJ)
-    graph.spin_until(lambda: sent)
-    (message,) = sent
-    assert (stamp_ns(message.header.stamp), message.header.frame_id) == (2 * SECOND, "digit_gel_frame")
-    # the true gel, in the one that the mount tells
-    assert message.mount.pose.position.x == pytest.approx(-0.002)
-    assert message.mount.covariance[0] == pytest.approx(covariance[0, 0])
-    assert (message.clock_offset, message.clock_offset_sigma) == pytest.approx((0.05, 0.004))
-    assert (list(message.known), message.touches) == ([True, True, False, True, True, True, True], 7)
-    assert bench.filter.elapsed[1:] == [1.0, 1.0]
-    values = bench.node.describe()[2]
-    assert (values["mount_x"], values["mount_z"]) == ("-2.00 +- 0.25 mm", "unknown")
-    assert values["clock_offset"] == "50.00 +- 4.00 ms"
 
 
 def test_object_frame_is_broadcast_only_while_converged(graph):

@@ -114,7 +114,7 @@ def test_a_frame_that_nobody_names_is_refused(topics, topic):
 
 
 def test_init_mode_pose(graph):
-    parameters = {"init_mode": "pose", "initial_pose.x": 0.02, "initial_pose.yaw": math.pi / 2}
+    parameters = {"init_mode": "pose", "initial_pose": [0.02, 0.0, 0.0, 0.0, 0.0, math.pi / 2]}
     bench = Bench(graph, **OBJECT, **parameters)
     pose, sigma_t, sigma_r = bench.filter.starts[0]
     expected = [[0, -1, 0, 0.02], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]

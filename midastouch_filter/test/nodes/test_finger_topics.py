@@ -200,9 +200,9 @@ def test_what_names_no_fingers_is_refused(graph, fingers):
 @pytest.mark.slow
 def test_two_simulated_sensors_tell_what_one_cannot(graph, gripper):
     """The filter itself, on an object that looks the same after half a turn to the first finger."""
-    config = FilterConfig(max_particles=3000, min_particles=300, threads=1)
+    config = FilterConfig(threads=1)
 
-    def load(mesh_path, codebook_path, _, seed) -> LoadedObject:
+    def load(mesh_path, *_) -> LoadedObject:
         running = gripper.make_filter(config)
         running.reset(1)
         return LoadedObject(running, DIAGONAL, "gripped", MAP_SENSOR)

@@ -107,11 +107,11 @@ def test_a_mesh_that_cannot_be_used_fails_the_transition_until_it_is_fixed(graph
 
 
 def test_settings_that_contradict_each_other_fail_the_transition(graph):
-    add(graph, [], **OBJECT, min_particles=5000, max_particles=1000)
+    add(graph, [], **OBJECT, objects="/data/cup.ply")
     statuses = graph.listen(FilterStatus, "filter_status", latched=True)
     assert not graph.change_state("particle_filter", "configure")
-    await_reason(graph, statuses, "min_particles")
-    assert all(result.successful for result in graph.set_parameters("particle_filter", min_particles=500))
+    await_reason(graph, statuses, "objects, and mesh or codebook: which object is it? Give either of them")
+    assert all(result.successful for result in graph.set_parameters("particle_filter", objects=""))
     assert graph.change_state("particle_filter", "configure")
 
 

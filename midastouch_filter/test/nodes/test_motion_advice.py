@@ -106,6 +106,16 @@ def test_before_a_touch_there_is_no_advice(graph):
     assert "touches nothing" in result.message
 
 
+def test_the_papers_filter_gives_no_advice(graph):
+    touched(graph, preset="paper")
+    refused = ask(graph)
+    assert (refused.success, refused.message) == (
+        False,
+        "the paper's filter does not say where to touch next: set preset to balanced or fast",
+    )
+    assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
+
+
 @pytest.mark.parametrize("length", [-0.1, 3.0, math.nan, math.inf])
 def test_a_length_that_nobody_can_mean_is_refused(graph, length):
     bench = touched(graph)

@@ -13,7 +13,9 @@ def test_for_a_codebook_that_is_missing_the_very_command_is_named(mesh, named, t
     file.write_bytes(bundled_objects()["handle_tool"].read_bytes())
     path, codebook = bundled_objects().get(mesh, file), tmp_path / "book.npz"
     given = {"mesh": str(path), "codebook": str(codebook), "sensor_model": "digit_real", "tcn": "fast"}
-    source = ObjectSource(load_object, build_object, {**given, "object_folders": "", "seed": 0}, FilterConfig())
+    source = ObjectSource(
+        load_object, build_object, {**given, "object_folders": "", "seed": 0, "preset": "balanced"}, FilterConfig()
+    )
     with pytest.raises(InputError, match=r"book\.npz: no such codebook file") as caught:
         source.initial()
     options = f"--sensor digit_real --tcn fast --out {codebook}"

@@ -14,10 +14,11 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
+from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
-from midastouch_filter.nodes.filter_parameters import config_of
+from midastouch_filter.nodes.filter_parameters import PARAMETERS, config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
@@ -106,13 +107,15 @@ def test_code_handed_over_in_one_process(graph):
     ("parameters", "complaint"),
     [
         ({"max_partcles": 10}, "no parameter 'max_partcles'"),
-        ({"recovery": False}, "'recovery' is gone: .*recovery_fraction"),
-        ({"recovery_share": 0.2}, "'recovery_share' is gone: .*recovery_fraction.*FilterConfig"),
-        ({"mode_radius": 0.01}, "'mode_radius' is gone: .*FilterConfig"),
+        ({"min_particles": 500}, "'min_particles' is gone: hypotheses are Gaussians"),
+        ({"calibration": False}, "'calibration' is gone: .*drift_translation and drift_rotation"),
+        ({"relief_noise": 2e-4}, "'relief_noise' is gone: it is penetration_noise, a setting of FilterConfig"),
+        ({"keyframe_spacing": 0.02}, "'keyframe_spacing' is gone: .*FilterConfig"),
+        ({"initial_pose.x": 0.02}, "'initial_pose.x' is gone: initial_pose is one list now"),
         ({"suggestion_count": 2}, "'suggestion_count' is gone: .*count"),
         ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
-        ({"min_particles": 0}, "min_particles"),
-        ({"min_particles": 5000, "max_particles": 1000}, "min_particles"),
+        ({"refined_modes": 0}, "refined_modes"),
+        ({"initial_sigma": [0.02]}, "initial_sigma"),
         ({"codebook": "/data/mug.npz"}, "no mesh given"),
         ({"mesh": "/bad.ply", "codebook": "/a.npz"}, "not a mesh"),
     ],
@@ -123,13 +126,32 @@ def test_bad_parameters_fail_at_start(graph, parameters, complaint):
 
 
 def test_a_preset_gives_defaults_and_what_is_set_goes_over_it(graph):
-    node = graph.add(ParticleFilterNode, {"preset": "fast", "max_particles": 1234, "autostart": False})
+    fast = PRESETS["fast"]
+    node = graph.add(ParticleFilterNode, {"preset": "fast", "alignments_per_second": 1234, "autostart": False})
     config = config_of(node.parameters)
-    assert config.max_particles == 1234 != PRESETS["fast"]["max_particles"]
-    assert config.refined_modes == PRESETS["fast"]["refined_modes"]
+    assert config.alignments_per_second == 1234 != fast["alignments_per_second"]
+    assert config.refined_modes == fast["refined_modes"] != FilterConfig().refined_modes
     assert node.get_parameter("refined_modes").value == config.refined_modes
 
 
 def test_an_unknown_preset_ends_the_node(graph):
-    with pytest.raises(InputError, match=r"'preset'.*fast, balanced"):
+    with pytest.raises(InputError, match=r"'preset'.*fast, balanced, paper"):
         graph.add(ParticleFilterNode, {"preset": "quick"})
+
+
+def test_there_are_no_more_parameters_than_a_user_can_oversee():
+    assert len(PARAMETERS) <= 40
+
+
+def test_the_paper_preset_hears_no_maps(graph):
+    """Its filter knows codes only, so no code waits for a map."""
+    made = []
+
+    def load(*given):
+        made.append(given[-1])
+        return loader_of([])(*given)
+
+    bench = Bench(graph, load=load, **OBJECT, preset="paper", refinement=True)
+    assert bench.frame(SECOND, T_BASE_OBJ).state == "ambiguous"
+    assert made == [True]
+    assert graph.companion.count_subscribers("tactile/points") == 0

@@ -40,7 +40,7 @@ class ObjectBench(Bench):
         self.while_loading = lambda: None
         super().__init__(graph, self._load, **{**OBJECT, "transform_timeout": 600.0, **parameters})
 
-    def _load(self, mesh_path, codebook_path, config, seed):
+    def _load(self, mesh_path, codebook_path, config, seed, paper):
         if mesh_path.stem == "bad":
             raise InputError(f"{mesh_path}: not a mesh")
         if mesh_path.stem == "locked":
@@ -132,7 +132,7 @@ def test_of_sensor_models_of_the_users_own_the_files_are_named(graph, tmp_path):
 def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
     asked, growth = [], StubGrowth()
 
-    def build(mesh_path, network, sensor_model, config, seed):
+    def build(mesh_path, network, sensor_model, config, seed, paper):
         asked.append((mesh_path, network, sensor_model, seed))
         running = FakeFilter()
         running.object.density = "codebook of 5,000 poses, 6.0 mm apart"

@@ -1,1 +1,0 @@
-"""What is learnt, while sliding, of the mount, the clock and motions of the object."""

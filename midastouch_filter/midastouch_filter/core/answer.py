@@ -1,0 +1,132 @@
+"""What a belief answers: modes with weight and covariance, which object it is, and draws of the pose.
+
+Hypotheses nearer to each other than what counts as one pose, modulo symmetry, are one mode; its weight is their sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import midastouch_kernels as kernels
+from midastouch_common import se3
+
+from .alignment import Sighting, transform_covariance
+from .belief import Belief, pose_rows
+from .estimate import Mode
+from .noise_model import NoiseModel
+from .pose_hypothesis import alike, another
+
+_MOST_MODES, _GROUPED = 64, 200  # published; heaviest hypotheses that make them
+_NEGLIGIBLE = 1e-5  # probability of a hypothesis that makes no mode of its own
+_HARDLY_ANY = 1e-14  # m^2, rad^2: rounding can make a covariance without it singular
+
+
+@dataclass(frozen=True)
+class Group:
+    """One mode: weight; members (n,), numbers of its hypotheses, heaviest first; object, its number."""
+
+    weight: float
+    members: np.ndarray
+    object: int
+
+
+def grouped(belief: Belief) -> list[Group]:
+    """The modes of a belief, heaviest first; none while no hypothesis was tested."""
+    hypotheses = belief.hypotheses
+    if not len(hypotheses):
+        return []
+    probability = np.exp(hypotheses.log_weights - belief.total())
+    order = np.argsort(-probability, kind="stable")[:_GROUPED]
+    order = order[probability[order] >= min(_NEGLIGIBLE, probability[order[0]])]
+    groups: list[Group] = []
+    for number in np.unique(hypotheses.objects[order]):
+        own = order[hypotheses.objects[order] == number]
+        symmetry = belief.objects[number].symmetry.exact
+        differ, free = another(symmetry), np.ones(len(own), bool)
+        near = alike(hypotheses.poses[own]) if symmetry.trivial else None
+        for k in range(len(own)):
+            if free[k]:
+                same = near[k] if near is not None else ~differ(hypotheses.poses[own], hypotheses.poses[own[k]])
+                members = own[free & same]
+                free &= ~same
+                groups.append(Group(float(probability[members].sum()), members, int(number)))
+    return sorted(groups, key=lambda group: -group.weight)[:_MOST_MODES]
+
+
+def modes_of(
+    belief: Belief, groups: Sequence[Group], sightings: dict[int, Sighting], widening: float, noise: NoiseModel
+) -> list[Mode]:
+    """The groups on one object as modes at present, a mode's pose where it is seen best.
+
+    widening: factor on the covariance of what is seen.
+    """
+    hypotheses, total = belief.hypotheses, belief.total()
+    out = []
+    for group in groups:
+        first = int(group.members[0])
+        sighting = sightings.get(first)
+        if sighting is None:
+            pose = hypotheses.poses[first] @ belief.since
+            own = transform_covariance(hypotheses.covariances[first] + noise.jitter, belief.since)
+        else:
+            pose, own = sighting.pose, widening * (1.0 - sighting.fit + noise.residual_floor) * sighting.covariance
+        turn = se3.turn(pose[:3, :3])
+        covariance = turn @ own @ turn.T
+        if len(group.members) > 1:
+            fractions = np.exp(hypotheses.log_weights[group.members] - total) / group.weight
+            symmetry = belief.objects[group.object].symmetry.exact
+            others = symmetry.nearest(hypotheses.poses[group.members] @ belief.since, pose)
+            covariance = covariance + _scatter(others, fractions, pose)
+        out.append(Mode(group.weight, pose, covariance, len(group.members)))
+    return out
+
+
+def covariance_of(belief: Belief, modes: Sequence[Mode], noise: NoiseModel) -> np.ndarray:
+    """Covariance (6, 6) of the whole belief about the first mode's pose, in the order and axes of `Mode.covariance`.
+
+    A mode's own covariance says how well its pose is known if it is the right one. The published covariance also says
+    how far away the truth lies if it is another one.
+    """
+    first = modes[0]
+    others = modes[1:]
+    poses = [mode.pose for mode in others]
+    weights = [mode.weight for mode in others]
+    for some in belief.untested:
+        if len(some) and (mass := np.exp(some.log_weights - belief.total())).sum() > _NEGLIGIBLE:
+            rows = kernels.systematic(mass, 64, 0.5)
+            poses.extend(pose_rows(some, rows) @ belief.since)
+            weights.extend([float(mass.sum()) / 64] * 64)
+    if not poses:
+        return first.covariance
+    left = np.array(weights)
+    return first.covariance * (1.0 - min(left.sum(), 1.0)) + _scatter(np.stack(poses), left, first.pose)
+
+
+def _scatter(poses: np.ndarray, weights: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Second moment (6, 6) of position and rotation vector of weighted poses (n, 4, 4) about a centre (4, 4)."""
+    turned = poses[:, :3, :3] @ centre[:3, :3].T
+    offset = np.concatenate([poses[:, :3, 3] - centre[:3, 3], se3.log(se3.make(turned, np.zeros(3)))[:, 3:]], axis=1)
+    return np.einsum("n,ni,nj->ij", weights, offset, offset)
+
+
+def draws(belief: Belief, count: int, seed: int) -> np.ndarray:
+    """Poses (count, 4, 4) drawn from the mixture of hypotheses and untested poses, at present, equally weighted."""
+    rng = np.random.default_rng(seed)
+    hypotheses, total = belief.hypotheses, belief.total()
+    parts = [hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
+    chosen = kernels.systematic(np.exp(np.concatenate(parts) - total), count, rng.random())
+    starts = np.cumsum([0, *map(len, parts)])
+    out = []
+    own = chosen[chosen < starts[1]]
+    if len(own):
+        factors = np.linalg.cholesky(hypotheses.covariances[own] + _HARDLY_ANY * np.eye(6))
+        noise = np.einsum("nij,nj->ni", factors, rng.standard_normal((len(own), 6)))
+        out.append(hypotheses.poses[own] @ se3.exp(noise))
+    for number, some in enumerate(belief.untested):
+        rows = chosen[(chosen >= starts[number + 1]) & (chosen < starts[number + 2])] - starts[number + 1]
+        if len(rows):
+            out.append(pose_rows(some, rows))
+    return np.concatenate(out) @ belief.since

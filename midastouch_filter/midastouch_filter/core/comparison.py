@@ -1,0 +1,255 @@
+"""A belief compared with the touches of one keyframe: which hypotheses are aligned, in what order, and what they gain.
+
+Codes propose, maps decide. Every untested pose gains what the code says of it, at once. Then hypotheses are aligned to
+the keyframe's maps, the heaviest first, and after them the untested poses with the largest weights, which thereby
+become hypotheses. That is done in slices: what the time does not reach keeps what its code says. Hypotheses that can no
+longer matter are not aligned: even a map that they explain entirely would leave them too far behind.
+
+A map's evidence is absolute, a code's is relative to a pose at random; both are brought to one scale by the poses that
+were tested last: those of them whose codes are worst stand for the untested ones (docs/method.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .alignment import Alignments, Sighting
+from .belief import BEHIND, Belief, Hypotheses, pose_rows
+from .gates import Gates
+from .noise_model import NoiseModel
+from .touch import Measurement
+
+_OFF_SURFACE = 0.02  # m from any entry, where a gel can touch nothing; 1 rad counts as 10 mm
+_SEEN = 64  # hypotheses that are remembered as they were seen
+_DESCENTS, _DESCENTS_AGAIN = 4, 2  # at most, of a pose that is tested first, and of a hypothesis aligned before
+_ENOUGH = 8  # freshly tested poses that tell what an untested one may gain
+
+
+class Comparison:
+    """Compares a belief with what fingers touch at one keyframe.
+
+    Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weight in [0, 1],
+    how much of an independent touch they are; negligible: fraction of the weight that untested poses may keep without
+    being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading; noise; gates,
+    which count.
+
+    Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, where this
+    frame's maps have the hypotheses that were aligned first, by their numbers.
+    """
+
+    def __init__(
+        self,
+        belief: Belief,
+        touches: Sequence[Measurement],
+        log_ratios: Sequence[Sequence[np.ndarray]],
+        weight: float,
+        negligible: float,
+        most: int | None,
+        odometer: float,
+        noise: NoiseModel,
+        gates: Gates,
+    ):
+        self._belief, self._touches, self._log_ratios = belief, touches, log_ratios
+        self._weight, self._negligible, self._left, self._noise, self._gates = weight, negligible, most, noise, gates
+        self._odometer, self.done, self.paused = odometer, False, False
+        self.seen: dict[int, Sighting] = {}
+        hypotheses = belief.hypotheses
+        self._known = n = len(hypotheses)  # those after them are freshly tested
+        self._by_maps = belief.objects[0].alignment is not None
+        self._prior, self._support = hypotheses.log_weights.copy(), hypotheses.support.copy()
+        self._gain, self._evidence = np.full(n, np.nan), np.zeros(n)
+        self._fresh_gain: list[float] = []
+        self._fresh_code: list[float] = []
+        self._code = np.full(n, np.nan)
+        self._queue = np.argsort(-self._prior, kind="stable")
+        for number, some in enumerate(belief.untested):
+            if len(some):
+                some.log_weights = some.log_weights + weight * self._of_untested(number)
+
+    # ------------------------------------------------------------------ codes
+
+    def _of_untested(self, number: int) -> np.ndarray:
+        """Nats (n,) that the codes speak for each untested pose on an object; a gel off the surface gets the least."""
+        some, lookup = self._belief.untested[number], self._belief.objects[number].lookup
+        out = np.zeros(len(some))
+        for touch, of_object in zip(self._touches, self._log_ratios, strict=True):
+            log_ratio = of_object[number]
+            if touch.T_gel_finger is None:
+                distance = lookup.follow(some)
+                out += np.where(distance < _OFF_SURFACE, log_ratio[some.entries], log_ratio.min())
+            else:
+                out += self._of_poses(number, some.poses, touch, log_ratio)
+        return out
+
+    def _of_poses(self, number: int, poses: np.ndarray, touch: Measurement, log_ratio: np.ndarray) -> np.ndarray:
+        there = poses if touch.T_gel_finger is None else poses @ touch.T_gel_finger
+        entries = self._belief.objects[number].lookup.exact(there, within=_OFF_SURFACE)
+        return np.append(log_ratio, log_ratio.min())[entries].astype(float)
+
+    def _codes(self, index: np.ndarray) -> np.ndarray:
+        """Nats (n,) that the codes speak for hypotheses of an index (n,)."""
+        hypotheses, unknown = self._belief.hypotheses, index[np.isnan(self._code[index])]
+        for number in np.unique(hypotheses.objects[unknown]):
+            some = unknown[hypotheses.objects[unknown] == number]
+            self._code[some] = self._of_all(int(number), hypotheses.poses[some])
+        return self._code[index]
+
+    def _of_all(self, number: int, poses: np.ndarray) -> np.ndarray:
+        """Nats (n,) that the codes of all fingers speak for poses (n, 4, 4) on an object."""
+        pairs = zip(self._touches, self._log_ratios, strict=True)
+        return np.sum([self._of_poses(number, poses, touch, each[number]) for touch, each in pairs], axis=0)
+
+    # ------------------------------------------------------------------ slices
+
+    def work(self, count: int) -> int:
+        """Align up to `count` hypotheses; how many were. Sets `done` once nothing that matters is left."""
+        aligned = 0
+        while aligned < count and not (self.done or self.paused):
+            index = self._next(count - aligned)
+            if len(index):
+                self._align(index)
+                aligned += len(index)
+            else:
+                self.paused = self._left == 0 and self._matter
+                self.done = not self.paused
+        if aligned or self.done or self.paused:
+            self._weigh()
+        return aligned
+
+    def extend(self, count: int) -> None:
+        """Test so many further poses, if any matter: the gel is held still, and there is time to."""
+        if self.paused:
+            self._left, self.paused = count, False
+
+    def _next(self, count: int) -> np.ndarray:
+        """The hypotheses (n,) to align next; none if no further one matters."""
+        while len(self._queue):
+            index, self._queue = self._queue[:count], self._queue[count:]
+            within = self._prior[index] + self._weight * self._most_gain >= self._bound
+            if (hopeless := index[~within]).size:
+                self._gain[hopeless] = 0.0  # so far behind that it goes, whatever that says
+                self._gates.count("hopeless", len(hopeless))
+            if within.any():
+                return index[within]
+        return self._promoted(count)
+
+    @property
+    def _bound(self) -> float:
+        """Log-weight, with its gain, below which a hypothesis goes."""
+        known = ~np.isnan(self._gain)
+        if not known.any():
+            return -math.inf
+        return float((self._prior[known] + self._weight * self._gain[known]).max()) + BEHIND
+
+    @property
+    def _most_gain(self) -> float:
+        return len(self._touches) * float(self._noise.residual_evidence(0.0)) if self._by_maps else math.inf
+
+    def _promoted(self, count: int) -> np.ndarray:
+        """The heaviest untested poses as hypotheses (n,), if untested ones matter."""
+        self._weigh()
+        belief, hypotheses = self._belief, self._belief.hypotheses
+        count = count if self._left is None else min(count, self._left)
+        if count <= 0 or not self._matter:
+            return np.empty(0, int)
+        log_weights = np.concatenate([some.log_weights for some in belief.untested])
+        least = hypotheses.log_weights.max() + BEHIND if len(hypotheses) else -math.inf
+        count = min(count, len(log_weights))
+        best = np.argpartition(-log_weights, count - 1)[:count]
+        best = np.sort(best[log_weights[best] > least])
+        starts = np.cumsum([0, *map(len, belief.untested)])
+        for number in range(len(belief.objects)):
+            rows = best[(best >= starts[number]) & (best < starts[number + 1])] - starts[number]
+            if len(rows):
+                self._promote(number, rows)
+        if self._left is not None:
+            self._left -= len(best)
+        self._gates.count("promoted", len(best))
+        return np.arange(len(belief.hypotheses) - len(best), len(belief.hypotheses))
+
+    @property
+    def _matter(self) -> bool:
+        """Whether untested poses hold more of the weight than may be left to them."""
+        return any(map(len, self._belief.untested)) and self._belief.untested_mass >= self._negligible
+
+    def _promote(self, number: int, rows: np.ndarray) -> None:
+        some = self._belief.untested[number]
+        rows = rows[np.argsort(-some.log_weights[rows], kind="stable")]
+        taken, poses = self._belief.take(number, rows), pose_rows(some, rows)
+        code, support = self._of_all(number, poses), self._belief.support[number]
+        prior = taken.log_weights - self._weight * code  # the map says it instead
+        born = Hypotheses.at(poses, self._noise.between_entries, prior, number, support, self._odometer)
+        self._belief.hypotheses = self._belief.hypotheses.joined(born)
+        self._prior = np.append(self._prior, prior)
+        self._support = np.append(self._support, born.support)
+        self._gain = np.append(self._gain, np.full(len(rows), np.nan))
+        self._evidence = np.append(self._evidence, np.zeros(len(rows)))
+        self._code = np.append(self._code, code)
+
+    # ------------------------------------------------------------------ maps
+
+    def _align(self, index: np.ndarray) -> None:
+        """Align hypotheses of an index (n,) to the maps; without maps codes are the evidence."""
+        if not self._by_maps:
+            self._gain[index] = self._codes(index)
+            return
+        hypotheses = self._belief.hypotheses
+        poses, covariances, fit = hypotheses.poses.copy(), hypotheses.covariances.copy(), hypotheses.fit.copy()
+        for number in np.unique(hypotheses.objects[index]):
+            some = index[hypotheses.objects[index] == number]
+            found = self._aligned(int(number), some, hypotheses)
+            self._gain[some] = self._noise.residual_evidence(1.0 - found.fits).sum(axis=1)
+            moved = found.squared_innovation(hypotheses.poses[some], hypotheses.covariances[some] + self._noise.jitter)
+            self._evidence[some] = self._noise.object_evidence(1.0 - found.fits.min(axis=1), moved)
+            poses[some], covariances[some], fit[some] = found.poses, found.covariances, found.fits.min(axis=1)
+            if len(self.seen) < _SEEN:
+                self.seen.update(zip(some.tolist(), found.sightings(), strict=True))
+        self._belief.hypotheses = replace(hypotheses, poses=poses, covariances=covariances, fit=fit)
+        if (fresh := index[index >= self._known]).size:
+            self._fresh_gain.extend(self._gain[fresh])
+            self._fresh_code.extend(self._code[fresh])
+
+    def _aligned(self, number: int, index: np.ndarray, hypotheses: Hypotheses) -> Alignments:
+        """Of hypotheses on one object, ended early where one cannot matter any more."""
+        bound, needed = self._bound, None
+        if math.isfinite(bound) and self._weight > 0:
+            gain = (bound - self._prior[index]) / self._weight - (len(self._touches) - 1) * self._most_gain
+            needed = np.clip(1.0 - self._noise.residual_of(gain), 0.0, 1.0)
+        found = self._belief.objects[number].alignment.align_each(
+            hypotheses.poses[index],
+            hypotheses.covariances[index],
+            self._touches,
+            needed,
+            _DESCENTS if index[0] >= self._known else _DESCENTS_AGAIN,
+        )
+        self._gates.count("descents", int(found.descents.sum()))
+        return found
+
+    # ------------------------------------------------------------------ weights
+
+    def _weigh(self) -> None:
+        """Set the weights of all hypotheses to what they are by what was aligned so far."""
+        known = ~np.isnan(self._gain)
+        log_weights = self._prior.copy()
+        log_weights[known] += self._weight * self._gain[known] - self._level(known)
+        waiting = np.flatnonzero(~known)
+        log_weights[waiting] += self._weight * self._codes(waiting)
+        support = self._support + self._weight * self._evidence
+        self._belief.hypotheses = replace(self._belief.hypotheses, log_weights=log_weights, support=support)
+
+    def _level(self, known: np.ndarray) -> float:
+        """Nats that maps give a pose at random."""
+        if not self._by_maps or not known.any():
+            return 0.0
+        if len(self._fresh_gain) >= _ENOUGH:
+            gains = self._weight * np.array(self._fresh_gain)
+            worst = np.argsort(self._fresh_code, kind="stable")[: max(len(gains) // 2, _ENOUGH)]
+            # one more that fits as well as the best so far may always be among those that were not tested (Laplace)
+            among = np.append(gains[worst], self._weight * self._gain[known].max())
+            return float(np.logaddexp.reduce(among) - math.log(len(among)))
+        best = np.flatnonzero(known)[[int(np.argmax(self._gain[known]))]]
+        return float(self._weight * (self._gain[best] - self._codes(best))[0])

@@ -1,0 +1,90 @@
+"""The way of the gel by odometry: where it touched, how far it went since, and where it was in the air."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from midastouch_common import se3
+
+from .motion_model import Odometry
+from .pose_hypothesis import pose_distance
+
+_LIFT = 0.01  # m of path without contact; less is a gap in a slide
+_KEPT = 256  # places that were touched since the last lift
+_AIR_SPACING, _AIR_KEPT = 3e-3, 24  # m between poses in the air that are kept, the last ones
+
+
+class Track:
+    """Follows the first finger's gel.
+
+    Args: spacing [m] of keyframes along the path, turns included; correlation [m], path over which touches see nearly
+    the same patch.
+    Attributes: motion (4, 4) since the start; odometer [m], path since the start; path [m] since the last keyframe,
+    turns included; lifted, whether the gel was lifted since then.
+    """
+
+    def __init__(self, spacing: float, correlation: float):
+        self._spacing, self._correlation = spacing, correlation
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all."""
+        self.motion, self.odometer, self.path, self.lifted = np.eye(4), 0.0, np.inf, False
+        self._in_air, self._keyframe = 0.0, np.empty((0, 4, 4))
+        self._air: deque[np.ndarray] = deque(maxlen=_AIR_KEPT)
+        self._touched_at: deque[np.ndarray] = deque(maxlen=_KEPT)
+
+    def force(self) -> None:
+        """Take the next touch for a keyframe that is a new touch, even at rest."""
+        self.path = np.inf
+        self._touched_at.clear()
+
+    def moved(self, motion: Odometry | None, in_contact: bool) -> None:
+        """The gel moved, None if it did not or if that is unknown."""
+        if motion is not None:
+            self.motion = self.motion @ motion.transform
+            self.odometer += motion.path
+            self.path += motion.path
+        if in_contact:
+            self._in_air = 0.0
+            return
+        self._in_air += motion.path if motion is not None else 0.0
+        self.lifted |= len(self._keyframe) > 0 and self._in_air > _LIFT
+        if not self._air or pose_distance(self._air[-1], self.motion) > _AIR_SPACING:
+            self._air.append(self.motion)
+
+    def is_due(self, gels: np.ndarray) -> bool:
+        """Whether a touch by gels (F, 4, 4), in the frame of the first one, is a keyframe: far enough from the last one
+        for any of them, or with a further finger."""
+        if self.path >= self._spacing or len(gels) > len(self._keyframe):
+            return True
+        away = pose_distance(self._keyframe[:, None], self.motion @ gels).min(axis=0)
+        return bool(away.max() >= self._spacing)
+
+    def keep(self, gels: np.ndarray) -> float:
+        """Make the present touch, by gels (F, 4, 4) in the frame of the first one, a keyframe; how much of an
+        independent touch it is, in [0, 1]."""
+        if self.lifted:
+            self._touched_at.clear()
+        here = self.motion @ gels
+        weight = 1.0
+        if self._touched_at:
+            away = pose_distance(np.stack(self._touched_at)[:, None], here).min(axis=0).max()
+            weight = min(float(away) / self._correlation, 1.0)
+        self._touched_at.extend(here)
+        self.path, self.lifted, self._keyframe = 0.0, False, here
+        return weight
+
+    def free_space(self) -> np.ndarray:
+        """(A, 4, 4) of the gels that were in the air since this was last asked for, in the frame of the present one."""
+        seen, self._air = list(self._air), deque(maxlen=_AIR_KEPT)
+        return se3.inverse(self.motion) @ np.stack(seen) if seen else np.empty((0, 4, 4))
+
+    @property
+    def touched(self) -> np.ndarray:
+        """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present one."""
+        if not self._touched_at or self.lifted:
+            return np.empty((0, 4, 4))
+        return se3.inverse(self.motion) @ np.stack(self._touched_at)

@@ -1,1 +1,0 @@
-"""Alignment of narrow modes to the penetration maps of the present frame."""

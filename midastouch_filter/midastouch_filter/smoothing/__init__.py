@@ -1,1 +1,0 @@
-"""Comparison of pose hypotheses over the last touches."""

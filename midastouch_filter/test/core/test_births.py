@@ -1,0 +1,98 @@
+import math
+
+import numpy as np
+import pytest
+from filter_runs import hypotheses_at, model_of
+
+from midastouch_common import se3
+from midastouch_filter.core.belief import Belief
+from midastouch_filter.core.births import Births
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
+
+NOISE = NoiseModel.of(FilterConfig())
+ALL = 10_000
+
+
+@pytest.fixture(scope="module")
+def model(world):
+    return model_of(world)
+
+
+@pytest.fixture
+def belief(model):
+    return Belief([model])
+
+
+def mass(belief):
+    return np.exp(belief.total())
+
+
+def draws_near(belief, pose, reach):
+    """Fraction of the weight on poses nearer than `reach` [m] to a pose."""
+    hypotheses, some = belief.hypotheses, belief.untested[0]
+    poses = np.concatenate([hypotheses.poses, some.poses])
+    weights = np.exp(np.concatenate([hypotheses.log_weights, some.log_weights]) - belief.total())
+    return weights[pose_distance(poses, pose) < reach].sum()
+
+
+def test_from_nothing_known_every_entry_is_as_probable(belief, model):
+    Births(NOISE, ALL).anywhere(belief, 0.0)
+    (some,) = belief.untested
+    np.testing.assert_array_equal(some.entries, np.arange(8000))
+    np.testing.assert_allclose(some.poses, model.lookup.poses, atol=1e-6)
+    assert np.ptp(some.log_weights) == 0
+    assert mass(belief) == pytest.approx(1.0)
+
+
+def test_a_large_codebook_is_expected_in_part_as_its_builder_ordered_it(belief, model):
+    Births(NOISE, 500).anywhere(belief, 0.0)
+    np.testing.assert_array_equal(np.sort(model.order[belief.untested[0].entries]), np.arange(500))
+    assert mass(belief) == pytest.approx(1.0)
+
+
+def test_objects_share_alike_however_many_entries_they_have(model, world):
+    belief = Belief([model, model_of(world, world.make_codebook(world.poses[:300], world.codebook.codes[:300]))])
+    Births(NOISE, ALL).anywhere(belief, math.log(0.2))
+    np.testing.assert_allclose([np.exp(some.log_weights).sum() for some in belief.untested], [0.1, 0.1])
+
+
+@pytest.mark.parametrize(("sigma_t", "sigma_r", "reach"), [(1e-4, 1e-3, 0.01), (3e-3, 0.05, 0.015), (0.02, 0.3, 0.06)])
+def test_around_a_prior_its_neighbourhood_is_probable_however_sharp_it_is(belief, model, sigma_t, sigma_r, reach):
+    """Sharper than the entries are apart, too."""
+    pose = model.lookup.poses[100] @ se3.exp([2e-3, -2e-3, 0, 0, 0, 0.1])
+    Births(NOISE, ALL).anywhere(belief, 0.0, Prior(pose, sigma_t, sigma_r))
+    assert draws_near(belief, pose, reach) > 0.9
+    assert mass(belief) == pytest.approx(1.0)
+    assert len(belief.untested[0]) == 8000, "the prior may be wrong"
+
+
+def test_a_change_keeps_all_and_gives_its_probability_to_all_poses(belief):
+    belief.hypotheses = hypotheses_at(se3.translation([0, 0, 0.01])[None], np.array([3.0]))
+    assert Births(NOISE, ALL).after_change(belief, 0.25)
+    assert mass(belief) == pytest.approx(1.0)
+    assert belief.untested_mass == pytest.approx(0.25)
+    assert np.ptp(belief.untested[0].log_weights) == 0
+
+
+def test_changes_that_follow_each_other_do_not_add_up_without_end(belief):
+    births = Births(NOISE, ALL)
+    belief.hypotheses = hypotheses_at(np.eye(4)[None], np.zeros(1))
+    born = [births.after_change(belief, 0.1) for _ in range(10)]
+    assert born[0]
+    assert not born[-1]
+    assert len(belief) < 4 * 8000
+    assert mass(belief) == pytest.approx(1.0)
+
+
+def test_after_a_push_the_object_is_near_where_the_leading_hypotheses_have_it(belief):
+    poses = np.stack([se3.translation([0.1 * k, 0, 0]) for k in range(10)])
+    belief.hypotheses = before = hypotheses_at(poses, np.log(np.arange(10, 0, -1.0)))
+    Births(NOISE, ALL).after_push(belief)
+    born = belief.hypotheses.some(np.arange(10, len(belief.hypotheses)))
+    assert 0 < len(born) < 10
+    np.testing.assert_allclose(born.poses, poses[: len(born)])
+    assert (np.diagonal(born.covariances, axis1=1, axis2=2) > np.diag(before.covariances[0])).all()
+    assert (born.log_weights < before.log_weights[: len(born)]).all()
+    np.testing.assert_array_equal(belief.hypotheses.some(np.arange(10)).poses, before.poses)
