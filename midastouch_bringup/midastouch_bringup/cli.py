@@ -23,7 +23,6 @@ from .commands import (
     replay,
     run,
     simulate,
-    store_mount,
     time_offset,
     to_bag,
     train_tcn,
@@ -37,7 +36,7 @@ from .machine import package_version
 _SECTIONS = {
     "use": (demo, run, replay, view, doctor),
     "object": (download, build_codebook),
-    "sensor and arm": (capture_background, calibrate, time_offset, store_mount),
+    "sensor and arm": (capture_background, calibrate, time_offset),
     "recordings": (inspect, export, to_bag, simulate, foxglove),
     "networks": (train_tdn, train_tcn, import_weights),
 }

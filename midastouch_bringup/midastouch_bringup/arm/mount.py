@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, read_yaml
+from midastouch_common.files import read_yaml
 
 _ENTRIES = ("hand_eye", "gel", "optical")
 
@@ -40,20 +39,3 @@ def read_mount(
         # "xyz" in lower case: about the fixed axes, as in URDF
         mount.append((parent, sensor_prefix + child, se3.make(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)))
     return mount
-
-
-def correct_mount(frames: str | os.PathLike, out: str | os.PathLike, T_nominal_true: np.ndarray) -> np.ndarray:
-    """Write a copy of a frames file whose `hand_eye` puts the gel where it really is; returns that entry's change.
-
-    T_nominal_true (4, 4): the true gel frame in the one that `frames` has. The change (4, 4) is in the
-    housing's frame. Raises InputError as `read_mount`.
-    """
-    (_, _, T_tool_link), (_, _, T_link_gel), _ = read_mount(frames)
-    change = T_link_gel @ T_nominal_true @ se3.inverse(T_link_gel)
-    corrected = T_tool_link @ change
-    entries = read_yaml(frames, "frames")
-    entries["hand_eye"]["xyz"] = corrected[:3, 3].round(6).tolist()
-    entries["hand_eye"]["rpy"] = Rotation.from_matrix(corrected[:3, :3]).as_euler("xyz").round(6).tolist()
-    with atomic_path(out) as temporary:
-        temporary.write_text(yaml.safe_dump(entries, sort_keys=False))
-    return change

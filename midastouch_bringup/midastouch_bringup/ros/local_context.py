@@ -15,8 +15,6 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
-from midastouch_common.ros import qos
-from midastouch_msgs.msg import ArmCalibration
 
 from ..processes.local_domain import local_environment
 
@@ -87,16 +85,3 @@ def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Resp
             late = f"no answer within {_ANSWER_TIMEOUT_S:g} s"
             raise InputError(f"{client.service_name}: {late}; see the log of its node")
         return answer.result()
-
-
-def learnt_calibration(namespace: str, timeout: float = 10.0) -> ArmCalibration:
-    """The message kept on `calibration` in the namespace; InputError if none comes within `timeout` seconds."""
-    received: list[ArmCalibration] = []
-    with node_for_once("store_mount", namespace) as node:
-        subscription = node.create_subscription(ArmCalibration, "calibration", received.append, qos.latched())
-        if not spin_until(node, lambda: received, timeout):
-            raise InputError(
-                f"{subscription.topic_name}: nothing is published there; is the filter running, with this "
-                "ROS_DOMAIN_ID, and did it converge? Another namespace: --namespace"
-            )
-    return received[-1]

@@ -1,5 +1,8 @@
 """`midastouch capture-background` beside a node that has the service."""
 
+import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -31,3 +34,21 @@ def test_the_answer_is_told(graph, capsys, taken, code):
 def test_a_service_that_nobody_offers_is_named(graph):
     with pytest.raises(InputError, match=r"/left/capture_background.*--namespace"):
         trigger("capture_background", "left", timeout=0.2)
+
+
+def test_a_namespace_that_is_none_is_refused():
+    with pytest.raises(InputError, match=r"--namespace a b: .*alphanumerics"):
+        trigger("capture_background", "a b", timeout=0.2)
+
+
+def test_where_ros_does_not_start_that_is_said(tmp_path):
+    (tmp_path / "a_file").touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "midastouch_bringup.cli", "capture-background"],
+        env={**os.environ, "ROS_LOG_DIR": str(tmp_path / "a_file" / "logs")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("midastouch: error: ROS does not start: ")
+    assert "Traceback" not in done.stderr

@@ -27,7 +27,7 @@ class StallingFilter(FakeFilter):
         return super().step(odometry, dataclasses.replace(measurement, network_id="fake"), others, elapsed)
 
 
-def load(mesh_path, codebook_path, config, seed) -> LoadedObject:
+def load(mesh_path, codebook_path, config, seed, paper) -> LoadedObject:
     """An object, the second one after a long time."""
     if mesh_path.stem == "cup":
         time.sleep(STALL_S)

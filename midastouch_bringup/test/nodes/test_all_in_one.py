@@ -90,8 +90,6 @@ def parameters(touches: Touches, tmp_path: Path) -> dict[str, dict]:
     background = str(tmp_path / "background.png")
     cv2.imwrite(background, BACKGROUND)
     queue = {"queue_depth": 50, "reliable": True}
-    x, y, z = touches.poses[0][:3, 3].tolist()
-    roll, pitch, yaw = _euler(touches.poses[0][:3, :3])
     return {
         "tdn": {**queue, "background": background},
         "tcn": queue,
@@ -100,10 +98,8 @@ def parameters(touches: Touches, tmp_path: Path) -> dict[str, dict]:
             "mesh": str(touches.mesh),
             "codebook": str(touches.codebook),
             "init_mode": "pose",
-            **{f"initial_pose.{k}": v for k, v in zip(("x", "y", "z"), (x, y, z), strict=True)},
-            **{f"initial_pose.{k}": v for k, v in zip(("roll", "pitch", "yaw"), (roll, pitch, yaw), strict=True)},
-            "initial_pose.sigma_translation": 0.003,
-            "initial_pose.sigma_rotation": 0.15,
+            "initial_pose": [*touches.poses[0][:3, 3].tolist(), *_euler(touches.poses[0][:3, :3])],
+            "initial_sigma": [0.003, 0.15],
             "max_particles": 3000,
             "threads": 1,
             "input_timeout": 1000.0,
