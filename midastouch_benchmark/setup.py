@@ -29,7 +29,6 @@ setup(
         "opencv-contrib-python-headless",
         "pandas",
         "pillow",
-        "pykdtree",
         "scikit-learn",
         "scipy",
         "tabulate",

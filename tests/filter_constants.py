@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent / "midastouch_filter" / "midastouch_filter"
-CLASSES = {"core/noise_model.py": ("NoiseModel", "Effort"), "core/config.py": ("FilterConfig",)}
+CLASSES = {"core/noise_model.py": ("NoiseModel",), "core/config.py": ("FilterConfig",)}
 _FIELDS = ("_number", "_switch")  # of FilterConfig: the default is the first argument
 _CALCULATION = (
     ast.Constant, ast.Tuple, ast.List, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name,

@@ -29,7 +29,6 @@ def folder(tmp_path_factory):
 ARGUMENTS = {
     "localise_offline": [],
     "own_network": ["out/slide", POSES],
-    "own_motion_model": ["out/slide"],
 }
 
 

@@ -12,7 +12,6 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_msgs import action
 from midastouch_msgs.msg import (
-    ArmCalibration,
     ExplorerStatus,
     FilterStatus,
     PoseMode,
@@ -42,14 +41,6 @@ FIELDS = {
         "symmetry_free": "string",
         "symmetry_axis": "geometry_msgs/Vector3",
         "symmetry_centre": "geometry_msgs/Point",
-    },
-    ArmCalibration: {
-        "header": "std_msgs/Header",
-        "mount": "geometry_msgs/PoseWithCovariance",
-        "clock_offset": "double",
-        "clock_offset_sigma": "double",
-        "known": "boolean[7]",
-        "touches": "uint32",
     },
     FilterStatus: {
         "header": "std_msgs/Header",

@@ -69,7 +69,7 @@ def answer() -> None:
 
 
 def test_every_message_service_and_action_goes_to_another_process_and_back():
-    assert [len(interfaces(kind)) for kind in ("msg", "srv", "action")] == [14, 3, 5]
+    assert [len(interfaces(kind)) for kind in ("msg", "srv", "action")] == [13, 3, 5]
     context = rclpy.Context()
     rclpy.init(context=context)
     node = Node("this_process", context=context)

@@ -16,11 +16,11 @@ from midastouch_bringup.inspection import require_open3d
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
-from midastouch_filter.core import initialisation
 from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED, UNINITIALISED, Status
 from midastouch_filter.core.touch import MAP_SCALE
+from midastouch_filter.paper_filter import gaussian_poses, uniform_entries
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 
@@ -60,12 +60,12 @@ class DeadReckoning:
 
     def initialise_uniform(self) -> None:
         """Start anywhere on the surface."""
-        entry = initialisation.uniform_entries(len(self._book), 1, self._rng)[0]
+        entry = uniform_entries(len(self._book), 1, self._rng)[0]
         self._start(self._book[entry], self._diagonal, np.pi)
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start at a draw around a prior `T_obj_gel` (4, 4) with sigma_t [m] and sigma_r [rad] per axis."""
-        drawn = initialisation.gaussian_poses(prior, sigma_t, sigma_r, 1, self._rng)[0]
+        drawn = gaussian_poses(prior, sigma_t, sigma_r, 1, self._rng)[0]
         self._start(self._book[np.argmin(geodesic_distances(self._book, drawn))], sigma_t, sigma_r)
 
     def _start(self, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:

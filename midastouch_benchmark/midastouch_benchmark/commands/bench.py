@@ -62,10 +62,9 @@ def run(args: argparse.Namespace) -> int:
     result = slide.result(codebook_size=len(codebook.poses), frames=args.frames)
     measured = (
         speed.networks,
-        speed.filter,
+        speed.localisation,
+        speed.alignment,
         speed.lookup,
-        speed.end_to_end,
-        speed.four_modes,
         lambda: pose_age(speed.stepper()),
         lambda: node_start(mesh.path, cached_codebook_path(mesh.name, args.codebook_size)),
         speed.simulator,

@@ -1,4 +1,4 @@
-"""`midastouch bench-scale`: time and memory of the filter over particles and codebook poses."""
+"""`midastouch bench-scale`: time and memory of the filter over hypotheses and codebook poses."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def add_parser(subparsers) -> None:
         subparsers,
         "bench-scale",
         run,
-        "measure how time and memory of the filter grow with particles and codebook poses",
+        "measure how time and memory of the filter grow with hypotheses and codebook poses",
         "midastouch bench-scale --json out/scale.json",
         "On a bundled object, whose codebooks are built first and kept in out/: some 500 s for a million poses on two\n"
-        "cores. Each filter runs in a process of its own, its number of particles kept. Nothing is said of errors:\n"
-        "those are set against time by `midastouch benchmark --variant front`.",
+        "cores. Each filter runs in a process of its own and starts with nothing known. Errors are not measured: see\n"
+        "`midastouch benchmark --variant front`.",
     )
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
     for option, what in (
-        ("--particles", "with 50,000 poses (default 100 to a million)"),
-        ("--poses", "with 50,000 particles (default 1,000 to a million)"),
+        ("--particles", "poses that are hypotheses at the start, of a codebook of 50,000 (default 100 to 50,000)"),
+        ("--poses", "of the codebook, 50,000 of them hypotheses at the start (default 1,000 to a million)"),
     ):
         parser.add_argument(option, nargs="+", type=arguments.positive_int, metavar="N", help=what)
     parser.add_argument("--frames", type=arguments.positive_int, default=60, help="of the slide (default 60)")
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
     measurements = Touches.perceive(sequence, networks).measurements
-    slide = Slide(measurements, sequence.poses_measured, sequence.poses_true[0])
+    slide = Slide(measurements, sequence.poses_measured)
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"

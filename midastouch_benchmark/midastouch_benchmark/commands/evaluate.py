@@ -145,7 +145,6 @@ def _identify(
 
     from midastouch_bringup.machine import machine_info
     from midastouch_common.errors import InputError
-    from midastouch_filter.core.noise_model import NoiseModel
     from midastouch_filter.identification.catalogue import read_catalogue
 
     from ..tables.table import listed, terminal
@@ -158,7 +157,7 @@ def _identify(
         command = options.how_to_build(str(path), sensor, args.tcn)
         raise InputError(f"{path}: not a codebook; build it: {command}")
 
-    catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config), sensor)
+    catalogue = read_catalogue([Path(each) for each in args.objects], build, config, sensor)
     trials = []
     for sequence, free in zip(sequences, untouched, strict=True):
         indices = plan.frame_indices(sequence)

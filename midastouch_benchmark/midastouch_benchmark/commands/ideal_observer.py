@@ -1,4 +1,4 @@
-"""`midastouch ideal-observer`: how far the filter is from what could be known by comparing every pose."""
+"""`midastouch ideal-observer`: how far the filter is from what it would know without a budget."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ def add_parser(subparsers) -> None:
         run,
         "measure how far the filter is from what could be known: from comparing every pose with all touches",
         "midastouch ideal-observer --objects cad --slides 1 --codebook-size 10000 --json out/observer.json",
-        "An observer without a budget gets the touches and the odometry of the filter, and compares every pose of the\n"
-        "codebook with them by the same measurement model: penetration maps, codes or both. The slides of a protocol\n"
-        "tell from which path on either knows where it is, how soon after a kidnap, and how often nobody can.\n"
+        "The observer is the filter without a budget: it compares every pose of the codebook with the same touches,\n"
+        "by penetration maps or by codes. The slides of a protocol show from which path on either knows where it is,\n"
+        "how soon after a kidnap, and how often neither can.\n"
         "--protocol: uniform (nothing known at the start), plain (paper's start), lift or kidnap (on the way).\n"
-        "Slides, codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
+        "Slides, codebooks and finished trials are kept in --out: the same command continues where it was stopped.",
     )
     parser.add_argument("--protocol", default="uniform", metavar="NAME", help="see above (default uniform)")
     parser.add_argument(
-        "--evidence", nargs="+", choices=("maps", "codes", "both"), help="what the observer compares (default: each)"
+        "--evidence", nargs="+", choices=("maps", "codes"), help="what the observer compares (default: each)"
     )
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: the protocol's)")
@@ -43,9 +43,8 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.observing import observing_table
     from ..tables.table import terminal
     from ..trials.cache import Cache
-    from ..trials.ideal_observer import EVIDENCE
     from ..trials.object_sets import chosen_meshes
-    from ..trials.observed_slides import ObservedPlan, chosen_observed, run_observed
+    from ..trials.observed_slides import EVIDENCE, ObservedPlan, chosen_observed, run_observed
     from ..trials.protocols import PROTOCOLS
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
@@ -60,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     meshes = chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "slide") as workforce:
         trials, missing = run_observed(plan, meshes, TrialLog(folder / "observed.jsonl"), workforce)
-    summary = summarise_observing(trials, evidence, config.smoothing_spacing)
+    summary = summarise_observing(trials, evidence, config.keyframe_spacing)
     result = {
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
         "machine": machine_info(),

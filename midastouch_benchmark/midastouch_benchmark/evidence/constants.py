@@ -17,7 +17,7 @@ import midastouch_filter
 import midastouch_perception
 import midastouch_perception.sensor_calibration
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.noise_model import Effort, NoiseModel
+from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.presets import PRESETS
 
 from ..trials.setup import Networks
@@ -45,7 +45,7 @@ def of_calibration() -> Constants:
 def of_filter() -> Constants:
     """Those of the filter, with its settings and those of the presets."""
     config = FilterConfig()
-    fields = [dataclasses.asdict(each) for each in (config, NoiseModel.of(config), Effort())]
+    fields = [dataclasses.asdict(each) for each in (config, NoiseModel.of(config))]
     out = _of_package(midastouch_filter)
     for name, value in [*_flat({"preset": PRESETS}), *(pair for each in fields for pair in _flat(each))]:
         if name not in _OF_THE_MACHINE:

@@ -14,10 +14,10 @@ from midastouch_filter.active_touch.suggestion import Advisor, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.state import STATES
+from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.identification.catalogue import Catalogue
-from midastouch_filter.identification.identification import Identification
 
 from ..trials import disturbances
 from ..trials.protocols import PROTOCOLS
@@ -28,8 +28,8 @@ from .scene import Scene
 
 _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.1)
 """What matters to nobody, of each number of `_answer`: m, entries of a rotation, masses, logarithms, nats, a state."""
-_FEW = {"max_particles": 1_000, "kld_sampling": False}
-"""Settings of most probes: one particle more or less would give every other one another random number."""
+_FEW = {"max_particles": 1_000}
+"""Settings of most probes."""
 _MOST = 16  # frames
 _ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in what is touched, by what
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
@@ -94,15 +94,14 @@ def _answer(estimate: Estimate) -> list[float]:
 
 def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfig) -> Probe:
     """Probabilities of the objects and of none, and where the leading one is touched."""
-    noise = NoiseModel.of(config)
-    catalogue = Catalogue.of([(each.mesh, each.codebook, None) for each in scenes], noise)
-    identification, rows = Identification(catalogue, config, noise), []
+    about = config, NoiseModel.of(config), Workers(config.threads)
+    particle_filter = ParticleFilter.on([ObjectModel(each.mesh, each.codebook, *about) for each in scenes], config)
+    particle_filter.initialise_uniform()
+    rows = []
     for frame, odometry in with_odometry(frames):
-        identification.step(odometry, frame.measurement)
-        now = identification.identity
-        of = {each.name: each.probability for each in now.objects}
-        best = now.leading.hypotheses[0].pose if now.leading.hypotheses else np.zeros((4, 4))
-        rows.append([now.unknown, *(of.get(each.mesh.name, 0.0) for each in scenes), *best[:3, 3]])
+        estimate = particle_filter.step(odometry, frame.measurement, elapsed=frame.seconds)
+        probabilities, unknown = particle_filter.identity
+        rows.append([unknown, *probabilities, *estimate.pose[:3, 3]])
     return Probe(np.array(rows), [3e-3] * 3 + [2e-5] * 3)
 
 

@@ -120,8 +120,8 @@ def scenes() -> list[Scene]:
 def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[str]]:
     """By part, what every run of the code has otherwise, its own or what it depends on.
 
-    runs: the first as the inputs are, others with nudged ones: where a particle more or less happens to lead
-    elsewhere, one of them agrees, and where the code has changed, none does.
+    runs: the first as the inputs are, others with nudged ones: where the last bit of a weight decides which hypothesis
+    leads, one of them agrees; where the code has changed, none does.
     """
     changed = {}
     for part, one in committed.items():

@@ -1,12 +1,13 @@
-"""Fit what the filter assumes of the evidence of touches: what makes its own comparisons as often right as they claim.
+"""Fit what the filter assumes of the evidence of touches, so that its probabilities are right as often as they claim.
 
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--meshes ../shared/meshes/ycb] [--slides 2] [--every 4]
 
-The filter slides over random parts with sharp edges, random shapes and, if there is a folder of them, training scans;
-nothing is known at the start. At every comparison on the way the truth tells which hypotheses are right. Printed are
-the constants of `midastouch_filter/core/noise_model.py` by which these are the most probable: all three, and
-`map_patches` alone with the others as they are; what one half of the objects says on the other; and how often the
-surest hypothesis is right. The mathematics: docs/internals.md. No test object is seen.
+Slides over random parts with sharp edges, random shapes and, if there is a folder of them, training scans are cut into
+pieces. On each piece a filter starts with nothing known; the modes that its first touch leaves are followed over the
+other touches, and the truth tells which of them are right. Printed are the constants of
+`midastouch_filter/core/noise_model.py` by which these are the most probable: all three, and `map_patches` alone with
+the others as they are; what one half of the objects gives on the other; and how often the surest hypothesis is right.
+The mathematics: docs/internals.md. No test object is seen.
 """
 
 from __future__ import annotations
@@ -23,18 +24,17 @@ from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.pose_hypothesis import another
+from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.simulation.procedural import random_shape
 from midastouch_perception.simulation.random_parts import random_part
 
-from .comparisons import comparisons
+from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of
 
-CONFIG = FilterConfig(threads=1)
-NOISE = NoiseModel.of(CONFIG)
-FIRST = 100  # number of the first slide: `midastouch benchmark` judges by those from 0 on
 LENGTH = 0.5  # m of a slide
+PIECE = 80  # frames, 0.12 m: some ten keyframes
 DIAGONAL = 0.045, 0.2  # m, of objects made by code
 FREE = ("map_patches", "residual_floor", "touch_correlation")
 ALONE = ("map_patches",)
@@ -44,8 +44,8 @@ _MOST = 20.0  # nats: a truth that was all but excluded surprises no more
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """A comparison of P hypotheses by K maps: residual_ratio (P, K) and weights (K,) as of `Contest`; right (P,), which
-    of them are."""
+    """A comparison of P hypotheses by K maps: residual_ratio (P, K), fraction of each that is left unexplained; weights
+    (K,), how much of an independent touch each is; right (P,), which hypotheses are."""
 
     residual_ratio: np.ndarray
     weights: np.ndarray
@@ -64,12 +64,27 @@ class Judged:
 
 def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
     """The comparisons of two or more hypotheses on slide `number` over an object."""
-    for truth, comparison in comparisons(cache, mesh, mesh, number, CONFIG):
-        contest = comparison.contest
-        if len(contest.hypotheses) > 1:
-            poses = np.stack([each.pose for each in contest.hypotheses])
-            right = Yardstick.of(mesh, comparison.symmetry).right(poses, truth)
-            yield Judged(contest.residual_ratio, contest.weights, right)
+    particle_filter, frames = ParticleFilter(mesh, cache.codebook(mesh), CONFIG), cache.frames(mesh, number)
+    alignment, symmetry = particle_filter.object.alignment, particle_filter.object.symmetry.exact
+    for start in range(0, len(frames) - PIECE, PIECE):
+        particle_filter.reset(0)
+        particle_filter.initialise_uniform()
+        found = keyframes(particle_filter, frames[start : start + PIECE])
+        first = next(found)
+        leading = np.array([group.members[0] for group in particle_filter.groups], int)
+        hypotheses = particle_filter.belief.hypotheses.some(leading)
+        ratios, weights, last = [1.0 - hypotheses.fit], [first.weight], first
+        for last in found:
+            hypotheses, ratio, _ = follow(hypotheses, last, alignment)
+            ratios.append(ratio)
+            weights.append(last.weight)
+        residual_ratio, differ, kept = np.stack(ratios, axis=1), another(symmetry), []
+        for i in np.argsort(residual_ratio.mean(axis=1), kind="stable"):  # those that have met are one
+            if not kept or differ(hypotheses.poses[kept], hypotheses.poses[i]).all():
+                kept.append(i)
+        if len(kept) > 1:
+            right = Yardstick.of(mesh, symmetry).right(hypotheses.poses[kept], last.frame.truth)
+            yield Judged(residual_ratio[kept], np.array(weights), right)
 
 
 def surprise(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> float:
@@ -82,14 +97,17 @@ def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseMo
 
     def assumed(parameters: np.ndarray) -> NoiseModel:
         noise = dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters).tolist(), strict=True)))
-        # a weight is cut at one, so it does not tell what a longer correlation would make of it
-        return dataclasses.replace(noise, touch_correlation=min(noise.touch_correlation, NOISE.touch_correlation))
+        # a weight is cut at one, so it does not show what a longer correlation would make of it: fold such lengths back
+        longest, length = NOISE.touch_correlation, noise.touch_correlation
+        return dataclasses.replace(noise, touch_correlation=min(length, longest**2 / length))
 
+    start = np.log([getattr(NOISE, name) for name in names])
+    simplex = start - np.vstack([np.zeros(len(names)), np.eye(len(names))])
     found = minimize(
         lambda parameters: surprise(objects, assumed(parameters)),
-        np.log([getattr(NOISE, name) for name in names]),
+        start,
         method="Nelder-Mead",
-        options={"maxiter": 150, "xatol": 0.01, "fatol": 1e-4},
+        options={"maxiter": 150, "xatol": 0.01, "fatol": 1e-4, "initial_simplex": simplex},
     )
     return assumed(found.x)
 

@@ -1,15 +1,14 @@
-"""Fit what the filter assumes of touches on objects that are in a catalogue, and on those that are not.
+"""Fit what the filter assumes of touches on objects that it knows, and on those that it does not.
 
 .venv/bin/python -m midastouch_benchmark.fits.identity --meshes ../shared/meshes/ycb [--slides 2] [--every 1]
 
-Training scans are shared out at random to catalogues of each size. Each object is slid over, once with its catalogue,
-once with the catalogue without it. A catalogue of one is the filter that knows one object: it gets touches of that, and
-of the next one; so do random parts with sharp edges. What makes the probabilities of the object, or of `unknown`, say
-the truth as often as they claim, after every comparison on the way, is printed: constants of
-`midastouch_filter/core/noise_model.py`. The mathematics: docs/internals.md. No test object is seen, nor any of the ten
-further ones for judging.
+Training scans are shared out at random to sets of each size. Each object is slid over, once by a filter that knows its
+set, once by one that knows the set without it. A filter that knows one object gets touches of that, and of the next
+one; so do random parts with sharp edges. Printed are the constants of `midastouch_filter/core/noise_model.py` that make
+the probabilities of the object, or of none, the truth as often as they claim, after every keyframe on the way. The
+mathematics: docs/internals.md. No test object is seen, nor any of the ten further ones for judging.
 
-`--catalogues 1` takes ten minutes and fits what holds for a single object; the others take an hour.
+`--sets 1` takes ten minutes and fits what holds for a single object; the others take an hour.
 """
 
 from __future__ import annotations
@@ -18,29 +17,25 @@ import dataclasses
 import itertools
 import sys
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import minimize
 
 from midastouch_benchmark.trials import disturbances
-from midastouch_benchmark.trials.cache import Cache
-from midastouch_benchmark.trials.disturbances import Disturbance
-from midastouch_benchmark.trials.trial import with_odometry
+from midastouch_benchmark.trials.disturbances import Disturbance, Scene
+from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.identification.catalogue import Catalogue
-from midastouch_filter.identification.identification import Identification
-from midastouch_filter.smoothing.contest import Contest
+from midastouch_filter.core.noise_model import LEAST_UNKNOWN, NoiseModel
+from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.workers import Workers
+from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.simulation.random_parts import random_part
 
-from .comparisons import comparisons
+from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of
 
-CONFIG = FilterConfig(threads=1)
-NOISE = NoiseModel.of(CONFIG)
-FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
-HALF = 0.5  # of the slides are over an object that is not in the catalogue
+HALF = 0.5  # of the slides are over an object that the filter does not know
 FITTED = ("between_objects", "foreign_residual", "innovation_cost")
 DISTURBED = (
     disturbances.plain,
@@ -49,121 +44,119 @@ DISTURBED = (
     disturbances.push,
     disturbances.slow_camera,
 )
-"""What happens on slides over a single object, by turns, where that is asked for: an arm or an object that moves
-otherwise than it is said to must not be taken for another object."""
-ALONE = ("alone_residual", "alone_innovation_cost")  # of a catalogue of one
+"""What happens on slides over a single object, by turns, if that is asked for: an arm or an object that moves otherwise
+than it is reported must not be taken for another object."""
 REFUSED = 0.95  # probability of another object from which on the state says so
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 
+
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """contests: comparisons on the way over one object; truth, its number in the catalogue, None if it is not in there;
-    objects, number of objects in the catalogue."""
+    """Of K keyframes and O objects: weights (K,); residual_ratio and squared_innovation (K, O), those of the leading
+    hypothesis on each object, nan if there is none; truth, number of the touched object, O if it is unknown."""
 
-    contests: list[Contest]
-    truth: int | None
-    objects: int
+    weights: np.ndarray
+    residual_ratio: np.ndarray
+    squared_innovation: np.ndarray
+    truth: int
 
-    def probabilities(self, contest: Contest, noise: NoiseModel) -> tuple[np.ndarray, float]:
-        """Probabilities (objects,), and that of none of them."""
-        probabilities, unknown = contest.posterior(noise, self.objects, HALF)
-        return np.bincount(contest.owner, probabilities, self.objects), unknown
+    def probabilities(self, noise: NoiseModel) -> np.ndarray:
+        """(K, O + 1) of each object, and of none of them, after each keyframe."""
+        gains = np.nan_to_num(noise.object_evidence(self.residual_ratio, self.squared_innovation))
+        support, out = np.zeros(gains.shape[1]), []
+        for gain in self.weights[:, None] * gains:
+            support = np.minimum(support + gain, -np.log(LEAST_UNKNOWN))
+            odds = np.append((1.0 - HALF) / len(support) * np.exp(support), HALF)
+            out.append(odds / odds.sum())
+        return np.array(out)
 
     def surprise(self, noise: NoiseModel) -> float:
         """Mean nats by which the truth surprises along the slide."""
-        of_truth = []
-        for contest in self.contests:
-            probabilities, unknown = self.probabilities(contest, noise)
-            of_truth.append(unknown if self.truth is None else probabilities[self.truth])
-        return float(-np.log(np.maximum(of_truth, _IMPOSSIBLE)).mean())
-
-    def unknown(self, noise: NoiseModel) -> float:
-        """Probability at the end that it is none of the objects."""
-        return self.probabilities(self.contests[-1], noise)[1]
-
-    def is_right(self, noise: NoiseModel) -> bool:
-        """Whether the most probable answer at the end is."""
-        probabilities, unknown = self.probabilities(self.contests[-1], noise)
-        return (
-            unknown > probabilities.max()
-            if self.truth is None
-            else probabilities[self.truth] >= max(probabilities.max(), unknown)
-        )
+        return float(-np.log(np.maximum(self.probabilities(noise)[:, self.truth], _IMPOSSIBLE)).mean())
 
 
-def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
-    """What a catalogue makes of a slide over an object."""
-    identification = Identification(catalogue, CONFIG, NOISE)
-    contests = []
-    for frame, odometry in with_odometry(cache.frames(mesh, number)):
-        if identification.step(odometry, frame.measurement):
-            contests.append(identification.contest)
-    names = [entry.name for entry in catalogue.entries]
-    return Slide(contests, names.index(mesh.name) if mesh.name in names else None, len(names))
+def slid(
+    known: Sequence[ObjectModel], touched: ObjectMesh, frames: list[TrialFrame], disturb: Disturbance, seed: int
+) -> Slide | None:
+    """A slide over an object, by a filter that knows some objects; None if there is only one keyframe."""
+    running = ParticleFilter.on(known, CONFIG)
+    running.initialise_uniform()
+    weights, rows, leading = [], [], {}
+    for keyframe in keyframes(running, disturb(Scene(frames, np.random.default_rng(seed))).frames):
+        found = {k: follow(one, keyframe, known[k].alignment)[1:] for k, one in leading.items()}
+        if found:
+            weights.append(keyframe.weight)
+            rows.append([np.ravel(found.get(k, (np.nan, np.nan))) for k in range(len(known))])
+        hypotheses = running.belief.hypotheses
+        order = np.argsort(-hypotheses.log_weights, kind="stable")
+        numbers, first = np.unique(hypotheses.objects[order], return_index=True)
+        leading = {int(k): hypotheses.some(order[[i]]) for k, i in zip(numbers, first, strict=True)}
+    names = [model.mesh.name for model in known]
+    truth = names.index(touched.name) if touched.name in names else len(names)
+    return Slide(np.array(weights), *np.moveaxis(np.array(rows), 2, 0), truth) if rows else None
 
 
-def slid_alone(cache: Cache, mesh: ObjectMesh, touched: ObjectMesh, number: int, disturb: Disturbance) -> Slide:
-    """What a filter that knows one object, and nothing else, makes of a slide over that, or over another one."""
-    contests = [each.contest for _, each in comparisons(cache, mesh, touched, number, CONFIG, disturb)]
-    return Slide(contests, 0 if touched is mesh else None, 1)
+def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[str], str]]:
+    """Names of the objects that a filter knows, in sets of this size, and of the one it touches, which it knows half of
+    the time."""
+    if size == 1:
+        alone = [*scans, *parts]
+        return [([name], touched) for k, name in enumerate(alone) for touched in (name, alone[k - 1])]
+    sets = [group.tolist() for group in np.array_split(scans, max(round(len(scans) / size), 1))]
+    return [
+        (known, name) for some in sets for name in some for known in (some, [each for each in some if each != name])
+    ]
 
 
-def fit(names: Sequence[str], slides: list[Slide]) -> None:
-    """Print the constants of these names that fit the slides best, and how often the answers are right with them."""
-    if not slides:
-        return
+def fit(slides: list[Slide]) -> None:
+    """Print the constants that fit the slides best, and how often the answers are right with them."""
 
     def assumed(parameters: np.ndarray) -> NoiseModel:
-        return dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters), strict=True)))
+        return dataclasses.replace(NOISE, **dict(zip(FITTED, np.exp(parameters).tolist(), strict=True)))
 
     found = minimize(
         lambda parameters: np.mean([slide.surprise(assumed(parameters)) for slide in slides]),
-        np.log([getattr(NOISE, name) for name in names]),
+        np.log([getattr(NOISE, name) for name in FITTED]),
         method="Nelder-Mead",
         options={"maxiter": 150, "xatol": 0.02, "fatol": 1e-3},
     )
-    print(*(f"{name} {value:.3g}" for name, value in zip(names, np.exp(found.x), strict=True)), sep=", ")
-    for what, some in (("in", [s for s in slides if s.truth is not None]),
-                       ("left out of", [s for s in slides if s.truth is None])):  # fmt: skip
-        right = np.mean([slide.is_right(assumed(found.x)) for slide in some])
-        refused = np.mean([slide.unknown(assumed(found.x)) > REFUSED for slide in some])
-        print(
-            f"object {what} the catalogue: {right:.0%} of {len(some)} slides right at the end, {refused:.1%} say none"
-        )
+    print(*(f"{name} {value:.3g}" for name, value in zip(FITTED, np.exp(found.x), strict=True)), sep=", ")
+    for what, known in (("known", True), ("unknown", False)):
+        ends = [(s.probabilities(assumed(found.x))[-1], s.truth) for s in slides]
+        ends = [(end, truth) for end, truth in ends if (truth < len(end) - 1) == known]
+        right = np.mean([end.argmax() == truth for end, truth in ends])
+        refused = np.mean([end[-1] > REFUSED for end, _ in ends])
+        print(f"object {what}: {right:.0%} of {len(ends)} slides right at the end, {refused:.1%} say none")
     print(f"{found.fun:.3f} nats of surprise")
 
 
 def main() -> None:
     parser = parser_of(__doc__, "out/fit_identity", every=1, poses=10_000)
-    parser.add_argument("--catalogues", type=int, nargs="+", default=[1, 10, 58], help="objects in each")
-    parser.add_argument("--parts", type=int, default=30, help="random parts, each for a catalogue of one")
-    parser.add_argument("--disturbed", action="store_true", help="arm and object move otherwise than they are said to")
+    parser.add_argument("--sets", type=int, nargs="+", default=[1, 10, 58], help="objects in each")
+    parser.add_argument("--parts", type=int, default=30, help="random parts, each in a set of one")
+    parser.add_argument("--disturbed", action="store_true", help="arm and object move otherwise than reported")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    meshes, cache, slides = list(scans_of(args)), cache_of(args), []
-    numbers, rng = range(FIRST, FIRST + args.slides), np.random.default_rng(args.seed)
-    order = rng.permutation(len(meshes))
-    if 1 in args.catalogues:
-        parts = [random_part(rng, f"part_{args.seed}_{k}") for k in range(args.parts)]
-        alone = [meshes[i] for i in order] + parts
-        for k, mesh in enumerate(alone):
-            for touched, number in itertools.product((mesh, alone[k - 1]), numbers):
-                disturb = DISTURBED[(k + number) % len(DISTURBED)] if args.disturbed else disturbances.plain
-                slides.append(slid_alone(cache, mesh, touched, number, disturb))
-        print(f"{len(slides)} slides", file=sys.stderr, flush=True)
-    groups = [np.array_split(order, max(round(len(meshes) / size), 1)) for size in args.catalogues if size > 1]
-    for group in itertools.chain(*groups):
-        # by their files, so that as many poses are compared as by the filter
-        books = [(meshes[i], cache.codebook(meshes[i]), cache.codebook_path(meshes[i])) for i in group]
-        whole = Catalogue.of(books, NOISE)
-        for i in group:
-            for catalogue in (whole, whole.without(meshes[i].name)):
-                slides += [slid(cache, catalogue, meshes[i], number) for number in numbers]
-        print(f"{len(slides)} slides", file=sys.stderr, flush=True)
-    slides = [slide for slide in slides if slide.contests]
-    fit(ALONE, [slide for slide in slides if slide.objects == 1])
-    fit(FITTED, [slide for slide in slides if slide.objects > 1])
+    meshes, cache, rng = list(scans_of(args)), cache_of(args), np.random.default_rng(args.seed)
+    meshes = [meshes[i] for i in rng.permutation(len(meshes))]
+    parts = [random_part(rng, f"part_{args.seed}_{k}") for k in range(args.parts)]
+    of_name = {mesh.name: mesh for mesh in (*meshes, *parts)}
+
+    @lru_cache(maxsize=max(args.sets))
+    def model(name: str) -> ObjectModel:
+        mesh = of_name[name]
+        return ObjectModel(mesh, cache.codebook(mesh), CONFIG, NOISE, Workers(CONFIG.threads))
+
+    for size in args.sets:
+        slides, trials = [], trials_of(size, [mesh.name for mesh in meshes], [mesh.name for mesh in parts])
+        for k, ((known, name), number) in enumerate(itertools.product(trials, range(FIRST, FIRST + args.slides))):
+            disturb = DISTURBED[k % len(DISTURBED)] if args.disturbed and size == 1 else disturbances.plain
+            frames = cache.frames(of_name[name], number)
+            slides.append(slid([model(each) for each in known], of_name[name], frames, disturb, number))
+            print(f"{len(slides)} of {len(trials) * args.slides} slides", file=sys.stderr, flush=True)
+        print(f"sets of {size}:")
+        fit([slide for slide in slides if slide])
 
 
 if __name__ == "__main__":

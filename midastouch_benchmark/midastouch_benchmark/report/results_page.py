@@ -164,20 +164,20 @@ def _identification(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 # what varies, what stays, label
-_COLUMNS = ("particles", "poses", "particles"), ("poses", "particles", "codebook poses")
+_COLUMNS = ("particles", "poses", "hypotheses at the start"), ("poses", "particles", "codebook poses")
 
 
 def _scaling(page: Page, contents: list[dict], folder: Path) -> None:
     for k, content in enumerate(contents):
         page.heading(f"Time and memory of the filter, on {content['object']}")
-        page.note(f"{content['frames']} frames, {content['threads']} cores; the number of particles is kept")
+        page.note(f"{content['frames']} frames, {content['threads']} cores; nothing is known at the start")
         on_page(page, scaling_table(content["scaling"]))
         caption = f"The other number is {USUAL:,}. CPU time counts all threads"
         page.picture(save(scaling_figure(content["scaling"]), folder / f"scaling_{k}.png"), caption)
 
 
 def scaling_figure(points: list[dict]) -> Figure:
-    """CPU time of a step and memory, each over particles and over poses, all logarithmic."""
+    """CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     columns = figure.subplots(2, 2, sharex="col", sharey="row").T
     for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):

@@ -81,6 +81,8 @@ def stage_figure(speed: dict) -> Figure:
         ("tdn_ms", "TDN"),
         ("tcn_ms", "TCN"),
         ("filter_ms", "filter"),
+        ("deferred_ms", "after the answer"),
+        ("align_ms", "alignment"),
         ("lookup_ms", "look-up"),
     ):
         stage = speed.get(key, {})
@@ -88,9 +90,8 @@ def stage_figure(speed: dict) -> Figure:
             names.append(label)
             rows.append(stage)
         else:
-            for count, value in stage.items():
-                names.append(f"{label}, {int(count):,} particles")
-                rows.append(value)
+            names += [f"{label}, {state}" for state in stage]
+            rows += stage.values()
     figure = Figure(figsize=(9, 0.45 * len(names) + 1.4), layout="constrained")
     axes = figure.subplots()
     y = np.arange(len(names))[::-1]

@@ -1,7 +1,7 @@
 """How well one touch could be found: its penetration map, compared with what is measured at every pose of a book.
 
-Each pose is aligned with the map, as the fine stage of the filter does, and those that explain most of it are the
-matches. With the true map nobody can do better; with the measured one, no code of it can.
+Each pose is aligned with the map, as the filter does, and those that explain most of it are the matches. With the true
+map nobody can do better; with the measured one, no code of it can.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.alignment import PenetrationAlignment, align_until_settled
+from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
@@ -39,15 +39,14 @@ def exhaustive_matches(
     noise = NoiseModel.of(FilterConfig())
     alignment = PenetrationAlignment(mesh, sensor.scaled(MAP_SCALE), noise)
     order = rng.permutation(len(poses))
+    spread = np.tile(noise.between_entries, (len(poses), 1, 1))
     top = min(TOP, len(poses))
     out = np.empty((len(maps), top), np.int64)
     for row, penetration in zip(out, maps, strict=True):
         touch = Measurement(True, penetration=reduced_penetration(penetration))
         explained = np.zeros(len(poses))
         if penetration.any():
-            for i, pose in enumerate(poses[order]):
-                found, _ = align_until_settled(alignment, pose, noise.between_entries, [touch], noise.finger_error)
-                explained[i] = found.fit
+            explained = alignment.align_each(poses[order], spread, [touch]).fits[:, 0]
         row[:] = order[np.argpartition(-explained, top - 1)[:top]]
         progress(1)
     return out

@@ -1,4 +1,4 @@
-"""How a step of the filter and its memory grow with particles and codebook poses, each filter in its own process."""
+"""How a step of the filter and its memory grow with hypotheses and codebook poses, each filter in its own process."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from midastouch_perception.codebook import Codebook
 from .timing import CallTimer, peak_rss_mb
 
 USUAL = 50_000
-"""Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""
-PARTICLES = (100, 1_000, 10_000, USUAL, 100_000, 1_000_000)
+"""Poses that are hypotheses at the start, as many as the paper's particles, and poses of a codebook as it is built: the
+one that is not varied."""
+PARTICLES = (100, 1_000, 10_000, USUAL)
 POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
 
 
 @dataclass(frozen=True)
 class Slide:
     """What every filter gets: touches; measured poses (N, 4, 4) of the gel in any fixed frame, of which only steps
-    count; start, `T_obj_gel` (4, 4) about which particles are drawn as the paper does."""
+    count."""
 
     touches: Sequence[Measurement]
     measured: np.ndarray
-    start: np.ndarray
 
 
 def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
-    """One step with so many particles, kept at that number, on a codebook file; all of the step counts, the fine stage
-    too. step_ms, as of `CallTimer`; memory_mb, the most that a process with this filter alone needs, MiB.
+    """One step, with what is deferred, on a codebook file of which so many poses are hypotheses at the start.
+
+    step_ms, as of `CallTimer`; memory_mb, the most that a process with this filter alone needs, MiB.
 
     InputError if the process dies, as it does where memory is short.
     """
@@ -49,22 +50,23 @@ def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
             return process.submit(_measure, mesh, codebook, slide, particles).result()
         except BrokenProcessPool as error:
             raise InputError(
-                f"{codebook}: the process with {particles} particles died; memory is short, give fewer"
+                f"{codebook}: the process with {particles} hypotheses died; memory is short, give fewer"
             ) from error
 
 
 def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> dict:
     mesh, stopwatch = ObjectMesh.load(mesh_path), CallTimer()
-    config = FilterConfig(min_particles=particles, max_particles=particles)
-    particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config, seed=0)
-    particle_filter.initialise_gaussian(slide.start, mesh.diagonal / 3, np.radians(60))
+    config = FilterConfig(max_particles=particles)
+    particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config)
+    particle_filter.initialise_uniform()
     for odometry, touch in zip(se3.odometry(slide.measured), slide.touches, strict=True):
         with stopwatch:
             particle_filter.step(odometry, touch)
+            particle_filter.deferred_update()
     stopwatch.drop(2)
     return {"step_ms": stopwatch.summary(), "memory_mb": peak_rss_mb()}
 
 
 def sizes(particles: Sequence[int], poses: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Particles and poses of every filter: each number of the one with the usual number of the other."""
+    """Hypotheses and poses of every filter: each number of the one with the usual number of the other."""
     yield from dict.fromkeys([*((count, USUAL) for count in particles), *((USUAL, size) for size in poses)])

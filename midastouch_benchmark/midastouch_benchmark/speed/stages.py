@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import itertools
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,11 +15,11 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.pose_hypothesis import PoseHypothesis
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.pace import until_next_frame
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.refinement.refinement import is_narrow
-from midastouch_filter.smoothing.pace import until_next_frame
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
@@ -35,19 +34,21 @@ from midastouch_perception.tdn.fit_check import FitCheck
 
 from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of
-from .lookup import AlikeCopies, lookup_speed
+from .lookup import lookup_speed
 from .timing import CallTimer, time_calls
 
-COUNTS = (50_000, 10_000, 1_000)
-_FINE_STAGES = ("refinement", "hindsight")
+SEARCHING = "searching"
 _FRAME_TIME = 1 / 60  # s between images
-_LOOKUP_FRAMES = 5  # a filter's first steps: particles have drifted off the entries but not gathered yet
-_GATHERED = (3e-3, np.radians(6))  # m, rad
+_KEYFRAME = 8  # frames of the slide, 12 mm
+_NEAR = (3e-3, np.radians(6))  # m, rad
+_ALIGNED = 100  # poses
 _BOOK_POSES = 500
+_KEYS = {
+    SEARCHING: ("end_to_end_hz", "end_to_end_ms", "frame_ms"),
+    CONVERGED: ("converged_hz", "converged_ms", "converged_frame_ms"),
+}
 _PAPER_IMAGES = 20
 _SENSORS, _SEEDS = ("digit_tacto", "digit_real"), 5
-_MODES = 4
-_LEAST_STEPS = 10  # with as many modes, for a figure
 
 
 class SpeedMeasurement:
@@ -87,120 +88,72 @@ class SpeedMeasurement:
         penetrations = [self._networks.tdn.predict(image, self._background) for image in images]
         return paper_network_times(images, penetrations, self._networks.sensor)
 
-    def filter(self) -> dict:
-        """filter_ms: one step with so many particles, kept at that number, along the slide, without the fine stage;
-        fine_stage_ms: what alignment and fixed-lag smoothing add to a step of a 60 Hz camera, by the wall clock."""
-        return {
-            "filter_ms": {str(count): self._steps(count).summary() for count in COUNTS},
-            "fine_stage_ms": {str(count): self._fine_stage(count) for count in COUNTS},
-        }
+    def localisation(self) -> dict:
+        """Of a 60 Hz camera's frames, as the node handles them: those before the state is `converged`, with nothing
+        known at the start, and those in that state, started near the true pose.
 
-    def four_modes(self) -> dict:
-        """four_modes_ms: one step while the map aligns four modes, the particle number adapted, all of the fine stage
-        included: on four copies of the object, started near the true pose on each. Nothing if they do not last."""
-        copies = AlikeCopies(self._mesh, self._codebook, _MODES)
-        config = FilterConfig()
-        particle_filter = ParticleFilter(copies.mesh, copies.codebook, config, seed=0)
-        spread = np.diag(np.repeat(np.square(_GATHERED), 3))
-        particle_filter.initialise_hypotheses(
-            [PoseHypothesis(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
-        )
-        stopwatch, narrow = CallTimer(), []
-        for i, touch in enumerate(self._measurements):
-            with stopwatch:
-                modes = particle_filter.step(self._odometry(i), touch, elapsed=_FRAME_TIME).modes
-            narrow.append(sum(is_narrow(mode, config) for mode in modes[:_MODES]))
-        chosen = [i >= 2 and count == _MODES for i, count in enumerate(narrow)]
-        return {"four_modes_ms": stopwatch.where(chosen).summary()} if sum(chosen) >= _LEAST_STEPS else {}
-
-    @functools.cached_property
-    def _measurements(self) -> list[Measurement]:
-        """What the filter is told of each frame, where the networks are not timed."""
-        return Touches.of_images(self._images, self._background, self._networks, {}).measurements
-
-    def _steps(self, count: int) -> CallTimer:
-        particle_filter = self._filter(count, refinement=False)
-        stopwatch = CallTimer()
-        for i, touch in enumerate(self._measurements):
-            with stopwatch:
-                particle_filter.step(self._odometry(i), touch)
-        stopwatch.drop(2)
-        return stopwatch
-
-    def _fine_stage(self, count: int) -> dict[str, float]:
-        particle_filter = self._filter(count)
-        stages = [
-            particle_filter.step(self._odometry(i), touch, elapsed=_FRAME_TIME).status.ms
-            for i, touch in enumerate(self._measurements)
-        ]
-        wall = [sum(ms.get(name, 0.0) for name in _FINE_STAGES) for ms in stages[2:]]
-        return {"p50": float(np.median(wall)), "p95": float(np.percentile(wall, 95))}
-
-    def lookup(self) -> dict:
-        """lookup_ms: nearest codebook entries of particles one frame after the last look-up, spread over the object;
-        lookup_converged_ms: gathered around the true pose; lookup_exact_share: of particles given the nearest entry."""
-        touches = self._measurements[:_LOOKUP_FRAMES]
-        gathered = self._filter(COUNTS[0])
-        gathered.initialise_gaussian(self._truth[0], *_GATHERED)
-        speeds = {}
-        for name, particle_filter in {"spread": self._filter(COUNTS[0]), "converged": gathered}.items():
-            for i, touch in enumerate(touches):
-                particle_filter.step(self._odometry(i), touch)
-            odometry = self._odometry(len(touches))
-            speeds[name] = lookup_speed(particle_filter, self._codebook.poses, odometry, np.random.default_rng(0))
-        return {
-            "lookup_ms": {str(COUNTS[0]): speeds["spread"].times.summary()},
-            "lookup_converged_ms": {str(COUNTS[0]): speeds["converged"].times.summary()},
-            "lookup_exact_share": {name: speed.exact_fraction for name, speed in speeds.items()},
-        }
-
-    def end_to_end(self) -> dict:
-        """end_to_end_ms: image in, estimate out, particle number kept at 50k; frame_ms: that and what is done after the
-        answer, as the node does it for a 60 Hz camera; end_to_end_hz: such frames in a second. The `converged` ones
-        with the number adapted, started near the true pose, over the frames in state `converged`."""
-        answers, frames, _ = self._run(self._filter(COUNTS[0]))
-        out = {
-            "end_to_end_hz": 1e3 / np.mean(frames.wall_ms),
-            "end_to_end_ms": answers.summary(),
-            "frame_ms": frames.summary(),
-        }
-        tracking = self._filter(None)
-        tracking.initialise_gaussian(self._truth[0], *_GATHERED)
-        answers, frames, states = self._run(tracking)
-        converged = [state == "converged" for state in states]
-        if any(converged):
-            answers, frames = answers.where(converged), frames.where(converged)
-            out |= {
-                "converged_hz": 1e3 / np.mean(frames.wall_ms),
-                "converged_ms": answers.summary(),
-                "converged_frame_ms": frames.summary(),
-            }
+        filter_ms: one step, until its answer; deferred_ms: the work after the answer; end_to_end_ms and converged_ms:
+        image in, estimate out; frame_ms and converged_frame_ms: the same, and the work after the answer; end_to_end_hz
+        and converged_hz: such frames in a second.
+        """
+        tracking = self._filter()
+        tracking.initialise_gaussian(self._truth[0], *_NEAR)
+        runs = {SEARCHING: self._run(self._filter(), False), CONVERGED: self._run(tracking, True)}
+        out: dict = {"filter_ms": {}, "deferred_ms": {}}
+        for name, (steps, deferred, answers, frames) in runs.items():
+            if frames.wall_ms:
+                out["filter_ms"][name], out["deferred_ms"][name] = steps.summary(), deferred.summary()
+                hz, to_answer, whole = _KEYS[name]
+                out |= {hz: 1e3 / np.mean(frames.wall_ms), to_answer: answers.summary(), whole: frames.summary()}
         return out
 
-    def _run(self, particle_filter: ParticleFilter) -> tuple[CallTimer, CallTimer, list[str]]:
-        """Times from each image to its estimate and to the end of the frame, and the states."""
+    def _run(self, particle_filter: ParticleFilter, converged: bool) -> list[CallTimer]:
+        """Times of the step, the deferred work, image to estimate, and the whole frame: of the frames in state
+        `converged`, or of the others."""
         pipeline = self._networks.pipeline()
-        answers, frames, states = CallTimer(), CallTimer(), []
+        steps, deferred, answers, frames = timers = [CallTimer() for _ in range(4)]
+        chosen = []
         for i, image in enumerate(self._images):
             with frames:
                 in_time = until_next_frame(_FRAME_TIME)
                 with answers:
-                    touch = pipeline.process(image, self._background)
-                    estimate = particle_filter.step(self._odometry(i), measurement_of(touch), elapsed=_FRAME_TIME)
-                particle_filter.deferred_update(in_time)
-            states.append(estimate.status.state)
-        answers.drop(2)
-        frames.drop(2)
-        return answers, frames, states[2:]
+                    touch = measurement_of(pipeline.process(image, self._background))
+                    with steps:
+                        estimate = particle_filter.step(self._odometry(i), touch, elapsed=_FRAME_TIME)
+                with deferred:
+                    particle_filter.deferred_update(in_time)
+            chosen.append(i >= 2 and (estimate.status.state == CONVERGED) == converged)
+        return [timer.where(chosen) for timer in timers]
+
+    @functools.cached_property
+    def _measurements(self) -> list[Measurement]:
+        """What the filter gets of each frame, where the networks are not timed."""
+        return Touches.of_images(self._images, self._background, self._networks, {}).measurements
+
+    def alignment(self) -> dict:
+        """align_ms: one pose of the codebook, aligned to the penetration map of a touch."""
+        particle_filter, poses = self._filter(), self._codebook.poses[:_ALIGNED]
+        spread = np.tile(NoiseModel.of(particle_filter.config).between_entries, (len(poses), 1, 1))
+        touch = next(each for each in self._measurements if each.in_contact)
+        timer = time_calls(lambda: particle_filter.object.alignment.align_each(poses, spread, [touch]), repeats=10)
+        return {"align_ms": {name: ms / len(poses) for name, ms in timer.summary().items()}}
+
+    def lookup(self) -> dict:
+        """lookup_ms: nearest codebook entries of the poses that no map was compared with, a keyframe after the first;
+        lookup_exact_share: of those given the nearest entry."""
+        particle_filter = self._filter()
+        particle_filter.step(None, self._measurements[0])
+        speed = lookup_speed(particle_filter, se3.inverse(self._measured[0]) @ self._measured[_KEYFRAME])
+        return {"lookup_ms": speed.times.summary(), "lookup_exact_share": speed.exact_fraction}
 
     def stepper(self) -> Callable[[], None]:
-        """A function that takes one step of the slide, over and over, with 50k particles."""
-        particle_filter, touches = self._filter(COUNTS[0]), self._measurements
+        """A function that takes one step of the slide, over and over, with nothing known at the start."""
+        particle_filter, touches = self._filter(), self._measurements
         frames = itertools.cycle(range(len(touches)))
 
         def step() -> None:
             frame = next(frames)
-            particle_filter.step(self._odometry(frame), touches[frame])
+            particle_filter.step(self._odometry(frame), touches[frame], elapsed=_FRAME_TIME)
 
         return step
 
@@ -233,13 +186,10 @@ class SpeedMeasurement:
                     digit.look(pose)
         return stopwatch.summary()
 
-    def _filter(self, count: int | None, **settings: bool) -> ParticleFilter:
-        """A filter started as the paper does; `count` particles throughout, or as many as it wants."""
-        if count is not None:
-            settings |= {"min_particles": count, "max_particles": count}
-        config = FilterConfig(**settings)
-        particle_filter = ParticleFilter(self._mesh, self._codebook, config, seed=0, clock=time.perf_counter)
-        particle_filter.initialise_gaussian(self._truth[0], self._mesh.diagonal / 3, np.radians(60))
+    def _filter(self) -> ParticleFilter:
+        """As shipped, with nothing known."""
+        particle_filter = ParticleFilter(self._mesh, self._codebook, FilterConfig())
+        particle_filter.initialise_uniform()
         return particle_filter
 
     def _odometry(self, frame: int) -> np.ndarray | None:

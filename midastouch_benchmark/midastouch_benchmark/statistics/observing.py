@@ -1,4 +1,4 @@
-"""How far the filter is from what could be known: its slides beside those of the ideal observer."""
+"""How far the filter is from what could be known: its slides compared with those of the ideal observer."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ def summarise_observing(trials: list[dict], evidence: tuple[str, ...], spacing: 
     path_ratio: median of the filter's path over the observer's, of the slides on which the latter knows. soon,
     filter_soon: fractions that know again some frames after the event; again_ratio: as path_ratio, from there on.
     sure_right, filter_sure_right: of the answers said to be known, those that are right; calibration_error, of all the
-    observer's answers; truth: mean probability that it gives the truth at the end; hypotheses, median number of those
-    that hold 99 % at the end.
+    observer's answers.
     """
     return {name: _of_evidence(trials, name, spacing) for name in evidence}
 
@@ -29,7 +28,7 @@ def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
     own, its = [t["observers"][name] for t in trials], [t["filter"] for t in trials]
     path, filter_path = (_paths(each, "known_m", spacing) for each in (own, its))
     known, filter_known = np.isfinite(path), np.isfinite(filter_path)
-    answers = [each["answers"] for each in own]
+    answers = (each["answers"] for each in own)
     reported = [pair for each in answers for pair in zip(each["probability"], each["right"], strict=True)]
 
     def soon(some: list[dict]) -> dict:
@@ -55,8 +54,6 @@ def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
         "sure_right": sure_right(own),
         "filter_sure_right": sure_right(its),
         "calibration_error": calibration_error(reported),
-        "truth": figures.value([_last(each["true_probability"]) for each in answers], np.mean),
-        "hypotheses": figures.value([_last(each["credible"]) for each in answers], np.median),
     }
 
 
@@ -69,7 +66,3 @@ def _ratio(path: np.ndarray, of_observer: np.ndarray) -> np.ndarray:
     """(N,), nan where the observer never knows."""
     known = np.isfinite(of_observer)
     return np.where(known, path / np.where(known, of_observer, 1.0), np.nan)
-
-
-def _last(values: list[float]) -> float:
-    return values[-1] if values else np.nan

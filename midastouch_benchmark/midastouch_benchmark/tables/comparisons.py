@@ -10,7 +10,7 @@ from ..statistics.accuracy import counted_anew, pose_right_at_end
 from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
 from ..trials.variants import DEFAULT, PRESET
-from .reports import COMMANDS, conditions_of, frame_of, report, reported
+from .reports import ABLATIONS, frame_of, report, reported
 from .table import Form, Row, between, fraction, is_missing, percent, pose, text, tidy, value, written
 
 COMPARED: dict[str, Form] = {
@@ -36,12 +36,6 @@ GRASPS: dict[str, Form] = {
     "converged wrong": fraction("converged_wrong"),
 }
 
-_REWORDED = {
-    "rival places": "competing hypotheses",
-    "without rivals is replayed": "without competitors is re-evaluated",
-}
-"""What reports of before call otherwise."""
-
 
 def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
     if is_missing(row[key]):
@@ -49,21 +43,10 @@ def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
     return f"{form.format(row[key])}{unit} ({between(row[f'{key}_interval'], form)})"
 
 
-def variant_words(content: dict, name: str) -> str:
-    """Summary of a variant in a result, as it was run, with the words that the field has."""
-    words = content["variants"][name]["summary"]
-    for former, now in _REWORDED.items():
-        words = words.replace(former, now)
-    return words
-
-
 def compared_frame(content: dict, **about: object) -> pd.DataFrame:
     """A tidy frame of a result's comparison, with what each variant is, and what else is said of each row."""
-    groups = {name: each["group"] for name, each in content["variants"].items()}
-    return tidy(
-        one | {"summary": variant_words(content, one["variant"]), "group": groups[one["variant"]]} | about
-        for one in content["comparison"]
-    )
+    words = {name: {key: each[key] for key in ("summary", "group")} for name, each in content["variants"].items()}
+    return tidy(one | words[one["variant"]] | about for one in content["comparison"])
 
 
 def compared_table(content: dict) -> pd.DataFrame:
@@ -75,7 +58,7 @@ def compared_table(content: dict) -> pd.DataFrame:
 def methods_table(content: dict, init: str) -> pd.DataFrame:
     """The default and other methods behind the same networks, of one start of a result of `midastouch benchmark`."""
     rows = [
-        {"what": variant_words(content, name), "pose_right": pose_right_at_end(some)}
+        {"what": content["variants"][name]["summary"], "pose_right": pose_right_at_end(some)}
         | {key: each for key, each in counted_anew(by_init[init], some).items() if key != "objects"}
         for name, by_init in content["summary"].items()
         if "trust" in by_init.get(init, {})
@@ -144,18 +127,18 @@ def grasps() -> pd.DataFrame:
 def variants() -> pd.DataFrame:
     """What each part of the filter is worth, under the protocols that exercise it."""
     frames, there = [], reported()
-    for name in (name for name in COMMANDS if name.startswith("ablation")):
+    for name, what in ABLATIONS.items():
         if name in there:
-            frames.append(compared_frame(report(name), what=conditions_of(name), report=name))
+            frames.append(compared_frame(report(name), what=what, report=name))
         else:
-            frames.append(frame_of({name: conditions_of(name)}, report))
+            frames.append(frame_of({name: what}, report))
     about = {"conditions": text("what"), "filter": text("summary")}
     return pd.concat([written(frame, about, COMPARED, "report") for frame in frames], ignore_index=True)
 
 
 def front() -> pd.DataFrame:
-    """Run time against error of the default, the presets, and settings with more or fewer particles, modes or poses;
-    fastest first."""
+    """Run time against error of the default, the presets, and settings with more or less work, poses or modes; fastest
+    first."""
     if "front" not in reported():
         return written(frame_of({"front": "-"}, report), {"filter": text("what")}, COMPARED, "report")
     return front_table(report("front"))

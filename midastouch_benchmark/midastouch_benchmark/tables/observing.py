@@ -14,7 +14,7 @@ _OBSERVED = {
     "observer_cad": f"{_UNIFORM}; CAD parts",
 }
 """What is done to the slides, by the name of the report."""
-_COMPARED = {"maps": "penetration maps", "codes": "codes", "both": "maps and codes"}
+_COMPARED = {"maps": "penetration maps", "codes": "codes"}
 
 
 def _of_event(form: Form) -> Form:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,7 @@ from .table import tidy
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _OBSERVER = "midastouch ideal-observer --evidence maps --meshes ../shared/meshes/ycb"
-_PLAIN = "--init paper --slides 2 --seeds 5 --stride 2 --codebook-size 10000"
+_PLAIN = "--init paper --slides 10 --seeds 1 --stride 2 --codebook-size 10000"
 _REAL = f"{_PLAIN} --sensor digit_real"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
@@ -29,14 +28,12 @@ _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_
 _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """What is done to the slides, by the name of the protocol and of its report."""
-_MANY = "--slides 10 --seeds 2"
-_PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant
+_PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant; a seed changes only what is drawn of the belief
 FURTHER = {
-    "held_out": ("ten further objects", "--slides 10 --seeds 1"),
+    "held_out": ("ten further objects", _PAIRED),
     "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
 }
 """Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
-_SMALL_CAD = f"{CONDITIONS['small_parts']}; a further set"
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
 
@@ -46,50 +43,47 @@ def _evenly(command: str) -> str:
     return command.replace("--slides 10", "--slides 12") if "--protocol other_shape" in command else command
 
 
-_EVIDENCE = "no_surface no_book_constraint no_tempering"
+_ABLATIONS = {
+    "kidnap": "no_refinement no_lift no_tempering",
+    "tool_bias": "no_drift no_tempering",
+    "push": "no_push no_drift",
+    "rest": "gates no_tempering",
+    "slow_camera": "gates no_tempering",
+}
+"""Variants that are run under a protocol which exercises them."""
 COMMANDS = {
-    "accuracy": f"{_BENCHMARK} --init paper --seeds 4",
-    "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
-    **{name: _evenly(f"{_BENCHMARK} --protocol {name} {_MANY}") for name in CONDITIONS},
+    "accuracy": f"{_BENCHMARK} --init paper {_PAIRED}",
+    "accuracy_uniform": f"{_BENCHMARK} --init uniform {_PAIRED}",
+    **{name: _evenly(f"{_BENCHMARK} --protocol {name} {_PAIRED}") for name in CONDITIONS},
     **{
         f"{name}_{objects}": _evenly(f"{_BENCHMARK} --objects {objects} --protocol {name} {slides}")
         for objects, (_, slides) in FURTHER.items()
         for name in ("plain", "uniform", *CONDITIONS)
         if name != "small_parts"
     },
-    "small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_MANY}",
-    **{name: f"{_BENCHMARK} --init paper --beta {beta} --seeds 2" for name, beta in NARROWER.items()},
+    "small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_PAIRED}",
+    **{name: f"{_BENCHMARK} --init paper --beta {beta} {_PAIRED}" for name, beta in NARROWER.items()},
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
     "identify_cad": "midastouch identify --objects cad --slides 4 --codebook-size 10000",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
-    "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
-    "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
+    "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant book_5k book_10k",
+    "peers": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant peers",
     "observer_uniform": f"{_OBSERVER} --slides 10",
     "observer_kidnap": f"{_OBSERVER} --protocol kidnap --slides 10",
     "observer_cad": "midastouch ideal-observer --evidence maps --objects cad --slides 4",
-    "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
+    "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts {_PAIRED}",
     "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 4 --seeds 1 "
     "--codebook-size 10000",
     "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_hindsight no_kld "
-    "no_surface no_book_constraint no_tempering no_calibration no_annealing",
-    "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
+    "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_drift no_tempering no_calibration",
     **{
-        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_PAIRED} --variant {_EVIDENCE}"
-        for name in ("kidnap", "tool_bias", "rest", "slow_camera")
+        f"ablation_{protocol}": f"{_BENCHMARK} --protocol {protocol} {_PAIRED} --variant {variants}"
+        for protocol, variants in _ABLATIONS.items()
     },
-    "ablation_jump_cad": f"{_BENCHMARK} --objects cad --protocol jump {FURTHER['cad'][1]} --variant no_tempering",
-    "ablation_small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_PAIRED} "
-    "--variant no_surface no_book_constraint",
-    "ablation_rest": f"{_BENCHMARK} --protocol rest {_PAIRED} --variant gates",
-    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_PAIRED} --variant gates",
-    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_PAIRED} --variant no_refinement codes_no_recovery "
-    "codes_no_tempering",
-    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_PAIRED} --variant no_arm_errors",
-    "ablation_push": f"{_BENCHMARK} --protocol push {_PAIRED} --variant no_object_motion",
+    "front": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant front",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
@@ -133,6 +127,8 @@ COMMANDS = {
     "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
 }
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
+ABLATIONS = {"ablation": STARTS["accuracy"]} | {f"ablation_{name}": CONDITIONS[name] for name in _ABLATIONS}
+"""What is done to the slides, by the name of the report on parts of the filter that are off."""
 OPTICS = {
     "real_plain": "TACTO's, on its own sensor",
     "real_sensor": "of two real sensors, not calibrated",
@@ -237,16 +233,6 @@ def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.Data
     )
 
 
-def conditions_of(name: str) -> str:
-    """What is done to the slides of a benchmark, by its protocol, and which objects they are over beside the ten."""
-    if "--objects small_cad " in COMMANDS[name]:
-        return _SMALL_CAD
-    protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
-    objects = re.search(rf"--objects ({'|'.join(FURTHER)}) ", COMMANDS[name])
-    what = CONDITIONS[protocol[1]] if protocol else STARTS["accuracy"]
-    return f"{what}; {FURTHER[objects[1]][0]}" if objects else what
-
-
 def further() -> dict[str, str]:
     """The same conditions over further sets of objects, by the names of the reports."""
     asked = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | CONDITIONS
@@ -256,4 +242,4 @@ def further() -> dict[str, str]:
         for name, what in asked.items()
         if name != "small_parts"
     }
-    return sets | {"small_cad": _SMALL_CAD}
+    return sets | {"small_cad": f"{CONDITIONS['small_parts']}; a further set"}

@@ -39,7 +39,7 @@ def of_start(content: dict, init: str) -> list[Titled]:
     if summary["recovery"]:
         out.append(("around the event", trust.events_table(frame)))
     if summary["grasps"]:
-        words = {name: comparisons.variant_words(content, name) for name in content["summary"]}
+        words = {name: content["variants"][name]["summary"] for name in content["summary"]}
         of = {words[name]: by_init[init]["grasps"] for name, by_init in content["summary"].items()}
         out.append(("after each grasp", comparisons.grasps_table(of)))
     methods = comparisons.methods_table(content, init)

@@ -8,9 +8,8 @@ from .reports import frame_of, report, reported
 from .table import Form, Row, is_missing, listed, percent, text, tidy, value, written
 
 _SENSOR_HZ = 60
-_SIZES = ("50000", "10000", "1000")
 SCALING: dict[str, Form] = {
-    "particles": text("particles", "{:,}"),
+    "hypotheses at the start": text("particles", "{:,}"),
     "codebook poses": text("poses", "{:,}"),
     "CPU ms a step": text("step_ms.cpu", "{:.2f}"),
     "wall ms, p50": text("step_ms.p50", "{:.2f}"),
@@ -24,16 +23,15 @@ _STAGES = {
     "fit_check_ms": "fit check, every fifth frame",
     "fcrn_ms": "the paper's depth network, FCRN",
     "minkloc3d_ms": "the paper's code network, MinkLoc3D",
-    "end_to_end_ms": "image to estimate, 50,000 particles",
-    "frame_ms": "image to the end of the frame, 50,000 particles",
+    "end_to_end_ms": "image to estimate, searching",
+    "frame_ms": "image to the end of the frame, searching",
     "converged_ms": "image to estimate, converged",
     "converged_frame_ms": "image to the end of the frame, converged",
-    "four_modes_ms": "filter step, four modes aligned",
     "pose_age_ms": "age of an image when its transform is found, 500 Hz of 20 links",
-    "filter_ms": "filter step without fine stage, particles:",
-    "fine_stage_ms": "fine stage, particles:",
-    "lookup_ms": "look-up, spread, particles:",
-    "lookup_converged_ms": "look-up, converged, particles:",
+    "filter_ms": "filter step, until its answer:",
+    "deferred_ms": "filter, after its answer:",
+    "align_ms": "alignment of one hypothesis to one map",
+    "lookup_ms": "look-up of all untested poses",
     "sim_image_ms": "simulated image, light:",
 }
 """What is timed by `midastouch bench`: key of its result, and words; with a colon, several of that kind."""
@@ -45,23 +43,57 @@ def _fractions_of_60_hz(row: Row) -> str:
     return "; ".join("-" if is_missing(hz) else f"{min(100, 100 * hz / _SENSOR_HZ):.0f} %" for hz in rates)
 
 
+def _several(form: str, unit: str, *keys: str) -> Form:
+    """Values in one cell."""
+    return lambda row: "; ".join(str(text(key, form)(row)) for key in keys) + unit
+
+
+def _images_a_second(row: Row) -> str:
+    cpu = (row[f"sim_image_ms.{light}.cpu"] for light in ("additive", "relative"))
+    return "; ".join(f"{1e3 / ms:.0f}" for ms in cpu) + " a second"
+
+
+_SPEED: dict[str, Form] = {
+    "depth network, p50": text("tdn_ms.p50", "{:.1f} ms"),
+    "code network, p50": text("tcn_ms.p50", "{:.1f} ms"),
+    "filter step until its answer, p50: searching; converged": _several(
+        "{:.1f}", " ms", "filter_ms.searching.p50", "filter_ms.converged.p50"
+    ),
+    "... work after the answer, p50": _several(
+        "{:.1f}", " ms", "deferred_ms.searching.p50", "deferred_ms.converged.p50"
+    ),
+    "alignment of one hypothesis to one map, p50": text("align_ms.p50", "{:.2f} ms"),
+    "look-up of all untested poses, p50": text("lookup_ms.p50", "{:.1f} ms"),
+    "... that finds the exact nearest entry": percent("lookup_exact_share", 1),
+    "images to the end of the frame: searching; converged": _several(
+        "{:.0f}", " Hz", "end_to_end_hz", "converged_hz"
+    ),
+    "share of the sensor's 60 Hz: searching; converged": _fractions_of_60_hz,
+    "renders of 240 x 320": text("renders_per_s", "{:.0f} a second"),
+    "simulated images of `digit_sim` on one core: additive; relative light": _images_a_second,
+    "codebook poses": text("codebook_poses_per_s", "{:.0f} a second"),
+    "the paper's networks, p50: FCRN; MinkLoc3D": _several("{:.0f}", " ms", "fcrn_ms.p50", "minkloc3d_ms.p50"),
+    "the filter's process: active after, p50; longest": _several(
+        "{:.1f}", " s", "filter_start_s.p50", "filter_start_s.max"
+    ),
+    "... its memory then": text("filter_rss_mb", "{:.0f} MiB"),
+    "age of an image when its transform is found, with 500 Hz of transforms, p50; p95": _several(
+        "{:.0f}", " ms", "pose_age_ms.p50", "pose_age_ms.p95"
+    ),
+    "... with so many images": text("pose_age_hz", "{:.0f} Hz"),
+}
 _RATES: dict[str, Form] = {
-    "rate with 50,000 particles": text("end_to_end_hz", "{:.1f} Hz"),
+    "rate while searching": text("end_to_end_hz", "{:.1f} Hz"),
     "rate once converged": text("converged_hz", "{:.1f} Hz"),
-    "share of 60 Hz with 50,000 particles; once converged": _fractions_of_60_hz,
+    "share of 60 Hz while searching; once converged": _fractions_of_60_hz,
     "images while their age was measured": text("pose_age_hz", "{:.0f} Hz"),
-    "exact look-ups, spread": percent("lookup_exact_share.spread", 2),
-    "exact look-ups, converged": percent("lookup_exact_share.converged", 2),
+    "exact look-ups": percent("lookup_exact_share", 2),
     "renders": text("renders_per_s", "{:.0f} a second"),
     "codebook poses": text("codebook_poses_per_s", "{:.0f} a second"),
     "memory at most": text("peak_rss_mb", "{:.0f} MiB"),
     "the filter's process active after": text("filter_start_s.p50", "{:.1f} s"),
     "... with": text("filter_rss_mb", "{:.0f} MiB"),
 }
-
-
-def _two(first: dict, second: dict) -> str:
-    return f"{first['p50']:.1f}; {second['p50']:.1f} ms"
 
 
 def stages(content: dict) -> pd.DataFrame:
@@ -77,62 +109,28 @@ def stages(content: dict) -> pd.DataFrame:
 
 def speed() -> pd.DataFrame:
     """Each stage on two shared cores."""
-    one = report("bench")
-    step, fine, exact = one["filter_ms"], one["fine_stage_ms"], one["lookup_exact_share"]
-    rows = [
-        ["depth network, p50", f"{one['tdn_ms']['p50']:.1f} ms"],
-        ["code network, p50", f"{one['tcn_ms']['p50']:.1f} ms"],
-        ["filter step with 50k; 10k; 1k particles, p50", "; ".join(f"{step[n]['p50']:.1f}" for n in _SIZES) + " ms"],
-        ["fine stage with 50k; 1k particles, p50", "; ".join(f"{fine[n]['p50']:.1f}" for n in _SIZES[::2]) + " ms"],
-        ["image to estimate with 50k particles", f"{one['end_to_end_hz']:.0f} Hz"],
-        ["image to estimate once converged", f"{one['converged_hz']:.0f} Hz"],
-        ["share of the sensor's 60 Hz: 50k particles; once converged", _fractions_of_60_hz(one)],
-        [
-            "look-up of 50k particles: spread; converged",
-            _two(one["lookup_ms"]["50000"], one["lookup_converged_ms"]["50000"]),
-        ],
-        [
-            "... that finds the exact nearest entry",
-            f"{100 * exact['spread']:.1f} %; {100 * exact['converged']:.0f} %",
-        ],
-        ["renders of 240 x 320", f"{one['renders_per_s']:.0f} a second"],
-        [
-            "simulated images of `digit_sim` on one core: additive; relative light",
-            "; ".join(f"{1e3 / one['sim_image_ms'][light]['cpu']:.0f}" for light in ("additive", "relative"))
-            + " a second",
-        ],
-        ["codebook poses", f"{one['codebook_poses_per_s']:.0f} a second"],
-        ["the paper's networks, FCRN; MinkLoc3D", f"{one['fcrn_ms']['p50']:.0f}; {one['minkloc3d_ms']['p50']:.0f} ms"],
-        [
-            "the filter's process: active after, p50; longest",
-            f"{one['filter_start_s']['p50']:.1f}; {one['filter_start_s']['max']:.1f} s",
-        ],
-        ["... its memory then", f"{one['filter_rss_mb']:.0f} MiB"],
-        [
-            f"age of an image when its transform is found, beside 500 Hz of transforms and "
-            f"{one['pose_age_hz']:.0f} images: p50; p95",
-            f"{one['pose_age_ms']['p50']:.0f}; {one['pose_age_ms']['p95']:.0f} ms",
-        ],
-    ]
-    return listed(("what", "[bench]"), rows)
+    return listed(("what", "[bench]"), _cells(report("bench"), _SPEED))
 
 
 def rates(content: dict) -> pd.DataFrame:
     """Rates and memory of the same."""
+    return listed(("what", "measured"), (cell for cell in _cells(content, _RATES) if cell[1] != "-"))
+
+
+def _cells(content: dict, forms: dict[str, Form]) -> list[tuple[str, object]]:
     row = tidy([content]).to_dict("records")[0]
-    cells = ((what, form(row)) for what, form in _RATES.items())
-    return listed(("what", "measured"), (cell for cell in cells if cell[1] != "-"))
+    return [(what, form(row)) for what, form in forms.items()]
 
 
 def scaling_table(points: list[dict]) -> pd.DataFrame:
-    """Time and memory of a step of the filter over particles and codebook poses."""
+    """Time and memory of a step of the filter over hypotheses at the start and codebook poses."""
     return written(tidy(points), SCALING, {})
 
 
 def scaling() -> pd.DataFrame:
     """The same, of the newest report."""
     if "scale" not in reported():
-        return written(frame_of({"scale": "-"}, report), {"particles": text("what")}, {}, "report")
+        return written(frame_of({"scale": "-"}, report), {"hypotheses at the start": text("what")}, {}, "report")
     return written(tidy(one | {"report": "scale"} for one in report("scale")["scaling"]), SCALING, {}, "report")
 
 

@@ -14,10 +14,11 @@ import midastouch_filter
 import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter import paper_filter
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
-from ..baselines import paper_filter, registration
+from ..baselines import registration
 from ..evidence import fingerprint
 from .cache import Cache
 from .disturbances import Disturbed, Scene

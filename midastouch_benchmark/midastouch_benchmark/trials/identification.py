@@ -13,12 +13,10 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.motion_model import Odometry
-from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue, Entry, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
-from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import UNKNOWN, Identity
 
 from ..evidence import fingerprint
@@ -87,16 +85,15 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
     catalogue = _catalogue(plan.cache, tuple(paths), plan.settings)
-    entry = catalogue.entries[catalogue.number(catalogue.duplicates.get(name, name))]
+    entry = catalogue.entry(catalogue.duplicates.get(name, name))
     frames = plan.cache.frames(entry.mesh, slide)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
     trials = [labels | identify(catalogue, frames, entry.name, plan.settings)]
     if len(catalogue) > 1:
         others = catalogue.without(entry.name)
         labels |= {"in_catalogue": False, "objects": len(others)}
-        trials.append(labels | _refuse(others, frames, plan.settings))
-    alone = entry.load(plan.settings, slide).filter
-    alone.initialise_uniform()
+        trials.append(labels | identify(others, frames, UNKNOWN, plan.settings))
+    alone = ParticleFilter(entry.mesh, plan.cache.codebook(entry.mesh), plan.settings, slide)
     trials[0] |= _alone(alone, frames, entry)
     return trials
 
@@ -104,40 +101,28 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
 @cache
 def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
     books = [cache.codebook_path(ObjectMesh.load(path)) for path in paths]
-    return read_catalogue(books, lambda path: None, NoiseModel.of(config), cache.sensor)
+    return read_catalogue(books, lambda path: None, config, cache.sensor)
 
 
 def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig) -> dict:
-    """A slide over an object that nobody names; truth, the answer that is right.
+    """A slide over an object that is not named; truth, the answer that is right.
 
     What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose right
     (`Yardstick`); cpu_ms of a frame, of all but the networks.
     """
     localiser, answers = CatalogueLocaliser(catalogue, config, seed=0), Answers(truth)
-    cpu, count = 0.0, 0
+    cpu, count, stamp = 0.0, 0, 0
     for frame in frames:
-        start = time.process_time()
-        estimate = localiser.process(frame.measured, frame.measurement)
+        start, stamp = time.process_time(), stamp + round(1e9 * (frame.seconds or 0.0))
+        estimate = localiser.process(frame.measured, frame.measurement, frame.others, stamp)
         cpu += time.process_time() - start
         count += 1
         answers.note(frame, localiser.identity)
-    found = localiser.object is not None and localiser.object.name == truth
+    found = truth != UNKNOWN and localiser.object.name == truth
     return answers.describe() | {
-        "pose_right": found and _is_right(estimate, frame, catalogue.entries[catalogue.number(truth)]),
+        "pose_right": found and _is_right(estimate, frame, catalogue.entry(truth)),
         "cpu_ms": 1e3 * cpu / count,
     }
-
-
-def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterConfig) -> dict:
-    """A slide over an object that is not in the catalogue: what `Answers.describe` says.
-
-    No filter runs: a `CatalogueLocaliser` would give the same answers, and a pose on a wrong object.
-    """
-    identification, answers = Identification(catalogue, config, NoiseModel.of(config)), Answers(UNKNOWN)
-    for frame, odometry in with_odometry(frames):
-        identification.step(odometry, frame.measurement)
-        answers.note(frame, identification.identity)
-    return answers.describe()
 
 
 class Answers:
@@ -179,9 +164,10 @@ def right_answer(catalogue: Catalogue, name: str) -> str:
 
 def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame], entry: Entry) -> dict:
     """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
+    particle_filter.initialise_uniform()
     start = time.process_time()
     for frame, odometry in with_odometry(frames):
-        estimate = particle_filter.step(odometry, frame.measurement)
+        estimate = particle_filter.step(odometry, frame.measurement, frame.others, frame.seconds)
     cpu = 1e3 * (time.process_time() - start) / len(frames)
     return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1], entry)}
 
@@ -190,4 +176,5 @@ def _is_right(estimate: Estimate | None, frame: TrialFrame, entry: Entry) -> boo
     """Whether the state is converged, and the published pose on the object right."""
     if estimate is None or estimate.status.state != CONVERGED:
         return False
-    return bool(Yardstick.of(entry.mesh, entry.symmetry).right(estimate.pose[None], frame.truth)[0])
+    yardstick = Yardstick.of(entry.mesh, entry.model.symmetry.exact)
+    return bool(yardstick.right(estimate.pose[None], frame.truth)[0])

@@ -7,7 +7,7 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.measurement_model import MeasurementModel
+from midastouch_filter.core.measurement_model import MeasurementModel, log_ratios
 from midastouch_filter.core.workers import Workers
 from midastouch_perception.codebook import Codebook
 
@@ -48,8 +48,8 @@ def likelihood_counts(
     model = MeasurementModel(codebook.codes, codebook.meta, config, workers)
     counts = np.zeros(len(LEVELS) + 1, int)
     for code, entry in zip(codes, lookup.exact(poses), strict=True):
-        model.score_codebook(model.unit_code(code))
-        likelihood = np.exp(model.log_ratio, dtype=float)
+        (log_ratio,) = log_ratios([model], model.unit_code(code))
+        likelihood = np.exp(log_ratio, dtype=float)
         own = likelihood[entry]
         # entries as likely as the truth's own share the rank
         level = (likelihood[likelihood > own].sum() + 0.5 * likelihood[likelihood == own].sum()) / likelihood.sum()

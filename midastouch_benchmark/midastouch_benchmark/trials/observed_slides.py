@@ -1,9 +1,14 @@
-"""The filter and the ideal observer over the same slides: from where on does either know where it is?"""
+"""The filter with and without a budget over the same slides: from where on does either know where it is?
+
+Without a budget it is the ideal observer: at the first touch, and after each lift, it aligns every pose of the
+codebook, and at each keyframe every hypothesis that matters. That shows what could be known by the filter's own
+measurement model.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -11,49 +16,40 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.object_model import ObjectModel
-from midastouch_filter.core.pose_hypothesis import Prior
 from midastouch_filter.core.state import CONVERGED
-from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
 
 from ..evidence import fingerprint
-from . import ideal_observer
 from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .ideal_observer import EVIDENCE, KNOWN, Hypotheses, IdealObserver, Posterior, observe
-from .protocols import PAPER, PROTOCOLS
-from .sequence_trials import paper_start, start_filter
+from .protocols import PROTOCOLS
+from .sequence_trials import start_filter
 from .trial import Event, TrialFrame, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 from .yardstick import Yardstick
 
+EVIDENCE = ("maps", "codes")
+"""What the observer compares poses with."""
 OBSERVED = ("uniform", "plain", "lift", "kidnap")
-"""Protocols in which the object rests between lifts, as the observer takes it to."""
+"""Protocols in which the object rests between lifts."""
 AFTER_EVENT = 20
 """Frames after an event at which it is asked whether the pose is known again."""
 
-_NOTED = 0.01  # probability
+_LIMITED = "filter"
 
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """frame, position among the frames; path_m so far; probability of the answer, 1 and 0 for a filter that is
-    converged or not; right, whether it is."""
+    """frame, position among the frames; path_m so far; probability of the published pose; sure, whether it is said to
+    be known; right, whether it is."""
 
     frame: int
     path_m: float
     probability: float
+    sure: bool
     right: bool
-
-    @property
-    def sure(self) -> bool:
-        """Whether it is said to be known."""
-        return self.probability >= KNOWN
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +62,12 @@ class ObservedPlan:
     evidence: tuple[str, ...] = EVIDENCE
     slides: tuple[int, ...] = (0, 1, 2, 3, 4)
     protocol: str = "uniform"
+
+    def observer(self, evidence: str) -> FilterConfig:
+        """Settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
+        every = max(self.config.max_particles, self.cache.codebook_size)
+        free = {"alignments_per_second": 0, "max_particles": every, "refinement": evidence == "maps"}
+        return dataclasses.replace(self.config, **free)
 
     def describe(self) -> dict:
         """For the JSON."""
@@ -85,9 +87,8 @@ class ObservedPlan:
     def key(self, mesh: ObjectMesh, labels: dict) -> str:
         """Name of everything that the trial with these labels depends on."""
         depends_on = self.describe() | {"slides": self.cache.slides.name, "mesh": mesh.sha256}
-        depends_on |= {"code": source_digest(Path(__file__), Path(ideal_observer.__file__))}
-        depends_on |= {"fingerprint": fingerprint.of_estimates(), "codebook": self.cache.codebook_digest(mesh)}
-        return key_of(labels | depends_on)
+        depends_on |= {"code": source_digest(Path(__file__)), "codebook": self.cache.codebook_digest(mesh)}
+        return key_of(labels | depends_on | {"fingerprint": fingerprint.of_estimates()})
 
 
 def chosen_observed(protocol: str) -> str:
@@ -114,72 +115,45 @@ def run_observed(
 def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
     """Trials on one object, by key: labels in, with what was found out.
 
-    frames; event, position of the first frame after it; filter and, by evidence, observers: as `found_out`; of the
-    latter also answers, `Answer` and what else is known of each keyframe, by columns, and left, as of `poses_left`.
+    frames; event_at, position of the first frame after the event; filter and, by evidence, observers: as `found_out`,
+    with the columns probability and right of all answers.
     """
-    mesh, protocol = ObjectMesh.load(path), PROTOCOLS[plan.protocol]
-    codebook, noise = plan.cache.codebook(mesh), NoiseModel.of(plan.config)
+    mesh, protocol, out = ObjectMesh.load(path), PROTOCOLS[plan.protocol], {}
+    codebook = plan.cache.codebook(mesh)
     yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
-    particle_filter = ParticleFilter(mesh, codebook, plan.config)
-    model = ObjectModel(mesh, codebook, plan.config, noise, Workers(plan.config.threads))
-    start, out = protocol.starts[0], {}
+    settings = {_LIMITED: plan.config} | {name: plan.observer(name) for name in plan.evidence}
+    filters = {name: ParticleFilter(mesh, codebook, config) for name, config in settings.items()}
     for key, labels in trials.items():
         slide = labels["slide"]
         scene = protocol.disturb(Scene(plan.cache.frames(mesh, slide), np.random.default_rng(slide)))
-        truth = scene.frames[0].truth
-        particle_filter.reset(0)
-        start_filter(particle_filter, mesh, truth, start, protocol.beta)
-        prior = Prior(truth, *paper_start(mesh, protocol.beta)) if start == PAPER else None
-        observers = {}
-        for name in plan.evidence:
-            observer = IdealObserver(model, noise, yardstick, name, prior)
-            observed = list(observe(observer, scene.frames))
-            rows = judged(observed, scene.frames, yardstick)
-            answers = [Answer(*(row[field.name] for field in dataclasses.fields(Answer))) for row in rows]
-            columns = {column: [row[column] for row in rows] for column in (rows[0] if rows else ())}
-            observers[name] = found_out(answers, scene.event) | {"answers": columns, "left": []}
-            if observed:
-                k, last = observed[-1]
-                observers[name]["left"] = poses_left(last.hypotheses, scene.frames[k].truth, yardstick)
+        found = {}
+        for name, running in filters.items():
+            running.reset(0)
+            start_filter(running, mesh, scene.frames[0].truth, protocol.starts[0], protocol.beta)
+            given = answers(running, scene, yardstick)
+            columns = {column: [getattr(each, column) for each in given] for column in ("probability", "right")}
+            found[name] = found_out(given, scene.event) | {"answers": columns}
         out[key] = labels | {
             "frames": len(scene.frames),
             "event_at": scene.event.end if scene.event else None,
-            "filter": found_out(_answers_of_filter(particle_filter, scene, yardstick), scene.event),
-            "observers": observers,
+            "filter": found.pop(_LIMITED),
+            "observers": found,
         }
     return out
 
 
-def poses_left(hypotheses: Hypotheses, truth: np.ndarray, yardstick: Yardstick) -> list[dict[str, float]]:
-    """The poses that nothing has told apart, the most probable first: those that the yardstick does not take for one.
-
-    distance_mm and angle_deg from the true pose (4, 4), modulo symmetry, and probability of each that has 1 % or more.
-    """
-    order = np.argsort(-hypotheses.probabilities, kind="stable")
-    poses, probabilities = hypotheses.poses[order], hypotheses.probabilities[order]
-    out = []
-    while probabilities.sum() >= _NOTED:
-        same = yardstick.right(poses, poses[0])
-        distance, angle = pose_errors(yardstick.counted(poses[:1], truth), truth)
-        one = {"distance_mm": 1e3 * float(distance[0]), "angle_deg": float(np.degrees(angle[0]))}
-        out.append(one | {"probability": float(probabilities[same].sum())})
-        poses, probabilities = poses[~same], probabilities[~same]
-    noted = [one for one in out if one["probability"] >= _NOTED]
-    return sorted(noted, key=lambda one: -one["probability"])
-
-
-def _answers_of_filter(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:
-    """What a started filter says at each frame in contact."""
-    said: list[Answer] = []
+def answers(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:
+    """What a started filter answers at each frame in contact."""
+    given: list[Answer] = []
     paths = path_along(scene.frames)
 
     def watch(frame: TrialFrame, estimate: Estimate, _: object) -> None:
-        right = estimate.pose is not None and bool(yardstick.right(estimate.pose[None], frame.truth)[0])
-        k = len(said)
-        said.append(Answer(k, float(paths[k]), float(estimate.status.state == CONVERGED), right))
+        right = bool(yardstick.right(estimate.pose[None], frame.truth)[0])
+        k, status = len(given), estimate.status
+        given.append(Answer(k, float(paths[k]), status.mode_mass, status.state == CONVERGED, right))
 
     run_trial(scene.frames, particle_filter, watch, yardstick, series=False)
-    return [answer for answer, frame in zip(said, scene.frames, strict=True) if frame.measurement.in_contact]
+    return [answer for answer, frame in zip(given, scene.frames, strict=True) if frame.measurement.in_contact]
 
 
 def found_out(answers: Sequence[Answer], event: Event | None) -> dict:
@@ -219,26 +193,3 @@ def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
     """True path (N,) [m] of the gel up to each frame."""
     positions = np.array([frame.truth[:3, 3] for frame in frames])
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
-
-
-def judged(observed: Iterable[tuple[int, Posterior]], frames: Sequence[TrialFrame], yardstick: Yardstick) -> list[dict]:
-    """What `observe` found beside the truth, for the report.
-
-    frame, position among the frames; path_m so far; probability of the most probable place, and whether that is right;
-    true_probability, of the poses that are right; hypotheses that are left, and how many of them hold 99 %, credible.
-    """
-    rows, path = [], path_along(frames)
-    for k, found in observed:
-        true = yardstick.right(found.hypotheses.poses, frames[k].truth)
-        rows.append(
-            {
-                "frame": k,
-                "path_m": float(path[k]),
-                "probability": found.probability,
-                "right": bool(yardstick.right(found.pose[None], frames[k].truth)[0]),
-                "true_probability": float(found.hypotheses.probabilities[true].sum()),
-                "hypotheses": len(found.hypotheses),
-                "credible": found.credible,
-            }
-        )
-    return rows

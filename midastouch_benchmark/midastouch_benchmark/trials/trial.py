@@ -16,8 +16,8 @@ from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.paper_filter import PaperFilter
 
-from ..baselines.paper_filter import PaperFilter
 from ..baselines.registration import DeadReckoning
 from ..statistics.coverage import Coverage, WeightReliability
 from .yardstick import Yardstick

@@ -1,4 +1,4 @@
-"""What is compared on the same slides: presets, a mechanism off, fewer particles, other codebooks, other methods."""
+"""What is compared on the same slides: presets, a mechanism off, less work, other codebooks, other methods."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS, preset_in_words
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.paper_filter import PaperConfig, PaperFilter
 from midastouch_perception.codebook import Codebook
 
-from ..baselines.paper_filter import PaperConfig, PaperFilter
 from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame
 
@@ -55,7 +55,7 @@ class ShortCodes:
 
 DEFAULT, PRESET = "default", "preset"
 PAPER, BASELINE, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
-COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
+COUNT, INPUT, BUDGET, CONTACTS = "poses", "codebook", "budget", "contacts"
 AnyConfig = FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
@@ -98,7 +98,7 @@ class Variant:
 
     @property
     def inputs(self) -> dict[str, object]:
-        """What differs beside the settings, by name."""
+        """What differs in addition to the settings, by name."""
         inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "code_length", "contacts")}
         return {name: value for name, value in inputs.items() if value}
 
@@ -123,6 +123,21 @@ class Variant:
         return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)
 
 
+def _each(group: str, setting: str, summary: str, values: dict[str, int]) -> dict[str, Variant]:
+    """Variants by name that differ in one number, without the default's; summary, with a place for the number."""
+    return {
+        name: Variant(summary.format(value), group, {setting: value})
+        for name, value in values.items()
+        if value != getattr(FilterConfig, setting)
+    }
+
+
+_COUNTS = {"1k": 1_000, "5k": 5_000, "20k": 20_000, "50k": 50_000}
+_TESTED = {f"test_{count}": count for count in (30, 100, 300, 1_000)}
+_WORK = {f"work_{count}": count for count in (180, 600, 1_800, 6_000)}
+_ALIGNED = {f"align_{count}": count for count in (1, 2, 4, 8)}
+
+
 VARIANTS = {
     DEFAULT: Variant("as shipped", DEFAULT),
     **{
@@ -136,54 +151,25 @@ VARIANTS = {
     "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}, method="paper"),
     "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", BASELINE, method="registration"),
     "odometry": Variant("the arm's odometry alone, from one draw of the start", BASELINE, method="odometry"),
-    "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
-    "no_hindsight": Variant(
-        "last touches are not re-evaluated at competing hypotheses", MECHANISM, {"smoothing": False}
+    "no_refinement": Variant("codes only: nothing is compared with penetration maps", MECHANISM, {"refinement": False}),
+    "no_drift": Variant(
+        "the odometry is believed not to drift", MECHANISM, {"drift_translation": 0.0, "drift_rotation": 0.0}
     ),
-    "codes_no_recovery": Variant(
-        "no alignment to penetration maps, no re-evaluation, no injection",
-        MECHANISM,
-        {"refinement": False, "recovery_fraction": 0.0},
-    ),
-    "codes_no_tempering": Variant(
-        "no alignment to penetration maps, no re-evaluation; every code counts in full, however near to the last",
-        MECHANISM,
-        {"refinement": False, "correlation_length": 1e-5},
-    ),
-    "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
-    "no_surface": Variant(
-        "no surface constraint (only far particles are dropped)",
-        MECHANISM,
-        {
-            "max_penetration": 0.02,
-            "max_hover": 0.02,
-            "surface_sigma": 0.02,
-            "dead_distance": 0.02,
-            "book_constraint": False,
-        },
-    ),
-    "no_book_constraint": Variant(
-        "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
+    "no_lift": Variant("the object is believed to rest while the gel is lifted", MECHANISM, {"change_lifted": 0.0}),
+    "no_push": Variant(
+        "a push is believed to move nothing", MECHANISM, {"object_jump_translation": 1e-4, "object_jump_rotation": 1e-3}
     ),
     "no_tempering": Variant(
-        "weights count every touch in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
+        "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
-    "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
-    "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
-    "no_arm_errors": Variant("errors of mount and clock are not learned", MECHANISM, {"calibration": False}),
-    "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
+    "no_calibration": Variant("codes weighed as flatly as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
-    "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
-    "no_wide_gate": Variant(
-        "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
-    ),
-    "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
-    "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
-    "50k": Variant("at most 50,000 particles, as the paper's", COUNT, {"max_particles": 50_000}),
-    "align_1": Variant("one mode is aligned to the measured map", BUDGET, {"refined_modes": 1}),
-    "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
-    "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
+    **_each(COUNT, "max_particles", "at most {:,} poses at the start and after a lift", _COUNTS),
+    **_each(BUDGET, "tested_poses", "at most {:,} poses of the codebook are tested at a keyframe", _TESTED),
+    **_each(BUDGET, "alignments_per_second", "{:,} alignments a second", _WORK),
+    "work_all": Variant("every pose that matters is aligned at every keyframe", BUDGET, {"alignments_per_second": 0}),
+    **_each(BUDGET, "refined_modes", "modes aligned to every map: {}", _ALIGNED),
     "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
     "book_10k": Variant("codebook of 10,000 poses", INPUT, codebook_size=10_000),
     "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
@@ -205,7 +191,7 @@ SETS = {
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": (*_group(PRESET), "1k", "20k", "50k", "align_1", "align_8", "book_10k", "code_16"),
+    "front": (*_group(PRESET, COUNT, BUDGET), "book_10k", "code_16"),
     "contacts": _group(CONTACTS),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for: as much of

@@ -50,7 +50,8 @@ def test_surer_and_less_sure_constants_surprise_more(objects):
 def test_a_truth_that_was_excluded_surprises_by_so_much_and_no_more():
     excluded = Judged(np.array([[1e-3], [1.0]]), np.ones(1), np.array([False, True]))
     sure = dataclasses.replace(NOISE, map_patches=1e3)
-    assert excluded.surprise(NOISE) == pytest.approx(NOISE.map_patches * np.log(1.024 / 0.025), rel=1e-3)
+    less_sure = dataclasses.replace(NOISE, map_patches=3.0, residual_floor=0.024)
+    assert excluded.surprise(less_sure) == pytest.approx(3.0 * np.log(1.024 / 0.025), rel=1e-3)
     assert excluded.surprise(sure) == 20.0
     assert surprise([[excluded] * 9, [dataclasses.replace(excluded, right=~excluded.right)]], sure) == 10.0
 

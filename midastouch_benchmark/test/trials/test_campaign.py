@@ -62,8 +62,8 @@ def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
 def plan(sequence, codebook, networks) -> Plan:
     return Plan(
         StubCache(sequence, codebook, networks),
-        FilterConfig(max_particles=1000, min_particles=300),
-        ("default", "no_kld"),
+        FilterConfig(max_particles=1000),
+        ("default", "no_drift"),
         ("paper",),
         slides=(0,),
         seeds=(0, 1),
@@ -94,7 +94,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     trials, missing = run_campaign(plan, [saved_mesh], log, reported)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
-        ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
+        ("default", 0), ("default", 1), ("no_drift", 0), ("no_drift", 1),
     }  # fmt: skip
     assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
     assert (totals, sum(done)) == ([4], 4)
@@ -104,7 +104,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
-    other = replace(plan, config=replace(plan.config, min_particles=301))
+    other = replace(plan, config=replace(plan.config, tested_poses=301))
     assert run_campaign(other, [saved_mesh], log, replace(here, deadline=0))[1] == 4
 
 

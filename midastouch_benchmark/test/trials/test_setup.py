@@ -18,8 +18,8 @@ def test_without_a_file_the_defaults_hold():
 
 
 def test_plain_settings(tmp_path):
-    config = load_filter_config(written(tmp_path, "max_particles: 1234\nnoise_converged: 0.5\n"))
-    assert (config.max_particles, config.noise_converged) == (1234, 0.5)
+    config = load_filter_config(written(tmp_path, "max_particles: 1234\nconverged_error: 0.004\n"))
+    assert (config.max_particles, config.converged_error) == (1234, 0.004)
 
 
 def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
@@ -55,11 +55,11 @@ def test_a_ros_parameter_file_names_a_preset(tmp_path):
     assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
 
 
-@pytest.mark.parametrize("text", ["hindsight: false\n", "particle_filter:\n  ros__parameters: {hindsight: false}\n"])
+@pytest.mark.parametrize("text", ["relief_fit: 0.5\n", "particle_filter:\n  ros__parameters: {relief_fit: 0.5}\n"])
 def test_a_former_name_counts_with_a_warning(tmp_path, text):
-    with pytest.warns(FutureWarning, match="hindsight is now smoothing"):
+    with pytest.warns(FutureWarning, match="relief_fit is now penetration_fit"):
         config = load_filter_config(written(tmp_path, text))
-    assert config == FilterConfig(smoothing=False)
+    assert config == FilterConfig(penetration_fit=0.5)
 
 
 def test_an_unknown_preset_is_refused():

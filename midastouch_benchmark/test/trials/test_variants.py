@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.baselines.paper_filter import PaperConfig
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.variants import DEFAULT, PAPER, SETS, VARIANTS, ShortCodes, chosen_variants
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.presets import BALANCED, PRESETS
+from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
+from midastouch_filter.paper_filter import PaperConfig
 from midastouch_perception.codebook import Codebook
 
 
@@ -27,7 +27,7 @@ def test_every_variant_is_a_valid_setting_that_differs_from_the_default(name):
 
 def test_a_variant_says_what_differs():
     assert VARIANTS["1k"].describe() == {
-        "summary": "at most 1,000 particles", "group": "particles", "max_particles": 1000,
+        "summary": "at most 1,000 poses at the start and after a lift", "group": "poses", "max_particles": 1000,
     }  # fmt: skip
     assert VARIANTS["code_16"].describe()["code_length"] == 16
     assert VARIANTS["book_5k"].describe()["codebook_size"] == 5000
@@ -37,8 +37,7 @@ def test_a_variant_says_what_differs():
 @pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate"])
 def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
     def skipped(variant):
-        config = FilterConfig(min_particles=10, max_particles=20)
-        particle_filter = variant.filter(mesh, codebook, config, threads=1)
+        particle_filter = variant.filter(mesh, codebook, FilterConfig(), threads=1)
         particle_filter.initialise_uniform()
         measurement = Measurement(True, codebook.codes[0], 1e-4)
         step = se3.translation([1e-3, 0, 0])
@@ -51,9 +50,8 @@ def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
 
 
 def test_a_variant_is_laid_over_the_settings_given():
-    base = FilterConfig(min_particles=200, correlation_length=0.02)
-    config = VARIANTS["1k"].config(base, threads=0)
-    assert (config.min_particles, config.max_particles, config.correlation_length) == (200, 1000, 0.02)
+    config = VARIANTS["1k"].config(FilterConfig(tested_poses=200, correlation_length=0.03), threads=0)
+    assert (config.tested_poses, config.max_particles, config.correlation_length) == (200, 1000, 0.03)
 
 
 def test_presets_are_variants_whatever_the_settings_given():
@@ -64,10 +62,16 @@ def test_presets_are_variants_whatever_the_settings_given():
 
 def test_names_and_sets_are_chosen_once_each_with_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
-    assert chosen_variants(["paper", "counts", "20k"]) == [DEFAULT, "paper", "1k", "20k", "50k"]
+    assert chosen_variants(["paper", "gates", "no_repeat_gate"]) == [DEFAULT, "paper", "no_rest_gate", "no_repeat_gate"]
     assert chosen_variants(["all"]) == list(VARIANTS)
-    assert {"no_refinement", "codes_no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
-    assert {*PRESETS, "1k", "align_8", "code_16", "book_10k"} - {BALANCED} <= set(SETS["front"])
+    assert {"no_refinement", "no_drift", "no_lift", "no_push", "no_rest_gate"} < set(SETS["ablation"])
+    assert {"fast", "1k", "work_180", "work_all", "align_8", "code_16", "book_10k"} <= set(SETS["front"])
+
+
+def test_work_is_varied_around_the_default():
+    values = {name: VARIANTS[name].settings.get("alignments_per_second") for name in SETS["front"]}
+    assert 0 in values.values()
+    assert FilterConfig.alignments_per_second not in values.values()
 
 
 def test_an_unknown_name_is_refused():

@@ -1,0 +1,65 @@
+"""The touches that a filter compares along a slide, and hypotheses that are followed from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from midastouch_benchmark.trials.trial import TrialFrame, with_odometry
+from midastouch_filter.core.alignment import PenetrationAlignment
+from midastouch_filter.core.belief import Hypotheses
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.motion_model import Odometry
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.pose_hypothesis import pose_distance
+from midastouch_filter.filter import ParticleFilter
+
+CONFIG = FilterConfig(threads=1, alignments_per_second=1_000_000)
+"""As shipped, except that each comparison is complete before the next frame."""
+NOISE = NoiseModel.of(CONFIG)
+FIRST = 100
+"""Number of the first slide: `midastouch benchmark` and `midastouch identify` judge by those from 0 on."""
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A touch: frame; weight, how much of an independent touch it is, in [0, 1]; motion (4, 4) and path [m], turns
+    included, since the last keyframe."""
+
+    frame: TrialFrame
+    weight: float
+    motion: np.ndarray
+    path: float
+
+
+def keyframes(particle_filter: ParticleFilter, frames: Iterable[TrialFrame]) -> Iterator[Keyframe]:
+    """Slide a started filter along frames in contact: each keyframe, after its comparison."""
+    motion, path, count = np.eye(4), 0.0, 0
+    for frame, odometry in with_odometry(frames):
+        if odometry is not None:
+            motion, path = motion @ odometry, path + Odometry.from_matrix(odometry).path
+        skipped = particle_filter.step(odometry, frame.measurement, elapsed=frame.seconds).status.skipped
+        particle_filter.deferred_update()
+        if skipped.get("keyframes", 0) > count:
+            yield Keyframe(frame, _weight(particle_filter.measured_gels), motion, path)
+            motion, path, count = np.eye(4), 0.0, skipped["keyframes"]
+
+
+def _weight(gels: np.ndarray) -> float:
+    """How much of an independent touch the last one of gels (F, 4, 4) is, as the filter has it."""
+    nearest = pose_distance(gels[:-1], gels[-1]).min(initial=np.inf)
+    return float(min(nearest / NOISE.touch_correlation, 1.0))
+
+
+def follow(
+    hypotheses: Hypotheses, keyframe: Keyframe, alignment: PenetrationAlignment
+) -> tuple[Hypotheses, np.ndarray, np.ndarray]:
+    """Hypotheses on one object at the next keyframe, the fraction (P,) of its map that each leaves unexplained, and the
+    squared Mahalanobis distance (P,) by which each gave way to it."""
+    moved = hypotheses.moved(keyframe.motion).widened(keyframe.path * NOISE.drift)
+    found = alignment.align_each(moved.poses, moved.covariances, [keyframe.frame.measurement])
+    innovation = found.squared_innovation(moved.poses, moved.covariances + NOISE.jitter)
+    there = replace(moved, poses=found.poses, covariances=found.covariances)
+    return there, 1.0 - found.fits[:, 0], innovation

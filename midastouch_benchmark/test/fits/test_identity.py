@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from midastouch_benchmark.fits.identity import NOISE, Slide, trials_of
+
+
+def slide(residual_ratio: list[list[float]], truth: int, squared_innovation: float = 0.0) -> Slide:
+    """Keyframes, each a touch of its own, with a residual ratio for each object."""
+    ratios = np.array(residual_ratio)
+    return Slide(np.ones(len(ratios)), ratios, np.full(ratios.shape, squared_innovation), truth)
+
+
+def test_an_object_whose_surface_fits_becomes_probable_and_none_where_none_does():
+    own, other = slide([[0.02, 0.6]] * 20, 0), slide([[0.6, 0.6]] * 20, 2, 20.0)
+    for one in (own, other):
+        probabilities = one.probabilities(NOISE)
+        assert probabilities.sum(axis=1) == pytest.approx(1.0)
+        assert probabilities[-1].argmax() == one.truth
+        assert one.surprise(NOISE) < np.log(3)
+    moved = slide([[0.02, 0.6]] * 20, 0, 20.0)
+    assert moved.probabilities(NOISE)[0, 0] < own.probabilities(NOISE)[0, 0]
+
+
+def test_an_object_without_a_hypothesis_keeps_what_is_known_of_it():
+    probabilities = slide([[0.02], [np.nan]], 0).probabilities(NOISE)
+    np.testing.assert_array_equal(probabilities[0], probabilities[1])
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_half_of_what_is_touched_is_known(size):
+    trials = trials_of(size, ["a", "b", "c", "d"], ["part"])
+    touched = sorted(name for _, name in trials)
+    assert touched == sorted(2 * (["a", "b", "c", "d"] + ["part"] * (size == 1)))
+    assert sum(name in known for known, name in trials) == len(trials) / 2
