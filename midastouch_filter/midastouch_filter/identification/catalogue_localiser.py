@@ -23,8 +23,8 @@ from .identity import UNKNOWN, Identity
 class CatalogueLocaliser(Localiser):
     """Estimates the pose on the object that leads.
 
-    Nothing is estimated before an object is more probable than that it is none of them. While another object may be
-    touched, the state is not `converged`. A pose that is given counts on every object.
+    Nothing is estimated before an object is more probable than that it is none of them. While another object, or none,
+    may be touched, the state is not `converged`. A pose that is given counts on every object.
 
     Args: catalogue; config; seed; on_object: called with every entry that comes to lead; on_identity: with what was
     found and the gel's pose T_base_gel (4, 4) and stamp [ns], whenever touches were compared.
@@ -40,7 +40,7 @@ class CatalogueLocaliser(Localiser):
     ):
         super().__init__(None, False)
         self._catalogue: Catalogue | None = catalogue
-        self._config, self._on_object, self._on_identity = config, on_object, on_identity
+        self._on_object, self._on_identity = on_object, on_identity
         self._leading: Entry | None = None
         models = [entry.model for entry in catalogue.entries]
         running = ParticleFilter.on(models, config, seed, clock=time.perf_counter)
@@ -102,10 +102,10 @@ class CatalogueLocaliser(Localiser):
                 self._on_object(leading)
 
     def _qualified(self, estimate: Estimate) -> Estimate:
-        """The estimate with a status that names what competes, and that is sure of no pose on one object of many."""
+        """The estimate with a status that names what competes. A pose on the leading object that the filter is sure of
+        leaves no weight to other objects, but it may be that none of them is touched."""
         status, words = estimate.status, self._found.in_words()
-        sure = self._found.probability(self._leading.name) >= self._config.converged_probability
-        if status.state == CONVERGED and not sure:
+        if status.state == CONVERGED and self._found.answer != self._leading.name:
             status = dataclasses.replace(status, state=AMBIGUOUS, reason=f"not sure which object it is: {words}")
         else:
             status = dataclasses.replace(status, reason=f"{status.reason}; {words}")

@@ -67,10 +67,6 @@ class Identity:
         """The most probable object."""
         return self.objects[0]
 
-    def probability(self, name: str) -> float:
-        """That the object of this name is touched."""
-        return next(each.probability for each in self.objects if each.name == name)
-
     @property
     def answer(self) -> str:
         """The most probable object's name, or `UNKNOWN` if that is more probable."""

@@ -14,7 +14,6 @@ from midastouch_perception.codebook import Codebook, build_command, require_sens
 from midastouch_perception.objects import bundled_objects
 
 from ..core.config import FilterConfig
-from ..core.noise_model import NoiseModel
 from ..core.presets import PAPER
 from ..identification.catalogue import Catalogue, read_catalogue
 from ..loaded_object import LoadedObject, coarse_codebook
@@ -59,7 +58,7 @@ class ObjectSource:
 
         sources = [resolve(address.strip(), "objects") for address in given.split(",")]
         try:
-            return read_catalogue(sources, build, NoiseModel.of(self._config), self._sensor)
+            return read_catalogue(sources, build, self._config, self._sensor)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"objects: cannot read {given}: {error}") from error
 

@@ -79,7 +79,9 @@ def test_nothing_is_converged_while_the_object_is_not_sure(run):
     for estimate, identity in zip(run.estimates, run.told, strict=True):
         if estimate is not None:
             assert estimate.status.reason.endswith(identity.in_words())
-            assert estimate.status.state != CONVERGED or identity.leading.probability >= CONFIG.converged_probability
+            if estimate.status.state == CONVERGED:
+                assert identity.answer != UNKNOWN
+                assert identity.leading.probability >= CONFIG.converged_probability * (1.0 - identity.unknown)
 
 
 def test_on_an_object_that_is_not_in_the_catalogue_nothing_converges(shelf):

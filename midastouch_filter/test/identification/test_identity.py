@@ -47,7 +47,6 @@ def test_probabilities_are_one_together_and_those_of_hypotheses_are_the_objects(
     now = slid.now
     assert sum(each.probability for each in now.objects) + now.unknown == pytest.approx(1.0)
     assert now.leading.name == now.answer == "bumpy_1"
-    assert now.probability("bumpy_1") == now.leading.probability
     for each in now.objects:
         if each.hypotheses:
             probabilities = [mode.probability for mode in each.hypotheses]
