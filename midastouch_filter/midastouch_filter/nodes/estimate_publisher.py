@@ -193,8 +193,8 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
 def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header) -> Detection3DArray:
     """One detection for each object with a hypothesis, most probable first, and one for `unknown`, which has no pose.
 
-    Scores are probabilities, of sum 1 but for objects without a hypothesis; the pose is the object's in the base frame, with the gel at T_base_gel (4, 4) and
-    at the object's best hypothesis.
+    Scores are probabilities, of sum 1 but for objects without a hypothesis; the pose is the object's in the base frame,
+    with the gel at T_base_gel (4, 4) and at the object's best hypothesis.
     """
     found = [
         ObjectHypothesisWithPose(
