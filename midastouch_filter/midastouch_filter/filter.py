@@ -21,12 +21,12 @@ from midastouch_common.pose_metric import pose_errors
 
 from .core.alignment import Sighting, transform_covariance
 from .core.answer import Group, covariance_of, draws, grouped, modes_of
-from .core.belief import Belief, pose_rows
+from .core.belief import Belief
 from .core.births import Births
 from .core.comparison import Comparison
 from .core.config import FilterConfig
 from .core.estimate import Estimate, Mode
-from .core.fingers import Fingers, by_name, gels_of
+from .core.fingers import Fingers, by_name
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
 from .core.measurement_model import log_ratios
@@ -36,7 +36,7 @@ from .core.object_model import ObjectModel
 from .core.pace import InTime, always
 from .core.pose_hypothesis import Prior
 from .core.state import StateEvidence, StateMachine, Status
-from .core.touch import Measurement
+from .core.touch import Measurement, gels_of
 from .core.track import Track
 from .core.workers import Workers
 
@@ -158,8 +158,7 @@ class ParticleFilter:
         (some,) = self._belief.untested
         some.entries = now[some.entries]
         if len(some) and not len(self._belief.hypotheses) and len(some) == coarse:
-            self._start(None)  # nothing was measured yet
-            self._untouched = True
+            self.initialise_uniform()  # nothing was measured yet
 
     # ------------------------------------------------------------------ one step
 
@@ -193,14 +192,12 @@ class ParticleFilter:
         self._gates.skips("no_contact", not in_contact)
         with self._watch.stage("motion"):
             motion = self._checked(odometry)
+            self._track.moved(motion, in_contact)
             if self._untouched:
                 # wherever the sensor is, it will touch the surface somewhere; the way there tells where it is not
-                self._track.moved(motion, in_contact)
                 self._untouched = not in_contact
-            else:
-                self._track.moved(motion, in_contact)
-                if motion is not None:
-                    self._belief.since = self._belief.since @ motion.transform
+            elif motion is not None:
+                self._belief.since = self._belief.since @ motion.transform
         usable, self._held = self._fingers.usable(touches), False
         self._sightings = {} if not in_contact or motion is not None else self._sightings
         gels = gels_of(usable)
@@ -225,8 +222,7 @@ class ParticleFilter:
         if motion.distance > self.config.max_odometry_jump:
             self._restarted = f"odometry jumped by {motion.distance:.2f} m"
             self._gates.refuse("odometry_jump", self._restarted)
-            self._start(None)
-            self._untouched = True
+            self.initialise_uniform()
             return None
         return motion
 
@@ -440,7 +436,7 @@ class ParticleFilter:
         some = belief.untested[number]
         row = int(np.argmax(some.log_weights))
         weight = float(np.exp(some.log_weights[row] - belief.total()))
-        pose = pose_rows(some, np.array([row]))[0] @ belief.since
+        pose = some.some(np.array([row])).poses[0] @ belief.since
         turn = se3.turn(pose[:3, :3])
         return Mode(weight, pose, turn @ self._noise.between_entries @ turn.T, 1)
 

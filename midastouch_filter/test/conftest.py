@@ -18,7 +18,7 @@ from hypothesis import settings
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.object_model import derived_arrays
+from midastouch_filter.core.object_model import derived_arrays, of_surface
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue
@@ -84,11 +84,6 @@ class FourierEncoder:
 def make_codebook(poses: np.ndarray, codes: np.ndarray, derived: dict[str, np.ndarray] | None = None) -> Codebook:
     """What the filter needs of a codebook; derived: as of `Codebook`, which saves a second with each filter."""
     return Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK}, derived)
-
-
-def of_surface(derived: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What of the derived arrays is of the mesh alone, whatever its codebook."""
-    return {name: array for name, array in derived.items() if not name.endswith(("neighbours", "links"))}
 
 
 def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float = 0.0015) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import midastouch_kernels as kernels
 
 from ..core.answer import Group, modes_of
-from ..core.belief import Belief, pose_rows
+from ..core.belief import Belief
 from ..core.noise_model import REGION_WIDTH, NoiseModel
 from ..core.object_model import ObjectModel
 from ..core.pose_hypothesis import another
@@ -119,7 +119,7 @@ def _spread(belief: Belief, weights: np.ndarray, taken: list[Group], count: int)
     starts = np.cumsum([len(known), *map(len, belief.untested)])
     poses = [known[chosen[chosen < len(known)]]]
     for low, high, some in zip(starts, starts[1:], belief.untested, strict=False):
-        poses.append(pose_rows(some, chosen[(chosen >= low) & (chosen < high)] - low))
+        poses.append(some.some(chosen[(chosen >= low) & (chosen < high)] - low).poses)
     return [
         Hypothesis(belief.objects[number], pose, 0.0, False, _name(belief, number))
         for number, pose in zip(objects[chosen], np.concatenate(poses) @ belief.since, strict=True)

@@ -26,7 +26,7 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
 from .noise_model import NoiseModel
-from .touch import Measurement
+from .touch import Measurement, gels_of
 
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
 _MOST_DESCENTS = 4
@@ -131,14 +131,13 @@ class PenetrationAlignment:
 
         needed (P,): a hypothesis of which less than this fraction can be explained does not matter, and is given up.
         """
-        noise, identity = self._noise, np.eye(4)
-        gels = np.stack([identity if touch.T_gel_finger is None else touch.T_gel_finger for touch in touches])
+        noise = self._noise
         return Alignments(
             *self._kernel.align_each(
                 np.ascontiguousarray(poses),
                 np.ascontiguousarray(covariances),
                 np.ascontiguousarray([touch.penetration for touch in touches], np.float32),
-                gels,
+                gels_of(touches),
                 noise.jitter,
                 noise.finger_error,
                 np.zeros(len(poses)) if needed is None else needed,

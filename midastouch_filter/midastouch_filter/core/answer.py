@@ -14,7 +14,7 @@ import midastouch_kernels as kernels
 from midastouch_common import se3
 
 from .alignment import Sighting, transform_covariance
-from .belief import Belief, pose_rows
+from .belief import Belief
 from .estimate import Mode
 from .noise_model import NoiseModel
 from .pose_hypothesis import alike, another
@@ -97,7 +97,7 @@ def covariance_of(belief: Belief, modes: Sequence[Mode], noise: NoiseModel) -> n
     for some in belief.untested:
         if len(some) and (mass := np.exp(some.log_weights - belief.total())).sum() > _NEGLIGIBLE:
             rows = kernels.systematic(mass, 64, 0.5)
-            poses.extend(pose_rows(some, rows) @ belief.since)
+            poses.extend(some.some(rows).poses @ belief.since)
             weights.extend([float(mass.sum()) / 64] * 64)
     if not poses:
         return first.covariance
@@ -128,5 +128,5 @@ def draws(belief: Belief, count: int, seed: int) -> np.ndarray:
     for number, some in enumerate(belief.untested):
         rows = chosen[(chosen >= starts[number + 1]) & (chosen < starts[number + 2])] - starts[number + 1]
         if len(rows):
-            out.append(pose_rows(some, rows))
+            out.append(some.some(rows).poses)
     return np.concatenate(out) @ belief.since

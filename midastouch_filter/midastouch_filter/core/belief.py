@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import midastouch_kernels as kernels
-from midastouch_common import se3
 from midastouch_perception.symmetry.group import Symmetry
 
 from .alignment import transform_covariance
@@ -184,14 +183,15 @@ class Belief:
 
         All poses must be of that frame (`come_up`)."""
         born = Particles.from_poses(self.objects[number].lookup.poses[entries], entries)
-        self.untested[number] = _joined(self.untested[number], born, log_weights)
+        born.log_weights = log_weights
+        self.untested[number] = Particles.joined([self.untested[number], born])
 
     def take(self, number: int, rows: np.ndarray) -> Particles:
         """Take untested poses, by their rows (n,), out of the belief."""
         some, kept = self.untested[number], np.ones(len(self.untested[number]), bool)
         kept[rows] = False
-        self.untested[number] = _some(some, kept)
-        return _some(some, rows)
+        self.untested[number] = some.some(kept)
+        return some.some(rows)
 
     def settle(self, negligible: float) -> None:
         """Normalise the weights, drop what is too light to matter, and let hypotheses that have met become one.
@@ -207,26 +207,11 @@ class Belief:
             self.hypotheses = self.hypotheses.joined(left.some(left.objects == number).merged(model.symmetry.exact))
             some = self.untested[number]
             if len(some) and not (keep := some.log_weights > top + negligible).all():
-                self.untested[number] = _some(some, keep)
-
-
-def pose_rows(particles: Particles, rows: np.ndarray) -> np.ndarray:
-    """Poses (n, 4, 4) of particles by their rows (n,)."""
-    return se3.from_xyzquat(np.concatenate([particles.positions[rows], particles.quaternions[rows]], axis=1))
+                self.untested[number] = some.some(keep)
 
 
 def _no_particles() -> Particles:
     return Particles(np.empty((0, 3), np.float32), np.empty((0, 4), np.float32), np.empty(0), np.empty(0, np.int32))
-
-
-def _some(particles: Particles, rows: np.ndarray) -> Particles:
-    return Particles(*(np.ascontiguousarray(each[rows]) for each in vars(particles).values()))
-
-
-def _joined(particles: Particles, born: Particles, log_weights: np.ndarray) -> Particles:
-    born.log_weights = log_weights
-    pairs = zip(vars(particles).values(), vars(born).values(), strict=True)
-    return Particles(*(np.concatenate(pair) for pair in pairs))
 
 
 def _log_sum(values: np.ndarray | Sequence[float]) -> float:

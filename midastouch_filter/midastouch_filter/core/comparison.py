@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from .alignment import Alignments, Sighting
-from .belief import BEHIND, Belief, Hypotheses, pose_rows
+from .belief import BEHIND, Belief, Hypotheses
 from .gates import Gates
 from .noise_model import NoiseModel
 from .touch import Measurement
@@ -179,7 +179,8 @@ class Comparison:
     def _promote(self, number: int, rows: np.ndarray) -> None:
         some = self._belief.untested[number]
         rows = rows[np.argsort(-some.log_weights[rows], kind="stable")]
-        taken, poses = self._belief.take(number, rows), pose_rows(some, rows)
+        taken = self._belief.take(number, rows)
+        poses = taken.poses
         code, support = self._of_all(number, poses), self._belief.support[number]
         prior = taken.log_weights - self._weight * code  # the map says it instead
         born = Hypotheses.at(poses, self._noise.between_entries, prior, number, support, self._odometer)

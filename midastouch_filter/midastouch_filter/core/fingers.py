@@ -5,7 +5,7 @@ The state is the pose of the first finger's gel; the transform between the gels 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -69,12 +69,6 @@ def by_name(measurement: Measurement, others: Mapping[str, Measurement]) -> dict
     if FIRST in others:
         raise InputError("others: a further finger needs a name")
     return {FIRST: measurement, **others}
-
-
-def gels_of(touches: Sequence[Measurement]) -> np.ndarray:
-    """(F, 4, 4) of the gels that touch, in the frame of the first finger's."""
-    gels = [np.eye(4) if touch.T_gel_finger is None else touch.T_gel_finger for touch in touches]
-    return np.array(gels).reshape(-1, 4, 4)
 
 
 def _checked_pose(T_gel_finger: np.ndarray) -> np.ndarray:

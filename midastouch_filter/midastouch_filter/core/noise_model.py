@@ -80,10 +80,6 @@ class NoiseModel:
         with np.errstate(over="ignore"):
             return np.exp(-evidence / self.map_patches) - self.residual_floor
 
-    def evidence_slope(self, residual_ratio: float) -> float:
-        """Nats by which `residual_evidence` falls for each unit of the residual ratio, there."""
-        return self.map_patches / (residual_ratio + self.residual_floor)
-
     def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray) -> np.ndarray:
         """Nats that touches speak for an object, by a hypothesis on it, against being none of those that are known.
 

@@ -52,6 +52,10 @@ class Particles:
         """(N,) float64, sum 1."""
         return np.exp(self.log_weights)
 
+    def some(self, rows: np.ndarray) -> Particles:
+        """Those of an index or mask, with their weights."""
+        return Particles(*(np.ascontiguousarray(each[rows]) for each in vars(self).values()))
+
     def select(self, ancestors: np.ndarray) -> Particles:
         """Copies of the particles at indices `ancestors` (n,), equally weighted."""
         return Particles(
@@ -60,9 +64,3 @@ class Particles:
             np.full(len(ancestors), -np.log(len(ancestors))),
             self.entries.take(ancestors),
         )
-
-    def replace(self, where: np.ndarray, other: Particles) -> None:
-        """Put `other`'s poses in place of the particles at indices `where`; weights stay."""
-        self.positions[where] = other.positions
-        self.quaternions[where] = other.quaternions
-        self.entries[where] = other.entries

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,12 @@ class Measurement:
     network_id: str = ""
     penetration: np.ndarray | None = None
     T_gel_finger: np.ndarray | None = None
+
+
+def gels_of(touches: Sequence[Measurement]) -> np.ndarray:
+    """(F, 4, 4) of the gels that touch, in the frame of the first finger's."""
+    gels = [np.eye(4) if touch.T_gel_finger is None else touch.T_gel_finger for touch in touches]
+    return np.array(gels).reshape(-1, 4, 4)
 
 
 def require_network(touches: Iterable[Measurement], network_id: str) -> None:
