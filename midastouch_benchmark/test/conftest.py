@@ -158,9 +158,9 @@ def trials(make_trial) -> list[dict]:
         trial("default", 2, 100.0, 7.0, state="ambiguous"),
         trial("paper", 0, 12.0, 97.0),
         trial("paper", 1, 12.0, 97.0, state="ambiguous"),
-        trial("1k", 0, 5.0, 1.0),
-        trial("1k", 1, 5.0, 1.0),
-        trial("1k", 2, 5.0, 1.0),
+        trial("5k", 0, 5.0, 1.0),
+        trial("5k", 1, 5.0, 1.0),
+        trial("5k", 2, 5.0, 1.0),
     ]
 
 

@@ -30,6 +30,7 @@ FEWEST_THREADED_QUERIES = 8
 _CREASE_COSINE = np.cos(np.radians(40))
 _SMALL_FACE = 6e-3  # m, longest side: the faces of scans of household objects are 2 to 6 mm wide
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
+_NO_AREA = 1e-14  # m^2, twice the area
 
 
 def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -53,21 +54,62 @@ def _in_ascii(path: Path) -> bytes:
     return content.decode("ascii", "replace").replace("\ufffd", "?").encode() + binary
 
 
+def _same_position(vertices: np.ndarray) -> np.ndarray:
+    """(V,) the same number for vertices (V, 3) at the same position."""
+    return np.unique(vertices.round(7), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _crosses(corners: np.ndarray) -> np.ndarray:
+    """Normals (F, 3) of faces with corners (F, 3, 3), twice as long as their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _weld_slivers(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces (F, 3) of the same surface, the neighbours of those without area joined where that is possible.
+
+    Such a face lies along its longest edge, and without it the neighbours would not meet there. So it and the neighbour
+    at that edge exchange the diagonal of their quadrilateral: each becomes one half of that neighbour.
+    """
+    slivers = np.flatnonzero(np.linalg.norm(_crosses(vertices[faces]), axis=1) <= _NO_AREA).tolist()
+    if not slivers:
+        return faces
+    faces, same = faces.copy(), _same_position(vertices)
+    of_edge = {tuple(edge): k // 3 for k, edge in enumerate(same[faces[:, _EDGES]].reshape(-1, 2).tolist())}
+    while slivers:
+        sliver = slivers.pop()
+        corners = vertices[faces[sliver]]
+        if np.linalg.norm(_crosses(corners[None])) > _NO_AREA or len(set(same[faces[sliver]].tolist())) < 3:
+            continue
+        longest = int(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).argmax())
+        a, b, middle = np.roll(faces[sliver], -longest)
+        other = of_edge.get((same[b], same[a]))
+        if other is None:
+            continue
+        apex = faces[other][~np.isin(same[faces[other]], same[[a, b]])]
+        if len(apex) != 1:
+            continue
+        faces[sliver], faces[other] = (middle, a, apex[0]), (apex[0], b, middle)
+        for face in (sliver, other):
+            of_edge |= {tuple(edge): face for edge in same[faces[face, _EDGES]].tolist()}
+        slivers += [sliver, other]
+    return faces
+
+
 class ObjectMesh:
     """Triangles of one object in its own frame, metres.
 
-    Attributes: vertices (V, 3) float64; faces (F, 3) int32, zero-area faces dropped, all turned round if the enclosed
-    volume is negative (inverted mesh); face_normals (F, 3), outward; face_areas (F,) m^2; name; sha256, of the file it
-    came from (of the arrays, if it came from none); path.
+    Attributes: vertices (V, 3) float64; faces (F, 3) int32, those of no area welded into their neighbours, all turned
+    round if the enclosed volume is negative (inverted mesh); face_normals (F, 3), outward; face_areas (F,) m^2; name;
+    sha256, of the file it came from (of the arrays, if it came from none); path.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, name: str, content: str, path: Path | None = None):
         self.vertices = np.ascontiguousarray(vertices, float)
-        faces = np.ascontiguousarray(faces, np.int32)
+        faces = _weld_slivers(self.vertices, np.ascontiguousarray(faces, np.int32))
         corners = self.vertices[faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        cross = _crosses(corners)
         doubled = np.linalg.norm(cross, axis=1)
-        kept = doubled > 1e-14
+        kept = doubled > _NO_AREA
         inward = np.einsum("fj,fj->", corners.mean(axis=1) - corners.mean(axis=(0, 1)), cross) < 0
         self.faces = np.ascontiguousarray(faces[kept][:, ::-1]) if inward else faces[kept]
         self.face_areas = doubled[kept] / 2
@@ -132,7 +174,7 @@ class ObjectMesh:
     @cached_property
     def _welded(self) -> np.ndarray:
         """(V,) the same number for vertices at the same position."""
-        return np.unique(self.vertices.round(7), axis=0, return_inverse=True)[1].reshape(-1)
+        return _same_position(self.vertices)
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:

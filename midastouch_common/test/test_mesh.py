@@ -224,3 +224,32 @@ def test_few_queries_are_answered_as_many_are(k):
         d, j = tree.query(query[None], k)
         np.testing.assert_array_equal(j[0], index[i])
         np.testing.assert_allclose(d[0], distance[i])
+
+
+def box_with_slivers() -> tuple[np.ndarray, np.ndarray]:
+    """A closed box, one of whose edges is divided on one side only: faces without area fill the T-junctions."""
+    box = trimesh.creation.box([0.06, 0.04, 0.02])
+    a, b, apex = box.faces[0]
+    between = [box.vertices[a] + part * (box.vertices[b] - box.vertices[a]) for part in (0.3, 0.7)]
+    first, second = len(box.vertices), len(box.vertices) + 1
+    divided = [[a, first, apex], [first, second, apex], [second, b, apex], [a, b, second], [a, second, first]]
+    return np.concatenate([box.vertices, between]), np.concatenate([box.faces[1:], divided])
+
+
+def test_faces_without_area_are_welded_and_leave_no_hole():
+    vertices, faces = box_with_slivers()
+    assert trimesh.Trimesh(vertices, faces, process=False).is_watertight
+    mesh = ObjectMesh.from_arrays(vertices, faces, "box")
+    assert mesh.face_areas.min() > 1e-6
+    assert mesh.area == pytest.approx(2 * (0.06 * 0.04 + 0.04 * 0.02 + 0.06 * 0.02))
+    solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    assert solid.is_watertight
+    assert solid.is_winding_consistent
+    assert solid.volume == pytest.approx(0.06 * 0.04 * 0.02)
+
+
+def test_a_face_without_area_beside_a_hole_is_dropped():
+    vertices, faces = box_with_slivers()
+    apart = faces[~((faces == faces[-1, 0]) | (faces == faces[-4, 1])).all(axis=1)][[-5, -2, -1]]
+    mesh = ObjectMesh.from_arrays(vertices, apart, "open")
+    assert mesh.face_areas.min() > 1e-6

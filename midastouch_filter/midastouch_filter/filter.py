@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import log_ndtr
 
 import midastouch_kernels as kernels
 from midastouch_common import se3
@@ -50,6 +51,7 @@ _LONGEST = 0.05  # s: frames farther apart count as that
 _AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time left: else nothing would ever be sure
 _NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
 _UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
+_RENEWED = 0.1  # of what is usual, by each keyframe
 _TOUCHING = 1e-3  # m, deeper in the object no gel in the air can have been
 
 
@@ -118,7 +120,7 @@ class ParticleFilter:
         self._granted = 0
         self._sightings: dict[int, Sighting] = {}
         self._groups: list[Group] = []
-        self._trend, self._untouched, self._held, self._seen = 0.0, False, False, None
+        self._trend, self._usual, self._untouched, self._held, self._seen = 0.0, None, False, False, None
         self.modes: list[Mode] = []
 
     # ------------------------------------------------------------------ start
@@ -263,24 +265,19 @@ class ParticleFilter:
             if track.lifted and noise.change_lifted > 0:
                 self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
             self._refute(track.free_space(), in_air)
-            weight = track.keep(gels)
+            weights = track.keep(gels)
             scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
             most = self.config.tested_poses if self.config.alignments_per_second else None
             negligible = _NEGLIGIBLE if most else 0.0
             self._comparison = Comparison(
-                belief, touches, scored, weight, negligible, most, track.odometer, noise, self._gates
+                belief, touches, scored, weights, negligible, most, track.odometer, noise, self._gates
             )
             self._gates.count("keyframes", 1)
         self._seen = track.motion @ gels, touches
         with self._watch.stage("align"):
             if len(belief.hypotheses):
                 self._comparison.work(min(self.config.refined_modes, len(belief.hypotheses)))
-            self._groups = grouped(belief)
-            self._sightings = self._believed(self._comparison.seen)
-
-    def _believed(self, seen: Mapping[int, Sighting]) -> dict[int, Sighting]:
-        """Those that explain enough of the maps."""
-        return {k: each for k, each in seen.items() if each.fit > self.config.penetration_fit}
+            self._groups, self._sightings = grouped(belief), self._comparison.seen
 
     def _refute(self, free: np.ndarray, in_air: list[Measurement]) -> None:
         """Where a gel was and felt nothing there is no object: free (A, 4, 4), gels in the air before this touch."""
@@ -290,20 +287,23 @@ class ParticleFilter:
             return
         belief = self._belief
 
-        def penalty(model: ObjectModel, poses: np.ndarray, spread: float) -> np.ndarray:
+        def outside(model: ObjectModel, poses: np.ndarray, variances: np.ndarray) -> np.ndarray:
+            """Nats (n,) of the probability that all gels were outside the object, by variances (n,) of a pose."""
             at = (poses[:, :3, :3] @ gels[:, :3, 3].T).transpose(0, 2, 1) + poses[:, None, :3, 3]
             distance = model.surface.distance_of(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
-            return -0.5 * np.square(np.minimum(distance + _TOUCHING, 0.0) / spread)
+            spread = np.sqrt(variances + self._noise.jitter[0, 0])
+            return np.maximum(log_ndtr((distance + _TOUCHING) / spread), self._noise.prior_floor)
 
-        spread = float(np.sqrt(self._noise.between_entries[0, 0]))
-        log_weights = belief.hypotheses.log_weights.copy()
+        hypotheses, log_weights = belief.hypotheses, belief.hypotheses.log_weights.copy()
+        variances = np.trace(hypotheses.covariances[:, :3, :3], axis1=1, axis2=2) / 3.0
         for number, model in enumerate(self.objects):
-            own = np.flatnonzero(belief.hypotheses.objects == number)
-            log_weights[own] += penalty(model, belief.hypotheses.poses[own], spread)
-            some = belief.untested[number]
+            own, some = np.flatnonzero(hypotheses.objects == number), belief.untested[number]
+            if len(own):
+                log_weights[own] += outside(model, hypotheses.poses[own], variances[own])
             if len(some):
-                some.log_weights = some.log_weights + penalty(model, some.poses, spread)
-        belief.hypotheses = replace(belief.hypotheses, log_weights=log_weights)
+                between = self._noise.between_entries[:1, 0]
+                some.log_weights = some.log_weights + outside(model, some.poses, between)
+        belief.hypotheses = replace(hypotheses, log_weights=log_weights)
 
     def _finish(self) -> None:
         """End the comparison under way: what was not reached keeps what its code says."""
@@ -313,13 +313,24 @@ class ParticleFilter:
         self._comparison, self._granted = None, 0
         belief.settle(_UNTESTED_BEHIND)
         if len(belief.hypotheses):
-            leading = int(np.argmax(belief.hypotheses.log_weights))
             self._learn_of_object()
-            if belief.hypotheses.fit[leading] < self.config.penetration_fit and noise.change > 0:
+            if noise.change > 0 and self._contradicted():
                 self._births.after_push(belief)
                 self._gates.count("pushed", 1)
                 self._gates.count("born", self._births.after_change(belief, noise.change))
         self._groups, self._sightings = grouped(belief), {}
+
+    def _contradicted(self) -> bool:
+        """Whether the last keyframe speaks for a change: a pose that explains as much of it as the leading hypothesis
+        explained of those before would be as probable as that one, in spite of the change that leads to it."""
+        hypotheses = self._belief.hypotheses
+        fit = float(hypotheses.fit[int(np.argmax(hypotheses.log_weights))])
+        evidence = float(self._noise.residual_evidence(1.0 - fit))
+        usual = evidence if self._usual is None else self._usual
+        if fit < self.config.penetration_fit or evidence < usual + np.log(self._noise.change):
+            return True
+        self._usual = usual + (evidence - usual) * _RENEWED
+        return False
 
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
@@ -368,7 +379,7 @@ class ParticleFilter:
                 covariances[leading[own]] = transform_covariance(found.covariances, back)
                 aligned_at[leading[own]] = odometer
             belief.hypotheses = replace(belief.hypotheses, poses=poses, covariances=covariances, aligned_at=aligned_at)
-            self._sightings = self._believed(seen)
+            self._sightings = seen
 
     # ------------------------------------------------------------------ answers
 
@@ -400,16 +411,17 @@ class ParticleFilter:
     def _estimate(self, in_contact: bool) -> Estimate:
         belief = self._belief
         unknown = self.identity[1]
-        leading = self._groups[0].object if self._groups else 0
+        leading = self._leading_object
         groups = [group for group in self._groups if group.object == leading]
         with self._watch.stage("modes"):
-            self.modes = modes_of(belief, groups, self._sightings, REGION_WIDTH, self._noise)
+            believed = {k: each for k, each in self._sightings.items() if each.fit > self.config.penetration_fit}
+            self.modes = modes_of(belief, groups, believed, REGION_WIDTH, self._noise)
             if not self.modes:
                 self.modes = [self._guess()]
-            covariance = covariance_of(belief, self.modes, self._noise)
-        if self._sightings and groups:
-            fit = belief.hypotheses.fit[groups[0].members[0]]
-            self._trend = float(self._noise.residual_evidence(1.0 - fit) - self._noise.residual_evidence(0.4))
+            covariance = covariance_of(belief, leading, self.modes)
+        if groups:
+            fit, least = belief.hypotheses.fit[groups[0].members[0]], self.config.penetration_fit
+            self._trend = float(np.diff(self._noise.residual_evidence(1.0 - np.array([least, fit])))[0])
         first = self.modes[0]
         alike = self.objects[leading].symmetry.exact
         self._state.update(
@@ -465,8 +477,11 @@ class ParticleFilter:
 
     @property
     def poses(self) -> np.ndarray:
-        """Draws `T_obj_gel` (N, 4, 4) from the belief at this very frame; N = 0 while uninitialised."""
-        return draws(self._belief, _DRAWS, self._seed) if self._belief else np.empty((0, 4, 4))
+        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at this very frame; N = 0
+        while uninitialised."""
+        if self._belief is None:
+            return np.empty((0, 4, 4))
+        return draws(self._belief, self._leading_object, _DRAWS, self._seed)
 
     @property
     def weights(self) -> np.ndarray:
@@ -476,7 +491,11 @@ class ParticleFilter:
     @property
     def object(self) -> ObjectModel:
         """The object that the estimate is on."""
-        return self.objects[self._groups[0].object if self._groups else 0]
+        return self.objects[self._leading_object]
+
+    @property
+    def _leading_object(self) -> int:
+        return self._groups[0].object if self._groups else 0
 
     @property
     def belief(self) -> Belief | None:

@@ -119,7 +119,7 @@ public:
 
 private:
     static constexpr std::size_t kPiece = 8;  // hypotheses that share a workspace
-    static constexpr double kMore = 0.01, kExplained = 0.9;  // fractions of a map: less is no gain, no more is needed
+    static constexpr double kMore = 0.12, kExplained = 0.95;  // of what is unexplained: less is no gain; of a map: no more is needed
     // The iteration after which hardly more than a further `kStillGained` of a map gets explained.
     static constexpr int kDecided = 4;
     static constexpr double kStillGained = 0.15;
@@ -179,7 +179,7 @@ private:
         bool more = true;
         for (; more && descents < most && best.fit() < kExplained && best.fit() >= needed - kStillGained; ++descents) {
             Settled again = in_turn(work, prior, best.posterior.mean, touches, others, needed);
-            more = again.fit() >= best.fit() + kMore;
+            more = again.fit() - best.fit() >= kMore * (1 - best.fit());
             if (again.fit() > best.fit()) best = std::move(again);
         }
         best.descents = descents;

@@ -27,8 +27,8 @@ def add_parser(subparsers) -> None:
         "a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
         "--variant takes names and sets:\n"
         "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
-        "(each mechanism and gate off), gates, counts (poses at the start), codebooks (fewer poses, shorter codes),\n"
-        "front (what error is set against run time for: presets, alignments, poses, codes),\n"
+        "(each mechanism and gate off), gates, front (what error is set against run time for: presets, alignments,\n"
+        "poses at the start and in the codebook),\n"
         "contacts (fewer fingers, for --protocol grasp), all.\n"
         "--protocol takes one of:\n"
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
@@ -38,7 +38,7 @@ def add_parser(subparsers) -> None:
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
         "  other_shape  the object is not quite its mesh    small_parts  parts smaller than the gel\n"
-        "  grasp        held still by up to four fingers\n"
+        "  grasp        held still by a thumb and two fingers for 5 s\n"
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )

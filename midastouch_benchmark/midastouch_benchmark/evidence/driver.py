@@ -1,7 +1,7 @@
 """Makes the reports of a plan, one after the other, and goes on where it was stopped.
 
 Each report is made by the very command that its table names. Finished trials are kept by the commands themselves, a
-report in the making beside them, and only a whole one takes its place among the committed ones.
+report in the making beside them, and only a whole one takes the place of the committed one.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
 
 
 def _make(step: Step, jobs: int, minutes: float | None) -> bool:
-    """Run one command; whether its report is whole, and in its place. InputError if the command fails."""
+    """Run one command; whether its report is whole, and in the place of earlier ones. InputError if the command fails."""
     made = KEPT / f"{step.name}.json"
     made.parent.mkdir(parents=True, exist_ok=True)
     made.unlink(missing_ok=True)
@@ -68,6 +68,8 @@ def _make(step: Step, jobs: int, minutes: float | None) -> bool:
     place = ROOT / "reports" / datetime.date.today().isoformat() / made.name
     place.parent.mkdir(parents=True, exist_ok=True)
     shutil.move(ROOT / made, place)
+    for earlier in set((ROOT / "reports").glob(f"*/{made.name}")) - {place}:
+        earlier.unlink()
     return True
 
 

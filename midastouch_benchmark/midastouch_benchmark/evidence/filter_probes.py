@@ -44,7 +44,7 @@ def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lamb
     for k, (name, protocol) in enumerate(PROTOCOLS.items()):
         if name in _ELSEWHERE:
             continue
-        frames = eyebolt.grasps if name == "grasp" else eyebolt.frames
+        frames = eyebolt.grasp if name == "grasp" else eyebolt.frames
         given = disturbances.Scene(frames, np.random.default_rng(k), tool.frames, eyebolt.codebook)
         frames = nudge(protocol.disturb(given).frames)[:_MOST]
         out[name] = _run(eyebolt, frames, few, protocol.starts[0], protocol.beta)

@@ -16,7 +16,7 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.grasp import simulate_grasps
+from midastouch_perception.simulation.grasp import simulate_grasp
 from midastouch_perception.simulation.slide import measure_poses
 
 from ..trials.cache import LIGHT
@@ -70,9 +70,9 @@ class Scene:
         ]
 
     @cached_property
-    def grasps(self) -> list[TrialFrame]:
-        """Two grasps, a frame for each contact, as `protocols.grasp` gets them."""
-        poses = simulate_grasps(self.mesh, self.networks.sensor, 2, np.random.default_rng(0)).reshape(-1, 4, 4)
+    def grasp(self) -> list[TrialFrame]:
+        """A frame for each contact of a grasp, as `protocols.grasp` gets them."""
+        poses = simulate_grasp(self.mesh, self.networks.sensor, np.random.default_rng(0))
         return self._perceived(poses, poses)
 
 

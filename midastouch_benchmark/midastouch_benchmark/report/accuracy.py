@@ -22,7 +22,7 @@ from ..statistics.comparison import pareto_front, rows_by_init
 from ..statistics.coverage import observed_fractions
 from ..tables.results import of_start, of_variants
 from ..tables.table import on_page
-from ..trials.variants import BASELINE, BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PRESET
+from ..trials.variants import BASELINE, BUDGET, DEFAULT, GATE, MECHANISM, PAPER, PRESET
 from .trial_figures import final_error_figure
 
 _SIZE = 8  # pt
@@ -85,9 +85,7 @@ _GROUPS = {
     PRESET: ("a preset", "#cc1a73", "d"),
     PAPER: ("the paper's filter", "black", "s"),
     BASELINE: ("another method", "#555555", "P"),
-    COUNT: ("fewer particles", "#1f77b4", "o"),
-    INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
-    BUDGET: ("fewer or more modes aligned", "#17a2b8", "X"),
+    BUDGET: ("less or more work, fewer poses", "#17a2b8", "X"),
     MECHANISM: ("a mechanism off", "#e08214", "v"),
     GATE: ("a gate off", "#7a4fb5", "^"),
 }

@@ -105,7 +105,7 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         "filter_stages_ms": stage_means(trials),
         "wrong_converged": wrong_converged(trials),
         "foreign": said_foreign(trials),
-        "grasps": grasp_summary(trials),
+        "held": grasp_summary(trials),
     }
     if not in_full:
         del out["objects"]
@@ -300,13 +300,14 @@ def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
 
 
 def grasp_summary(trials: list[dict]) -> list[dict] | None:
-    """After each grasp: trials, and with 95 % intervals the fractions of trials whose closest mode is `found`, whose
-    pose is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
-    if not all("grasps" in trial for trial in trials):
+    """Of grasps that are held, after each of the times at which they are asked: trials, and with 95 % intervals the
+    fractions of trials that `found` a right mode, whose pose is `right` and that are `converged` (`converged_wrong`),
+    and the mean `share`; None without grasps."""
+    if not all("held" in trial for trial in trials):
         return None
     figures = Figures.by_slide(trials)
     out = []
-    for rows in zip(*(trial["grasps"] for trial in trials), strict=True):
+    for rows in zip(*(trial["held"] for trial in trials), strict=True):
         wrong = [row["converged"] and not row["right"] for row in rows]
         parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
         parts["converged_wrong"] = wrong

@@ -10,12 +10,10 @@ from .intervals import ENOUGH, Figures
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
 
-    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`,
-    of the latter those with the truth among the modes; rivalled, fraction in which another hypothesis competed with
-    the true one, and of these `told_apart`, those that end right, and `said_alike`, those in which the advice was
-    that nothing tells the hypotheses apart; path_m, median until converged and right, infinite for all others;
-    asked_ms, the 95 % quantile over trials of the CPU time of the slowest answer; seconds, of an arm, as path_m,
-    and deepest_mm, the most of all; path_ratio, of the median path to that of `random`.
+    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`; path_m, median until
+    converged and right, infinite for all others; asked_ms, the 95 % quantile over trials of the CPU time of the slowest
+    answer; seconds, of an arm, as path_m, and deepest_mm, the most of all; path_ratio, of the median path to that of
+    `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -34,13 +32,7 @@ def _of_policy(trials: list[dict]) -> dict:
     converged = [t["ending"] == "converged" for t in trials]
     right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
     alike = [t["ending"] == "alike" for t in trials]
-    rivalled = [bool(t["rivalled"]) for t in trials]
-    named = [a and t["truth_among_places"] for a, t in zip(alike, trials, strict=True)]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
-
-    def of_rivalled(part: list[bool]) -> dict:
-        return figures.fraction([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
-
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
     timed = any(t.get("seconds") for t in trials)
     seconds = np.array([t.get("seconds") if r else np.inf for r, t in zip(right, trials, strict=True)], float)
@@ -50,10 +42,6 @@ def _of_policy(trials: list[dict]) -> dict:
         "right": figures.fraction(right),
         "wrong": figures.fraction([c and not r for c, r in zip(converged, right, strict=True)]),
         "alike": figures.fraction(alike),
-        "alike_truly": figures.fraction(named, [int(a) for a in alike]),
-        "rivalled": figures.fraction(rivalled),
-        "told_apart": of_rivalled(right),
-        "said_alike": of_rivalled(alike),
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
         "seconds": figures.value(seconds, np.median) if timed else None,

@@ -9,6 +9,7 @@ import pandas as pd
 from ..statistics.accuracy import counted_anew, pose_right_at_end
 from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
+from ..trials.protocols import ASKED
 from ..trials.variants import DEFAULT, PRESET
 from .reports import ABLATIONS, frame_of, report, reported
 from .table import Form, Row, between, fraction, is_missing, percent, pose, text, tidy, value, written
@@ -68,30 +69,13 @@ def methods_table(content: dict, init: str) -> pd.DataFrame:
 
 
 def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
-    """The belief after each grasp; grasps: summaries of `grasp_summary` by name of what grasps."""
-    rows = [{"what": what, "grasp": k} | one for what, each in grasps.items() for k, one in enumerate(each, 1)]
-    return written(tidy(rows), {"contacts": text("what"), "after grasp": text("grasp")}, GRASPS)
+    """The belief of grasps that are held; grasps: summaries of `grasp_summary` by name of what grasps."""
+    return written(tidy(_held(grasps)), {"contacts": text("what"), "held": text("seconds", "{} s")}, GRASPS)
 
 
-def codebooks() -> pd.DataFrame:
-    """What fewer poses cost, on the same slides."""
-    claims = {
-        "right at the end": lambda row: f"{row['summary.right']:.0f} of {row['summary.trials']:.0f}",
-        "paired difference": lambda row: _difference(row, "right_difference", "{:+.0%}"),
-        "particles, mean": pose("summary.e", "mean"),
-        "paired difference ": lambda row: _difference(row, "difference_mm", "{:+.1f}", " mm"),
-        "closest mode, median": pose("summary.closest_mode", "median"),
-        "CPU a frame": text("cpu_ms_filter", "{:.1f} ms"),
-    }
-    if "codebooks" not in reported():
-        return written(frame_of({"codebooks": "-"}, report), {"poses": text("what")}, claims, "report")
-    content = report("codebooks")
-    compared = {one["variant"]: one for one in content["comparison"]}
-    rows = []
-    for variant, poses in {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}.items():
-        (summary,) = content["summary"][variant].values()
-        rows.append({"what": poses, "report": "codebooks", "summary": summary} | compared[variant])
-    return written(tidy(rows), {"poses": text("what")}, claims, "report")
+def _held(grasps: Mapping[str, list[dict]], **about: object) -> list[dict]:
+    pairs = ((what, zip(ASKED, each, strict=True)) for what, each in grasps.items())
+    return [{"what": what, "seconds": after} | about | one for what, each in pairs for after, one in each]
 
 
 def baselines() -> pd.DataFrame:
@@ -108,18 +92,14 @@ def baselines() -> pd.DataFrame:
 
 def grasps() -> pd.DataFrame:
     """Grasps without sliding, by how many fingers touch."""
-    about = {"objects": text("objects"), "contacts": text("what"), "after grasp": text("grasp")}
-    rows = []
+    about = {"objects": text("objects"), "contacts": text("what"), "held": text("seconds", "{} s")}
+    rows: list[dict] = []
     for name, objects in {"grasp": "the ten", "grasp_cad": "CAD parts"}.items():
         if name not in reported():
             continue
-        summary = report(name)["summary"]
-        for contacts, variant in enumerate(("contact_1", "contacts_2", "contacts_3", DEFAULT), 1):
-            (by_grasp,) = (one["grasps"] for one in summary[variant].values())
-            rows += [
-                {"objects": objects, "what": contacts, "grasp": number, "report": name} | by_grasp[number - 1]
-                for number in (1, len(by_grasp))
-            ]
+        by_variant = {name: one["held"] for name, each in report(name)["summary"].items() for one in each.values()}
+        contacts = {k: by_variant[v] for k, v in enumerate(("contact_1", "contacts_2", DEFAULT), 1)}
+        rows += _held(contacts, objects=objects, report=name)
     frame = tidy(rows) if rows else frame_of({"grasp": "-"}, report)
     return written(frame, about if rows else {"contacts": text("what")}, GRASPS, "report")
 

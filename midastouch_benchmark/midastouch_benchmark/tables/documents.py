@@ -59,8 +59,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
-        comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
+        accuracy.paper, accuracy.localisation, accuracy.areas, accuracy.slides,
+        comparisons.grasps, comparisons.variants, comparisons.front,
         figures.figures, figure_commands,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
         exploring.identification, exploring.exploration, observing.observing, motion.motion, motion.faults,
@@ -69,7 +69,7 @@ TABLES = {
         checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
-} | {"peers": comparisons.baselines, "twins": exploring.alike_objects}  # fmt: skip
+} | {"peers": comparisons.baselines}  # fmt: skip
 """Tables by the name in their mark."""
 
 

@@ -35,13 +35,6 @@ EXPLORATION: dict[str, Form] = {
     "simulated time until right, median": value("seconds", "{:.0f}", " s"),
     "deepest in the gel": text("deepest_mm", "{:.2f} mm"),
 }
-_COMPETING: dict[str, Form] = {
-    "another hypothesis competed": fraction("rivalled"),
-    "of these told apart": fraction("told_apart"),
-    "of these said alike": fraction("said_alike"),
-    "converged wrong": fraction("wrong"),
-    "path until right, median": _PATH,
-}
 
 
 def identification_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
@@ -82,25 +75,9 @@ def exploration() -> pd.DataFrame:
     if "exploration" not in reported():
         return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
     rows = []
-    for name, objects in {
-        "exploration": "the ten",
-        "exploration_cad": "CAD parts",
-        "exploration_arm": "the ten",
-    }.items():
+    for name in ("exploration", "exploration_arm"):
         if name in reported():
             content = report(name)
             part = exploration_rows(content["trials"], content["config"]["policies"])
-            rows += [row | {"objects": objects, "report": name} for row in part if row["object"] == "all"]
-    about = {"finger goes": text("what"), "objects": text("objects"), "trials": text("trials")}
-    return written(tidy(rows), about, EXPLORATION, "report")
-
-
-def alike_objects() -> pd.DataFrame:
-    """Positions that feel alike but for what lies elsewhere: are they told apart, or is it said that they cannot be?"""
-
-    def row(name: str) -> dict:
-        (one,) = summarise_exploration(report(name)["trials"]).values()
-        return {"what": ", ".join(one["objects"])} | {key: each for key, each in one.items() if key != "objects"}
-
-    frame = frame_of({"twins": "-"}, row)
-    return written(frame, {"objects": text("what"), "trials": text("trials")}, _COMPETING, "report")
+            rows += [row | {"report": name} for row in part if row["object"] == "all"]
+    return written(tidy(rows), {"finger goes": text("what"), "trials": text("trials")}, EXPLORATION, "report")

@@ -33,9 +33,7 @@ FURTHER = {
     "held_out": ("ten further objects", _PAIRED),
     "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
 }
-"""Sets of objects beside the ten, as `--objects` names them: in words, and what is slid over each object."""
-NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
-"""Reports of narrower starts, by the factor on the paper's width."""
+"""Further sets of objects, as `--objects` names them: in words, and what is slid over each object."""
 
 
 def _evenly(command: str) -> str:
@@ -44,11 +42,11 @@ def _evenly(command: str) -> str:
 
 
 _ABLATIONS = {
-    "kidnap": "no_refinement no_lift no_tempering",
-    "tool_bias": "no_drift no_tempering",
-    "push": "no_push no_drift",
-    "rest": "gates no_tempering",
-    "slow_camera": "gates no_tempering",
+    "kidnap": "no_lift",
+    "tool_bias": "no_drift no_correlation",
+    "push": "no_push no_drift no_correlation",
+    "rest": "no_rest_gate",
+    "slow_camera": "no_repeat_gate",
 }
 """Variants that are run under a protocol which exercises them."""
 COMMANDS = {
@@ -62,12 +60,10 @@ COMMANDS = {
         if name != "small_parts"
     },
     "small_cad": f"{_BENCHMARK} --objects small_cad --protocol small_parts {_PAIRED}",
-    **{name: f"{_BENCHMARK} --init paper --beta {beta} {_PAIRED}" for name, beta in NARROWER.items()},
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
     "identify_cad": "midastouch identify --objects cad --slides 4 --codebook-size 10000",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
-    "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant book_5k book_10k",
     "peers": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant peers",
     "observer_uniform": f"{_OBSERVER} --slides 10",
     "observer_kidnap": f"{_OBSERVER} --protocol kidnap --slides 10",
@@ -78,7 +74,8 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 {_PAIRED} --variant no_refinement no_drift no_tempering no_calibration",
+    "ablation": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} "
+    "--variant no_maps no_codes no_drift no_correlation",
     **{
         f"ablation_{protocol}": f"{_BENCHMARK} --protocol {protocol} {_PAIRED} --variant {variants}"
         for protocol, variants in _ABLATIONS.items()
@@ -115,11 +112,8 @@ COMMANDS = {
     "single_touch_limit": f"{_SINGLE_TOUCH} --queries 100 --baseline-size 0 --exhaustive 15",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
-    "exploration_cad": "midastouch evaluate-exploration --objects cad --trials 4 --policy suggested lifts random",
     "exploration_arm": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy arm",
     "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 30",
-    "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
-    "--policy suggested",
     "bench": "midastouch bench --paper-networks",
     "scale": "midastouch bench-scale",
     "soak": "make soak MINUTES=1",
@@ -127,7 +121,7 @@ COMMANDS = {
     "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
 }
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
-ABLATIONS = {"ablation": STARTS["accuracy"]} | {f"ablation_{name}": CONDITIONS[name] for name in _ABLATIONS}
+ABLATIONS = {"ablation": STARTS["accuracy_uniform"]} | {f"ablation_{name}": CONDITIONS[name] for name in _ABLATIONS}
 """What is done to the slides, by the name of the report on parts of the filter that are off."""
 OPTICS = {
     "real_plain": "TACTO's, on its own sensor",

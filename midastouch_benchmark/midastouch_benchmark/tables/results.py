@@ -38,10 +38,10 @@ def of_start(content: dict, init: str) -> list[Titled]:
     ]
     if summary["recovery"]:
         out.append(("around the event", trust.events_table(frame)))
-    if summary["grasps"]:
+    if summary["held"]:
         words = {name: content["variants"][name]["summary"] for name in content["summary"]}
-        of = {words[name]: by_init[init]["grasps"] for name, by_init in content["summary"].items()}
-        out.append(("after each grasp", comparisons.grasps_table(of)))
+        of = {words[name]: by_init[init]["held"] for name, by_init in content["summary"].items()}
+        out.append(("held still", comparisons.grasps_table(of)))
     methods = comparisons.methods_table(content, init)
     return [*out, ("methods on the same slides", methods)] if len(methods) > 1 else out
 

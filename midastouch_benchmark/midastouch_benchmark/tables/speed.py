@@ -43,6 +43,12 @@ def _fractions_of_60_hz(row: Row) -> str:
     return "; ".join("-" if is_missing(hz) else f"{min(100, 100 * hz / _SENSOR_HZ):.0f} %" for hz in rates)
 
 
+def _over_fcrn(row: Row) -> str:
+    """Times of this pipeline over that of the paper's depth network in the same run."""
+    times = (row.get(f"{key}.p50") for key in ("end_to_end_ms", "converged_ms", "converged_frame_ms"))
+    return "; ".join("-" if is_missing(ms) else f"{ms / row['fcrn_ms.p50']:.3f}" for ms in times)
+
+
 def _several(form: str, unit: str, *keys: str) -> Form:
     """Values in one cell."""
     return lambda row: "; ".join(str(text(key, form)(row)) for key in keys) + unit
@@ -65,9 +71,8 @@ _SPEED: dict[str, Form] = {
     "alignment of one hypothesis to one map, p50": text("align_ms.p50", "{:.2f} ms"),
     "look-up of all untested poses, p50": text("lookup_ms.p50", "{:.1f} ms"),
     "... that finds the exact nearest entry": percent("lookup_exact_share", 1),
-    "images to the end of the frame: searching; converged": _several(
-        "{:.0f}", " Hz", "end_to_end_hz", "converged_hz"
-    ),
+    "images to the end of the frame: searching; converged": _several("{:.0f}", " Hz", "end_to_end_hz", "converged_hz"),
+    "image to estimate over FCRN's time, p50: searching; converged; converged, the whole frame": _over_fcrn,
     "share of the sensor's 60 Hz: searching; converged": _fractions_of_60_hz,
     "renders of 240 x 320": text("renders_per_s", "{:.0f} a second"),
     "simulated images of `digit_sim` on one core: additive; relative light": _images_a_second,

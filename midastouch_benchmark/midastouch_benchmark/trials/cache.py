@@ -121,12 +121,12 @@ LIGHT = "additive"  # of the slides: TACTO's
 
 @dataclass(frozen=True)
 class SlideKind:
-    """length [m]; leap, on the way; grasps: how many, in place of a slide; first [m]: as much of it is followed, so
+    """length [m]; leap, on the way; grasp, in place of a slide; first [m]: as much of it is followed, so
     that protocols that need less share the slides of those that need more (None: all)."""
 
     length: float = 0.5
     leap: Leap | None = None
-    grasps: int = 0
+    grasp: bool = False
     first: float | None = None
 
     @property
@@ -146,8 +146,8 @@ class SlideKind:
     @property
     def folder(self) -> str:
         """For folders: of slides that are made alike."""
-        if self.grasps:
-            return f"{self.grasps}grasps"
+        if self.grasp:
+            return "grasp"
         parts = [f"{1e3 * self.length:.0f}mm"]
         if self.leap is not None:
             parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")

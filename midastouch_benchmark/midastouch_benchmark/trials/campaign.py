@@ -26,7 +26,7 @@ from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
-from .variants import VARIANTS, AnyConfig, ShortCodes
+from .variants import VARIANTS, AnyConfig
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
@@ -137,9 +137,8 @@ def _run_unit(
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
     yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
-    codebook = plan.cache.codebook(mesh, variant.codebook_size)
-    short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
-    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, THREADS)
+    codebook = variant.codebook(plan.cache.codebook(mesh, variant.codebook_size))
+    particle_filter = variant.filter(mesh, codebook, plan.config, THREADS)
     scenes: dict[int, Disturbed] = {}
     out = {}
     for key, labels in trials.items():
@@ -148,9 +147,7 @@ def _run_unit(
             # the cache's own codebook: all variants meet the same scene
             own = plan.cache.codebook(mesh) if foreign else None
             scene = protocol.disturb(Scene(frames[0], np.random.default_rng(slide), frames[1], own))
-            seen = [variant.fingers(frame) for frame in scene.frames]
-            seen = [short.frame(frame) for frame in seen] if short else seen
-            scenes[slide] = dataclasses.replace(scene, frames=seen)
+            scenes[slide] = dataclasses.replace(scene, frames=[variant.frame(frame) for frame in scene.frames])
         scene = scenes[slide]
         particle_filter.reset(labels["seed"])
         start_filter(particle_filter, mesh, scene.frames[0].truth, labels["init"], plan.beta)

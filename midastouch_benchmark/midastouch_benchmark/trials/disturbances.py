@@ -134,7 +134,7 @@ def wrong_mesh(scene: Scene) -> Disturbed:
 def rest(scene: Scene) -> Disturbed:
     """The arm stops in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
     frames, k = scene.frames, scene.middle
-    still = [_at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
+    still = [at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
     return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], Event(k + 1, k + 1 + _RESTING))
 
 
@@ -161,12 +161,18 @@ def _random_motion(rng: np.random.Generator, translation: float, rotation: float
     return se3.exp(directions.reshape(6))
 
 
-def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
-    measurement, noise = frame.measurement, rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
-    if measurement.code is not None:
-        change = rng.standard_normal(len(measurement.code)) * _CODE_NOISE / np.sqrt(len(measurement.code))
-        measurement = dataclasses.replace(measurement, code=(measurement.code + change).astype(np.float32))
-    return dataclasses.replace(frame, measurement=measurement, measured=frame.measured @ se3.exp(noise))
+def at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
+    """A frame again: its codes and its measured pose with the noise of camera and joints."""
+    measurement, noise = _seen_again(frame.measurement, rng), rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
+    others = {name: _seen_again(each, rng) for name, each in frame.others.items()}
+    return dataclasses.replace(frame, measurement=measurement, measured=frame.measured @ se3.exp(noise), others=others)
+
+
+def _seen_again(measurement: Measurement, rng: np.random.Generator) -> Measurement:
+    if measurement.code is None:
+        return measurement
+    change = rng.standard_normal(len(measurement.code)) * _CODE_NOISE / np.sqrt(len(measurement.code))
+    return dataclasses.replace(measurement, code=(measurement.code + change).astype(np.float32))
 
 
 def _leap(scene: Scene) -> int:

@@ -55,7 +55,6 @@ POLICIES = {
 }
 _BY_DEFAULT = "suggested", "lifts", "random"  # what needs no further package
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
-_COMPETING = 0.2  # probability of a place that competes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,7 +162,7 @@ class _Trial:
         self._length = length
         self._path, self._before = 0.0, None
         self._converged_at: float | None = None
-        self._alike, self._competed = 0, False
+        self._alike = 0
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
@@ -172,7 +171,6 @@ class _Trial:
 
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
         the first touch to where that began; error_mm of the pose then, modulo symmetry, and whether it is right;
-        whether a mode was; rivalled: before some motion the true pose and another hypothesis were both probable;
         asked_ms, median and longest CPU time of an answer. Of an arm the pose counts as known by its explorer, and the
         path is that in contact: seconds, simulated, until then; deepest_mm, how far the object was in the gel.
         """
@@ -185,7 +183,6 @@ class _Trial:
         return {
             "ending": ending,
             "path_m": float(began),
-            "rivalled": self._competed,
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
             "seconds": self._arm.seconds if self._arm else None,
             "deepest_mm": 1e3 * self._arm.deepest if self._arm else None,
@@ -195,19 +192,15 @@ class _Trial:
     def _answer(self) -> dict:
         """What the last estimate comes to, if there is one."""
         if self.estimate is None or not self.estimate.modes:
-            return {"error_mm": None, "right": False, "truth_among_places": False, "places": 0}
+            return {"error_mm": None, "right": False}
         truth, pose = self._before, self.estimate.pose[None]
-        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05]).reshape(-1, 4, 4)
         return {
             "error_mm": 1e3 * float(pose_errors(self._yardstick.counted(pose, truth), truth)[0][0]),
             "right": bool(self._yardstick.right(pose, truth)[0]),
-            "truth_among_places": bool(self._yardstick.right(places, truth).any()),
-            "places": len(places),
         }
 
     def _advice(self) -> Advice | None:
         """Where to touch next, if the policy asks for that, as `explorer` does while the finger touches something."""
-        self._competed |= self._has_competitor()
         if self._policy == "random" or self.estimate is None or not self._exploration.motions.touching:
             return None
         began = time.process_time()
@@ -222,12 +215,6 @@ class _Trial:
         if self.estimate is None:
             return Surroundings(gel)
         return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self._mesh)
-
-    def _has_competitor(self) -> bool:
-        """Whether the true pose and another hypothesis are probable."""
-        likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
-        poses = np.array([each.pose for each in likely]).reshape(-1, 4, 4)
-        return len(likely) > 1 and bool(self._yardstick.right(poses, self._before).any())
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
         """Carry out a plan, until a trial's end."""

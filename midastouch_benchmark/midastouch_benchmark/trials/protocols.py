@@ -15,11 +15,8 @@ from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import closest_mode_error
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
-from midastouch_filter.core.touch import Measurement
-from midastouch_perception.simulation.grasp import CONTACTS
 from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances
@@ -30,8 +27,9 @@ from .real_sensor import RealSensorCache
 from .trial import FRAME_TIME, AnyFilter, TrialFrame
 from .yardstick import Yardstick
 
-_HELD_FRAMES = 10  # frames, half a second
-_HEIGHT = 0.02  # m, of the open hand on its way to the next grasp
+_HELD = 5.0  # s
+ASKED = (0.5, _HELD)
+"""s after which a grasp that is held still is asked for its pose."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,61 +37,50 @@ class GraspCache(Cache):
     """A cache whose sequences are grasps."""
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        simulate_grasp_sequence(mesh, self.networks.sensor, self.slides.grasps, number, path, True)
+        simulate_grasp_sequence(mesh, self.networks.sensor, number, path, True)
 
 
 def grasp(scene: Scene) -> Disturbed:
-    """Each grasp is held still; then the hand opens, and goes to the next one.
+    """The hand holds still: poses and codes differ by the noise of joints and camera only.
 
-    The arm's poses tell the first finger's motion, with their error; that of a further finger's pose relative to the
-    first one is its own.
+    The pose of each further finger relative to the first one has an error, which stays.
     """
-    frames: list[TrialFrame] = []
-    for first, *others in zip(*(scene.frames[k::CONTACTS] for k in range(CONTACTS)), strict=True):
-        if frames:
-            frames += [_open(frames[-1]), _open(first)]
-        back = se3.inverse(first.truth)
-        fingers = {
-            f"finger_{k}": dataclasses.replace(other.measurement, T_gel_finger=back @ other.measured)
-            for k, other in enumerate(others, 2)
-        }
-        frames += [dataclasses.replace(first, others=fingers, seconds=FRAME_TIME)] * _HELD_FRAMES
-    return Disturbed(frames)
-
-
-def _open(frame: TrialFrame) -> TrialFrame:
-    """The hand above a place that it grasps, before or after."""
-    up = se3.translation([0.0, 0.0, _HEIGHT])
-    air = {"measurement": Measurement(in_contact=False), "ms": {}, "others": {}, "seconds": FRAME_TIME}
-    return dataclasses.replace(frame, measured=frame.measured @ up, truth=frame.truth @ up, **air)
+    first, *others = scene.frames
+    back = se3.inverse(first.truth)
+    fingers = {
+        f"finger_{k}": dataclasses.replace(other.measurement, T_gel_finger=back @ other.measured)
+        for k, other in enumerate(others, 2)
+    }
+    held = dataclasses.replace(first, others=fingers)
+    return Disturbed([disturbances.at_rest(held, scene.rng) for _ in range(round(_HELD / FRAME_TIME))])
 
 
 class GraspRecord:
-    """What the filter believes at the end of each grasp; an `Observer` of a trial."""
+    """What the filter believes of a grasp after each of the times `ASKED`; an `Observer` of a trial."""
 
     def __init__(self, yardstick: Yardstick):
-        self._yardstick = yardstick
-        self._rows: dict[int, dict] = {}  # by the index of the grasp's frame
+        self._yardstick, self._frames = yardstick, 0
+        self._rows: list[dict] = []
 
     def __call__(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> None:
-        if not frame.measurement.in_contact:
+        self._frames += 1
+        if self._frames not in [round(seconds / FRAME_TIME) for seconds in ASKED]:
             return
         truth, right = frame.truth, self._yardstick.right
         modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
-        distance, angle = closest_mode_error(self._yardstick.counted(modes, truth), truth)
-        self._rows[frame.index] = {
-            "closest_mode_trans_mm": 1e3 * distance,
-            "closest_mode_rot_deg": float(np.degrees(angle)),
-            "found": bool(right(modes, truth).any()),
-            "share": float(particle_filter.weights[right(particle_filter.poses, truth)].sum()),
-            "right": bool(right(estimate.pose[None], truth)[0]),
-            "converged": estimate.status.state == CONVERGED,
-        }
+        self._rows.append(
+            {
+                "found": bool(right(modes, truth).any()),
+                "share": float(particle_filter.weights[right(particle_filter.poses, truth)].sum()),
+                "right": bool(right(estimate.pose[None], truth)[0]),
+                "converged": estimate.status.state == CONVERGED,
+            }
+        )
 
     def result(self) -> dict:
-        """For the trial: grasps, in their order, each with the error of the closest mode, whether a
-        right one is `found`, the belief's `share` that is right, and whether the published pose is `right`."""
-        return {"grasps": list(self._rows.values())}
+        """For the trial: `held`, after each time whether a right mode is `found`, the belief's `share` that is right,
+        and whether the published pose is `right`."""
+        return {"held": self._rows}
 
 
 NEXT = "next"
@@ -171,9 +158,9 @@ PROTOCOLS = {
         codebook_size=10_000,
     ),
     "grasp": Protocol(
-        "grasped without sliding, by four fingers",
+        "held still by a thumb and two fingers",
         grasp,
-        SlideKind(grasps=4),
+        SlideKind(grasp=True),
         (UNIFORM,),
         make_cache=GraspCache,
         record=GraspRecord,

@@ -208,16 +208,16 @@ def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, works
         "benchmark", "--objects", "eyebolt", "--out", "bm", "--slides", "1", "--length", "0.015", "--seeds", "1",
         "--init", "paper", "--codebook-size", "300", "--config", "small.yaml", "--json", "benchmark.json",
     )  # fmt: skip
-    output, result = run(*options, "--variant", "1k")
-    assert [(t["variant"], t["frames"]) for t in result["trials"]] == [("default", 10), ("1k", 10)]
+    output, result = run(*options, "--variant", "5k")
+    assert [(t["variant"], t["frames"]) for t in result["trials"]] == [("default", 10), ("5k", 10)]
     assert result["trials"][0]["ms"]["tdn"] > 0
     assert result["objects"][0]["symmetry"] == "2 poses alike"
     assert sum(result["objects"][0]["likelihood_levels"]) == 2
-    assert "at most 1,000 poses" in output
+    assert "at most 5,000 poses" in output
     assert result["command"].startswith("midastouch benchmark --objects eyebolt --slides 1")
     (log,) = (workspace / "bm").glob("*/trials.jsonl")
     finished = log.read_text()
-    _, again = run(*options, "--variant", "1k")
+    _, again = run(*options, "--variant", "5k")
     assert again["trials"] == result["trials"]
     assert log.read_text() == finished
     page, _ = run("report", "benchmark.json", "--out", "benchmark_report")

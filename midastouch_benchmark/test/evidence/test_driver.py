@@ -32,9 +32,14 @@ def shell(monkeypatch):
     monkeypatch.setattr(driver, "command_line", command_line)
 
 
-def test_whole_reports_take_their_place_and_their_time_is_remembered(root, shell):
+def test_whole_reports_take_the_place_of_earlier_ones_and_their_time_is_remembered(root, shell):
+    earlier = root / "reports" / "2001-01-01"
+    earlier.mkdir(parents=True)
+    for name in ("a", "c"):
+        (earlier / f"{name}.json").write_text("{}")
     assert driver.carry_out([step("a", "{}"), step("b", '{"missing_trials": 0}')], jobs=2, say=lambda _: None) == []
-    assert sorted(path.name for path in root.glob("reports/*/*.json")) == ["a.json", "b.json"]
+    assert sorted(path.name for path in root.glob("reports/*/*.json")) == ["a.json", "b.json", "c.json"]
+    assert [path.name for path in earlier.iterdir()] == ["c.json"]
     assert set(plan.measured_seconds()) == {"a", "b"}
 
 

@@ -30,11 +30,11 @@ def result(make_trial) -> dict:
         for name in ("can", "mug")
         for init in ("paper", "uniform")
         for seed in range(3)
-        for variant in ("default", "paper", "1k")
+        for variant in ("default", "paper", "5k")
     ]
     return to_json(
         {
-            "command": "midastouch benchmark --variant paper 1k",
+            "command": "midastouch benchmark --variant paper 5k",
             "config": {
                 "inits": ["paper", "uniform"], "beta": 1.0, "slides": [0], "seeds": [0, 1, 2], "stride": 1,
                 "protocol": "plain", "slide_length_m": 0.5, "codebook_size": 50_000, "jobs": 1,
@@ -45,7 +45,7 @@ def result(make_trial) -> dict:
                 {"object": "can", "symmetry": "axis", "likelihood_levels": [3] * (len(LEVELS) + 1)},
                 {"object": "mug", "symmetry": "none", "likelihood_levels": [2] * (len(LEVELS) + 1)},
             ],
-            "variants": {name: VARIANTS[name].describe() for name in ("default", "paper", "1k")},
+            "variants": {name: VARIANTS[name].describe() for name in ("default", "paper", "5k")},
             "levels": LEVELS,
             "missing_trials": 0,
             "summary": summarise_accuracy(trials),
@@ -67,9 +67,9 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     ):
         assert words in text
         assert words in markdown
-    assert VARIANTS["1k"].summary in text
-    assert VARIANTS["1k"].summary in markdown
-    assert "\n```\nmidastouch benchmark --variant paper 1k\n```\n" in markdown
+    assert VARIANTS["5k"].summary in text
+    assert VARIANTS["5k"].summary in markdown
+    assert "\n```\nmidastouch benchmark --variant paper 5k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
     assert pictures == {
         *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
@@ -93,12 +93,12 @@ def test_a_perfect_calibration_lies_on_the_diagonal():
     assert diagonal.get_xdata() == pytest.approx(diagonal.get_ydata())
 
 
-DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "1k", "fast")}
+DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "5k", "fast")}
 
 
 @pytest.fixture
 def comparison() -> list[dict]:
-    points = {"default": (8, 3), "paper": (100, 30), "1k": (2, 9), "fast": (4, 5)}
+    points = {"default": (8, 3), "paper": (100, 30), "5k": (2, 9), "fast": (4, 5)}
     return [
         {"init": init, "variant": name, "trials": 5, "cpu_ms_filter": ms, "e_trans_mm": e}
         for init in ("paper", "uniform")
@@ -113,7 +113,7 @@ def test_every_start_has_its_panel_with_every_variant(comparison):
         "start: uniform, 5 trials each",
     ]
     for axes in figure.axes:
-        assert {text.get_text() for text in axes.texts} == {"default", "paper", "1k", "fast"}
+        assert {text.get_text() for text in axes.texts} == {"default", "paper", "5k", "fast"}
         assert axes.get_xscale() == "log"
 
 

@@ -17,7 +17,7 @@ def test_a_summary_is_by_variant_start_and_object(trials):
     assert summary["e_trans_mm"]["mean"] == pytest.approx((2 + 4 + 100) / 3)
     assert (summary["right"], summary["converged"]) == (2, 2)
     assert summary["filter_stages_ms"] == {"motion": 1.0}
-    assert "objects" not in summarise_accuracy(trials)["1k"]["paper"]
+    assert "objects" not in summarise_accuracy(trials)["5k"]["paper"]
     assert summary["states"] == {"converged": 2, "ambiguous": 1}
     assert summary["objects"]["can"]["e_trans_mm"]["p90"] == pytest.approx(np.percentile([2, 4, 100], 90))
 

@@ -25,7 +25,7 @@ def test_variants_are_compared_on_the_trials_that_all_have_run(rows):
     assert rows["paper"]["time_ratio"] == pytest.approx(100 / 11)
     assert rows["paper"]["filter_ratio"] == pytest.approx(97 / 8)
     assert (rows["paper"]["right"], rows["paper"]["converged"]) == (0, 0.5)
-    assert rows["1k"]["right"] == 1
+    assert rows["5k"]["right"] == 1
     assert rows["default"]["wrong_converged"] == pytest.approx(0.2)
 
 
@@ -53,7 +53,7 @@ def test_a_difference_is_taken_trial_by_trial_and_says_how_far_chance_goes(many)
 
 def test_what_is_the_same_shows_no_difference(many):
     twice = [t for t in many if t["variant"] == "default"]
-    _, row = compare_variants([*twice, *(t | {"variant": "1k"} for t in twice)])
+    _, row = compare_variants([*twice, *(t | {"variant": "5k"} for t in twice)])
     assert row["verdict"] == "no difference shown"
 
 
@@ -70,7 +70,7 @@ def test_inits_are_compared_apart_and_only_with_a_default(trials):
     assert list(rows_by_init(compare_variants([*trials, *uniform]))) == ["paper"]
     uniform.append(trials[2] | {"init": "uniform"})
     rows = rows_by_init(compare_variants([*trials, *uniform]))
-    assert [(row["variant"], row["trials"]) for row in rows["uniform"]] == [("1k", 1), ("default", 1)]
+    assert [(row["variant"], row["trials"]) for row in rows["uniform"]] == [("5k", 1), ("default", 1)]
 
 
 def test_frames_that_were_sure_and_wrong_are_counted(trials):
@@ -90,8 +90,8 @@ def test_what_beats_the_default_is_named(rows):
     rows = {name: row | {"trials": 100} for name, row in rows.items()}
     assert front_text(list(rows.values())).startswith("the default lies on the front")
     differing = {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_mm_interval": [-1.5, -0.5]}
-    text = front_text([rows["default"], rows["paper"], rows["1k"] | differing | {"filter_ratio": 0.125}])
-    assert text == "faster than the default and more exact: 1k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
+    text = front_text([rows["default"], rows["paper"], rows["5k"] | differing | {"filter_ratio": 0.125}])
+    assert text == "faster than the default and more exact: 5k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
 
 
 ROW = {
@@ -123,10 +123,10 @@ def test_more_looks_share_the_error_out_and_compare_each_variant_on_its_own_tria
         return one | {"slide": slide, "variant": variant, "final": one["final"] | {"e_trans_mm": error}}
 
     errors = np.random.default_rng(0).normal(5, 1, 40)
-    run = [trial(k, "default", 4.0) for k in range(40)] + [trial(k, "1k", errors[k]) for k in range(40)]
+    run = [trial(k, "default", 4.0) for k in range(40)] + [trial(k, "5k", errors[k]) for k in range(40)]
     run += [trial(k, "paper", errors[k]) for k in range(20)]
     once, thrice = ({row["variant"]: row for row in compare_variants(run, looks)} for looks in (1, 3))
-    assert [once[name]["trials"] for name in ("1k", "paper")] == [20, 20]
-    assert [thrice[name]["trials"] for name in ("1k", "paper")] == [40, 20]
+    assert [once[name]["trials"] for name in ("5k", "paper")] == [20, 20]
+    assert [thrice[name]["trials"] for name in ("5k", "paper")] == [40, 20]
     (low, high), (lower, higher) = (each["paper"]["difference_mm_interval"] for each in (once, thrice))
     assert lower < low < high < higher

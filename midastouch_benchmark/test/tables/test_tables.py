@@ -4,7 +4,7 @@ import pytest
 
 from midastouch_benchmark.tables import comparisons, reports, trust
 from midastouch_benchmark.tables.table import UNMEASURED, tidy
-from midastouch_benchmark.trials.variants import VARIANTS
+from midastouch_benchmark.trials.variants import SETS, VARIANTS
 
 
 @pytest.mark.parametrize(
@@ -41,9 +41,7 @@ def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_tr
     assert (what, set(cells)) == ("3 variants", {"too few (99)"})
 
 
-@pytest.mark.parametrize(
-    "table", [comparisons.variants, comparisons.front, comparisons.baselines, comparisons.grasps, comparisons.codebooks]
-)
+@pytest.mark.parametrize("table", [comparisons.variants, comparisons.front, comparisons.baselines, comparisons.grasps])
 def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     for module in (reports, comparisons):
         monkeypatch.setattr(module, "reported", list)
@@ -60,3 +58,19 @@ def test_every_protocol_has_a_row_for_each_further_set_and_a_command_that_makes_
             assert f"--objects {objects} --protocol {name.removesuffix(f'_{objects}')}" in reports.COMMANDS[name]
     assert set(rows) <= set(reports.COMMANDS)
     assert len(set(rows.values())) == len(rows)
+
+
+def test_every_report_that_is_kept_is_the_only_one_of_a_command():
+    kept = [path.stem for path in (reports.ROOT / "reports").glob("*/*.json")]
+    assert sorted(kept) == sorted(set(kept) & set(reports.COMMANDS))
+
+
+def test_variants_that_commands_name_are_known():
+    named = {
+        variant
+        for command in reports.COMMANDS.values()
+        if "--variant" in command
+        for variant in command.split("--variant ")[1].split(" --")[0].split()
+    }
+    assert named <= {*VARIANTS, *SETS}
+    assert set(SETS["ablation"]) <= named

@@ -12,10 +12,12 @@ from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.grasp import CONTACTS
 
 
 def test_help_names_every_protocol(capsys):
@@ -40,10 +42,12 @@ NOISE = se3.exp(np.array([2e-4, -3e-4, 1e-4, 0.01, 0, -0.01]))
 
 @pytest.fixture
 def contacts(draw_contacts) -> list[TrialFrame]:
-    """Two grasps of four contacts, as a sequence has them."""
-    poses, codes = draw_contacts(8, np.random.default_rng(0))
+    """A grasp, as a sequence has it."""
+    poses, codes = draw_contacts(CONTACTS, np.random.default_rng(0))
     pairs = zip(poses, codes, strict=True)
-    return [TrialFrame(i, Measurement(True, code), {}, pose @ NOISE, pose) for i, (pose, code) in enumerate(pairs)]
+    return [
+        TrialFrame(i, Measurement(True, code), {}, pose @ NOISE, pose, 0.05) for i, (pose, code) in enumerate(pairs)
+    ]
 
 
 @pytest.fixture
@@ -51,57 +55,51 @@ def frames(contacts) -> list[TrialFrame]:
     return grasp(Scene(contacts, np.random.default_rng(0))).frames
 
 
-def test_a_grasp_is_held_then_the_hand_opens_and_goes_on(frames, contacts):
-    touching = [frame.measurement.in_contact for frame in frames]
-    assert touching == [True] * 10 + [False] * 2 + [True] * 10
-    assert [frames[k].index for k in (0, 9, 12, 21)] == [0, 0, 4, 4]
-    np.testing.assert_array_equal(frames[0].measured, frames[9].measured)
-    for above, below in ((frames[10], contacts[0]), (frames[11], contacts[4])):
-        assert not above.others
-        lifted = se3.inverse(below.truth) @ above.truth
-        assert lifted[:3, 3] == pytest.approx([0, 0, 0.02])
+def test_a_grasp_is_held_still_for_five_seconds(frames, contacts):
+    assert sum(frame.seconds for frame in frames) == pytest.approx(5.0)
+    moved = pose_errors(np.stack([frame.measured for frame in frames]), contacts[0].measured)
+    assert 0 < np.median(moved[0]) < 1e-4
+    assert len({frame.measurement.code.tobytes() for frame in frames}) == len(frames)
 
 
 def test_further_fingers_are_known_relative_to_the_first(frames, contacts):
-    for k, name in enumerate(("finger_2", "finger_3", "finger_4"), 1):
+    for k, name in enumerate(("finger_2", "finger_3"), 1):
         touch = frames[12].others[name]
-        np.testing.assert_array_equal(touch.code, contacts[4 + k].measurement.code)
-        there = contacts[4].truth @ touch.T_gel_finger
-        np.testing.assert_allclose(there, contacts[4 + k].truth @ NOISE, atol=1e-9)
+        assert touch.code @ contacts[k].measurement.code > 0.99
+        there = contacts[0].truth @ touch.T_gel_finger
+        np.testing.assert_allclose(there, contacts[k].truth @ NOISE, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "heard"), [(DEFAULT, 3), ("contact_1", 0), ("contacts_3", 2), ("paper", 0)])
+@pytest.mark.parametrize(("name", "heard"), [(DEFAULT, 2), ("contact_1", 0), ("contacts_2", 1), ("paper", 0)])
 def test_a_variant_hears_fewer_fingers(frames, name, heard):
-    assert list(VARIANTS[name].fingers(frames[0]).others) == ["finger_2", "finger_3", "finger_4"][:heard]
-    assert VARIANTS[name].fingers(frames[10]).others == {}
+    assert list(VARIANTS[name].frame(frames[0]).others) == ["finger_2", "finger_3"][:heard]
 
 
 def test_the_set_has_every_number_of_contacts():
-    assert [VARIANTS[name].contacts for name in SETS["contacts"]] == [1, 2, 3]
+    assert [VARIANTS[name].contacts for name in SETS["contacts"]] == [1, 2]
     assert VARIANTS[DEFAULT].contacts is None
 
 
 def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, codebook):
     particle_filter = ParticleFilter(mesh, codebook, FilterConfig(max_particles=5000, threads=1))
-    fractions = []
+    shares = []
     for name in ("contact_1", DEFAULT):
         particle_filter.reset(0)
         particle_filter.initialise_uniform()
         record = GraspRecord(Yardstick())
-        run_trial([VARIANTS[name].fingers(f) for f in frames[:10]], particle_filter, record, series=False)
-        (row,) = record.result()["grasps"]
-        fractions.append(row["share"])
-        assert not row["found"] or row["closest_mode_trans_mm"] <= 10
-    assert fractions[1] > fractions[0] + 0.1
+        run_trial([VARIANTS[name].frame(f) for f in frames], particle_filter, record, series=False)
+        _, row = record.result()["held"]
+        shares.append(row["share"])
+    assert shares[1] > shares[0] + 0.05
 
 
-def row(found: bool, fraction: float, right: bool, converged: bool) -> dict:
-    return {"found": found, "share": fraction, "right": right, "converged": converged}
+def row(found: bool, share: float, right: bool, converged: bool) -> dict:
+    return {"found": found, "share": share, "right": right, "converged": converged}
 
 
-def test_the_summary_is_by_grasp(make_trial):
+def test_the_summary_is_by_the_time_a_grasp_was_held(make_trial):
     good, bad = row(True, 0.9, True, True), row(False, 0.1, False, True)
-    trials = [make_trial("default", 0, 1.0, {}) | {"slide": k, "grasps": [bad, good]} for k in range(4)]
+    trials = [make_trial("default", 0, 1.0, {}) | {"slide": k, "held": [bad, good]} for k in range(4)]
     first, second = grasp_summary(trials)
     assert (first["found"]["share"], first["share"]["share"], first["converged_wrong"]["share"]) == (0, 0.1, 1)
     assert (second["trials"], second["right"]["share"], second["converged_wrong"]["share"]) == (4, 1, 0)
@@ -110,11 +108,11 @@ def test_the_summary_is_by_grasp(make_trial):
 
 
 @pytest.mark.slow
-def test_a_sequence_of_grasps_has_a_frame_for_each_contact(tmp_path, tool):
+def test_a_grasp_is_a_sequence_with_a_frame_for_each_contact(tmp_path, tool):
     sensor = SensorModel.load("digit_tacto")
     for folder in ("a", "b"):
-        simulate_grasp_sequence(tool, sensor, 1, 5, tmp_path / folder, False)
+        simulate_grasp_sequence(tool, sensor, 5, tmp_path / folder, False)
     one, again = (load_sequence(tmp_path / folder) for folder in ("a", "b"))
-    assert one.n_frames == 4
+    assert one.n_frames == CONTACTS
     np.testing.assert_array_equal(one.poses_true, again.poses_true)
-    assert all(one.penetration_truth(k).max() > 1e-4 for k in range(4))
+    assert all(one.penetration_truth(k).max() > 1e-4 for k in range(CONTACTS))

@@ -1,4 +1,4 @@
-"""A simulated slide, or grasps, as a sequence folder: path, images of a DIGIT, poses as a tracker measures them."""
+"""A simulated slide, or a grasp, as a sequence folder: path, images of a DIGIT, poses as a tracker measures them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.grasp import simulate_grasps
+from midastouch_perception.simulation.grasp import simulate_grasp
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.simulated_digit import SimulatedCamera
 from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
@@ -82,15 +82,13 @@ def simulate_sequence(
     return len(poses)
 
 
-def simulate_grasp_sequence(
-    mesh: ObjectMesh, sensor: SensorModel, count: int, seed: int, out: Path, progress: bool
-) -> None:
-    """Simulate so many grasps of the mesh and write them to `out`: a frame for each contact, grasp by grasp.
+def simulate_grasp_sequence(mesh: ObjectMesh, sensor: SensorModel, seed: int, out: Path, progress: bool) -> None:
+    """Simulate a grasp of the mesh and write it to `out`: a frame for each contact.
 
     One seed fixes all that it fixes for a slide; every finger has the same sensor.
     """
     rng = np.random.default_rng(seed)
-    _write(mesh, sensor, simulate_grasps(mesh, sensor, count, rng).reshape(-1, 4, 4), rng, out, progress)
+    _write(mesh, sensor, simulate_grasp(mesh, sensor, rng), rng, out, progress)
 
 
 def _write(

@@ -149,5 +149,5 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
         known = "known up to symmetry, and judged so" if result["state"] == "converged" else "judged up to symmetry"
         rows.append([known, _alike_in_words(symmetry, result["alike"])])
     rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
-    rows.append(["state", f"{result['state']}, {result['n_particles']} particles, {result['n_modes']} modes"])
+    rows.append(["state", f"{result['state']}, hypotheses: {result['n_particles']}, modes: {result['n_modes']}"])
     return [result["object"], ""], rows

@@ -113,7 +113,7 @@ class _Listener(Node):
         if not self._seen:
             self._first_at = self.heard_at
         self._seen.add(stamp)
-        belief = f"{status.state}, {status.n_particles} particles, {status.n_modes} modes"
+        belief = f"{status.state}, hypotheses: {status.n_particles}, modes: {status.n_modes}"
         self._bar.set_postfix_str(belief, refresh=False)
         self._bar.update()
         self.done = stamp >= self._last_stamp

@@ -84,8 +84,8 @@ def modes_of(
     return out
 
 
-def covariance_of(belief: Belief, modes: Sequence[Mode], noise: NoiseModel) -> np.ndarray:
-    """Covariance (6, 6) of the whole belief about the first mode's pose, in the order and axes of `Mode.covariance`.
+def covariance_of(belief: Belief, number: int, modes: Sequence[Mode]) -> np.ndarray:
+    """Covariance (6, 6) of the belief about one object, of which these are the modes, about the first mode's pose, in the order and axes of `Mode.covariance`.
 
     A mode's own covariance says how well its pose is known if it is the right one. The published covariance also says
     how far away the truth lies if it is another one.
@@ -94,15 +94,15 @@ def covariance_of(belief: Belief, modes: Sequence[Mode], noise: NoiseModel) -> n
     others = modes[1:]
     poses = [mode.pose for mode in others]
     weights = [mode.weight for mode in others]
-    for some in belief.untested:
-        if len(some) and (mass := np.exp(some.log_weights - belief.total())).sum() > _NEGLIGIBLE:
-            rows = kernels.systematic(mass, 64, 0.5)
-            poses.extend(some.some(rows).poses @ belief.since)
-            weights.extend([float(mass.sum()) / 64] * 64)
+    some = belief.untested[number]
+    if len(some) and (mass := np.exp(some.log_weights - belief.total())).sum() > _NEGLIGIBLE:
+        rows = kernels.systematic(mass, 64, 0.5)
+        poses.extend(some.some(rows).poses @ belief.since)
+        weights.extend([float(mass.sum()) / 64] * 64)
     if not poses:
         return first.covariance
-    left = np.array(weights)
-    return first.covariance * (1.0 - min(left.sum(), 1.0)) + _scatter(np.stack(poses), left, first.pose)
+    left = np.array(weights) / (first.weight + sum(weights))  # other objects have frames of their own
+    return first.covariance * (1.0 - left.sum()) + _scatter(np.stack(poses), left, first.pose)
 
 
 def _scatter(poses: np.ndarray, weights: np.ndarray, centre: np.ndarray) -> np.ndarray:
@@ -112,21 +112,19 @@ def _scatter(poses: np.ndarray, weights: np.ndarray, centre: np.ndarray) -> np.n
     return np.einsum("n,ni,nj->ij", weights, offset, offset)
 
 
-def draws(belief: Belief, count: int, seed: int) -> np.ndarray:
-    """Poses (count, 4, 4) drawn from the mixture of hypotheses and untested poses, at present, equally weighted."""
+def draws(belief: Belief, number: int, count: int, seed: int) -> np.ndarray:
+    """Poses (count, 4, 4) drawn from the mixture of hypotheses and untested poses on one object, at present, equally
+    weighted."""
     rng = np.random.default_rng(seed)
-    hypotheses, total = belief.hypotheses, belief.total()
-    parts = [hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
-    chosen = kernels.systematic(np.exp(np.concatenate(parts) - total), count, rng.random())
-    starts = np.cumsum([0, *map(len, parts)])
+    hypotheses, some = belief.hypotheses.some(belief.hypotheses.objects == number), belief.untested[number]
+    log_weights = np.concatenate([hypotheses.log_weights, some.log_weights])
+    chosen = kernels.systematic(np.exp(log_weights - log_weights.max()), count, rng.random())
     out = []
-    own = chosen[chosen < starts[1]]
+    own, rows = chosen[chosen < len(hypotheses)], chosen[chosen >= len(hypotheses)] - len(hypotheses)
     if len(own):
         factors = np.linalg.cholesky(hypotheses.covariances[own] + _HARDLY_ANY * np.eye(6))
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal((len(own), 6)))
         out.append(hypotheses.poses[own] @ se3.exp(noise))
-    for number, some in enumerate(belief.untested):
-        rows = chosen[(chosen >= starts[number + 1]) & (chosen < starts[number + 2])] - starts[number + 1]
-        if len(rows):
-            out.append(some.some(rows).poses)
+    if len(rows):
+        out.append(some.some(rows).poses)
     return np.concatenate(out) @ belief.since

@@ -32,9 +32,9 @@ _ENOUGH = 8  # freshly tested poses that tell what an untested one may gain
 class Comparison:
     """Compares a belief with what fingers touch at one keyframe.
 
-    Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weight in [0, 1],
-    how much of an independent touch they are; negligible: fraction of the weight that untested poses may keep without
-    being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading; noise; gates,
+    Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weights (F,) in
+    [0, 1], how much of an independent touch each is; negligible: fraction of the weight that untested poses may keep
+    without being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading; noise; gates,
     which count.
 
     Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, where this
@@ -46,7 +46,7 @@ class Comparison:
         belief: Belief,
         touches: Sequence[Measurement],
         log_ratios: Sequence[Sequence[np.ndarray]],
-        weight: float,
+        weights: np.ndarray,
         negligible: float,
         most: int | None,
         odometer: float,
@@ -54,7 +54,7 @@ class Comparison:
         gates: Gates,
     ):
         self._belief, self._touches, self._log_ratios = belief, touches, log_ratios
-        self._weight, self._negligible, self._left, self._noise, self._gates = weight, negligible, most, noise, gates
+        self._weights, self._negligible, self._left, self._noise, self._gates = weights, negligible, most, noise, gates
         self._odometer, self.done, self.paused = odometer, False, False
         self.seen: dict[int, Sighting] = {}
         hypotheses = belief.hypotheses
@@ -68,7 +68,7 @@ class Comparison:
         self._queue = np.argsort(-self._prior, kind="stable")
         for number, some in enumerate(belief.untested):
             if len(some):
-                some.log_weights = some.log_weights + weight * self._of_untested(number)
+                some.log_weights = some.log_weights + self._of_untested(number)
 
     # ------------------------------------------------------------------ codes
 
@@ -76,8 +76,8 @@ class Comparison:
         """Nats (n,) that the codes speak for each untested pose on an object; a gel off the surface gets the least."""
         some, lookup = self._belief.untested[number], self._belief.objects[number].lookup
         out = np.zeros(len(some))
-        for touch, of_object in zip(self._touches, self._log_ratios, strict=True):
-            log_ratio = of_object[number]
+        for touch, of_object, weight in zip(self._touches, self._log_ratios, self._weights, strict=True):
+            log_ratio = weight * of_object[number]
             if touch.T_gel_finger is None:
                 distance = lookup.follow(some)
                 out += np.where(distance < _OFF_SURFACE, log_ratio[some.entries], log_ratio.min())
@@ -100,8 +100,9 @@ class Comparison:
 
     def _of_all(self, number: int, poses: np.ndarray) -> np.ndarray:
         """Nats (n,) that the codes of all fingers speak for poses (n, 4, 4) on an object."""
-        pairs = zip(self._touches, self._log_ratios, strict=True)
-        return np.sum([self._of_poses(number, poses, touch, each[number]) for touch, each in pairs], axis=0)
+        every = zip(self._touches, self._log_ratios, self._weights, strict=True)
+        codes = [self._of_poses(number, poses, touch, weight * each[number]) for touch, each, weight in every]
+        return np.sum(codes, axis=0)
 
     # ------------------------------------------------------------------ slices
 
@@ -129,7 +130,7 @@ class Comparison:
         """The hypotheses (n,) to align next; none if no further one matters."""
         while len(self._queue):
             index, self._queue = self._queue[:count], self._queue[count:]
-            within = self._prior[index] + self._weight * self._most_gain >= self._bound
+            within = self._prior[index] + self._most_gain >= self._bound
             if (hopeless := index[~within]).size:
                 self._gain[hopeless] = 0.0  # so far behind that it goes, whatever that says
                 self._gates.count("hopeless", len(hopeless))
@@ -143,11 +144,14 @@ class Comparison:
         known = ~np.isnan(self._gain)
         if not known.any():
             return -math.inf
-        return float((self._prior[known] + self._weight * self._gain[known]).max()) + BEHIND
+        return float((self._prior[known] + self._gain[known]).max()) + BEHIND
 
     @property
     def _most_gain(self) -> float:
-        return len(self._touches) * float(self._noise.residual_evidence(0.0)) if self._by_maps else math.inf
+        if self._by_maps:
+            return float(self._weights.sum() * self._noise.residual_evidence(0.0))
+        every = zip(self._log_ratios, self._weights, strict=True)
+        return float(sum(weight * max(each.max() for each in of_touch) for of_touch, weight in every))
 
     def _promoted(self, count: int) -> np.ndarray:
         """The heaviest untested poses as hypotheses (n,), if untested ones matter."""
@@ -182,7 +186,7 @@ class Comparison:
         taken = self._belief.take(number, rows)
         poses = taken.poses
         code, support = self._of_all(number, poses), self._belief.support[number]
-        prior = taken.log_weights - self._weight * code  # the map says it instead
+        prior = taken.log_weights - code  # the map says it instead
         born = Hypotheses.at(poses, self._noise.between_entries, prior, number, support, self._odometer)
         self._belief.hypotheses = self._belief.hypotheses.joined(born)
         self._prior = np.append(self._prior, prior)
@@ -191,19 +195,31 @@ class Comparison:
         self._evidence = np.append(self._evidence, np.zeros(len(rows)))
         self._code = np.append(self._code, code)
 
+    def _believe_codes(self, index: np.ndarray) -> None:
+        """What codes say of hypotheses of an index (n,): without maps they are the evidence."""
+        belief, between = self._belief, self._noise.between_entries
+        code = self._gain[index] = self._codes(index)
+        covariances, fit = belief.hypotheses.covariances.copy(), belief.hypotheses.fit.copy()
+        # a pose that codes speak for is known as well as a codebook's best entry is
+        wide = np.trace(covariances[index] - between, axis1=1, axis2=2) > 0
+        covariances[index[wide & (code > 0)]] = between
+        # probability that the touches are no outliers
+        fit[index] = 1.0 - belief.objects[0].measurement.outlier / np.exp(code / len(self._touches))
+        belief.hypotheses = replace(belief.hypotheses, covariances=covariances, fit=fit)
+
     # ------------------------------------------------------------------ maps
 
     def _align(self, index: np.ndarray) -> None:
-        """Align hypotheses of an index (n,) to the maps; without maps codes are the evidence."""
+        """Align hypotheses of an index (n,) to the maps."""
         if not self._by_maps:
-            self._gain[index] = self._codes(index)
+            self._believe_codes(index)
             return
         hypotheses = self._belief.hypotheses
         poses, covariances, fit = hypotheses.poses.copy(), hypotheses.covariances.copy(), hypotheses.fit.copy()
         for number in np.unique(hypotheses.objects[index]):
             some = index[hypotheses.objects[index] == number]
             found = self._aligned(int(number), some, hypotheses)
-            self._gain[some] = self._noise.residual_evidence(1.0 - found.fits).sum(axis=1)
+            self._gain[some] = self._noise.residual_evidence(1.0 - found.fits) @ self._weights
             moved = found.squared_innovation(hypotheses.poses[some], hypotheses.covariances[some] + self._noise.jitter)
             self._evidence[some] = self._noise.object_evidence(1.0 - found.fits.min(axis=1), moved)
             poses[some], covariances[some], fit[some] = found.poses, found.covariances, found.fits.min(axis=1)
@@ -217,8 +233,9 @@ class Comparison:
     def _aligned(self, number: int, index: np.ndarray, hypotheses: Hypotheses) -> Alignments:
         """Of hypotheses on one object, ended early where one cannot matter any more."""
         bound, needed = self._bound, None
-        if math.isfinite(bound) and self._weight > 0:
-            gain = (bound - self._prior[index]) / self._weight - (len(self._touches) - 1) * self._most_gain
+        if math.isfinite(bound) and (least := self._weights.min()) > 0:
+            # of the finger that counts least, if all others were explained entirely
+            gain = (bound - self._prior[index] - self._most_gain) / least + self._noise.residual_evidence(0.0)
             needed = np.clip(1.0 - self._noise.residual_of(gain), 0.0, 1.0)
         found = self._belief.objects[number].alignment.align_each(
             hypotheses.poses[index],
@@ -236,10 +253,10 @@ class Comparison:
         """Set the weights of all hypotheses to what they are by what was aligned so far."""
         known = ~np.isnan(self._gain)
         log_weights = self._prior.copy()
-        log_weights[known] += self._weight * self._gain[known] - self._level(known)
+        log_weights[known] += self._gain[known] - self._level(known)
         waiting = np.flatnonzero(~known)
-        log_weights[waiting] += self._weight * self._codes(waiting)
-        support = self._support + self._weight * self._evidence
+        log_weights[waiting] += self._codes(waiting)
+        support = self._support + self._weights.max() * self._evidence
         self._belief.hypotheses = replace(self._belief.hypotheses, log_weights=log_weights, support=support)
 
     def _level(self, known: np.ndarray) -> float:
@@ -247,10 +264,10 @@ class Comparison:
         if not self._by_maps or not known.any():
             return 0.0
         if len(self._fresh_gain) >= _ENOUGH:
-            gains = self._weight * np.array(self._fresh_gain)
+            gains = np.array(self._fresh_gain)
             worst = np.argsort(self._fresh_code, kind="stable")[: max(len(gains) // 2, _ENOUGH)]
             # one more that fits as well as the best so far may always be among those that were not tested (Laplace)
-            among = np.append(gains[worst], self._weight * self._gain[known].max())
+            among = np.append(gains[worst], self._gain[known].max())
             return float(np.logaddexp.reduce(among) - math.log(len(among)))
         best = np.flatnonzero(known)[[int(np.argmax(self._gain[known]))]]
-        return float(self._weight * (self._gain[best] - self._codes(best))[0])
+        return float((self._gain[best] - self._codes(best))[0])

@@ -63,19 +63,19 @@ class Track:
         away = pose_distance(self._keyframe[:, None], self.motion @ gels).min(axis=0)
         return bool(away.max() >= self._spacing)
 
-    def keep(self, gels: np.ndarray) -> float:
-        """Make the present touch, by gels (F, 4, 4) in the frame of the first one, a keyframe; how much of an
-        independent touch it is, in [0, 1]."""
+    def keep(self, gels: np.ndarray) -> np.ndarray:
+        """Make the present touch, by gels (F, 4, 4) in the frame of the first one, a keyframe: how much of a new one
+        each is, (F,) in [0, 1]."""
         if self.lifted:
             self._touched_at.clear()
         here = self.motion @ gels
-        weight = 1.0
+        weights = np.ones(len(gels))
         if self._touched_at:
-            away = pose_distance(np.stack(self._touched_at)[:, None], here).min(axis=0).max()
-            weight = min(float(away) / self._correlation, 1.0)
+            away = pose_distance(np.stack(self._touched_at)[:, None], here).min(axis=0)
+            weights = np.minimum(away / self._correlation, 1.0)
         self._touched_at.extend(here)
         self.path, self.lifted, self._keyframe = 0.0, False, here
-        return weight
+        return weights
 
     def free_space(self) -> np.ndarray:
         """(A, 4, 4) of the gels that were in the air since this was last asked for, in the frame of the present one."""

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filter_runs import hypotheses_at, model_of
@@ -133,7 +135,7 @@ def test_the_whole_covariance_holds_the_other_modes(model):
     belief = belief_of(model, poses, weights)
     found = modes(belief)
     expected = weights[0] * found[0].covariance + moment_about(poses[0], poses[1:], weights[1:])
-    np.testing.assert_allclose(covariance_of(belief, found, NOISE), expected, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(covariance_of(belief, 0, found), expected, rtol=1e-6, atol=1e-15)
 
 
 def test_the_whole_covariance_holds_untested_poses(model):
@@ -142,19 +144,29 @@ def test_the_whole_covariance_holds_untested_poses(model):
     found = modes(belief)
     untested = moment_about(found[0].pose, model.lookup.poses, np.full(8000, 0.5 / 8000))
     expected = np.diag(0.5 * found[0].covariance + untested)
-    np.testing.assert_allclose(np.diag(covariance_of(belief, found, NOISE)), expected, rtol=0.3)
+    np.testing.assert_allclose(np.diag(covariance_of(belief, 0, found)), expected, rtol=0.3)
 
 
 def test_alone_a_mode_keeps_its_covariance(model):
     belief = belief_of(model, [at(0.0)], [1.0])
     (mode,) = modes(belief)
-    np.testing.assert_array_equal(covariance_of(belief, [mode], NOISE), mode.covariance)
+    np.testing.assert_array_equal(covariance_of(belief, 0, [mode]), mode.covariance)
+
+
+def test_other_objects_whose_frames_are_their_own_are_no_part_of_a_covariance_or_of_draws(model):
+    belief = belief_of(model, [at(0.0), at(0.3)], [0.5, 0.1])
+    belief.objects, belief.untested = [model, model], [belief.untested[0], belief.untested[0]]
+    belief.hypotheses = replace(belief.hypotheses, objects=np.array([0, 1], np.int32))
+    belief.expect(1, np.arange(100), np.full(100, np.log(0.4 / 100)))
+    (mode,) = [each for each in modes(belief) if each.weight > 0.2]
+    np.testing.assert_allclose(covariance_of(belief, 0, [mode]), mode.covariance)
+    assert np.linalg.norm(draws(belief, 0, 50, seed=1)[:, :3, 3] - at(0.0)[:3, 3], axis=1).max() < 0.1
 
 
 def test_a_half_turn_counts_as_one(model):
     """The rotation vector's length is the angle, not the chord."""
     belief = belief_of(model, [at(0.0), at(0.0, np.pi - 1e-3)], [0.5, 0.5])
-    found = covariance_of(belief, modes(belief), NOISE)
+    found = covariance_of(belief, 0, modes(belief))
     assert found[5, 5] == pytest.approx(0.5 * (np.pi - 1e-3) ** 2, rel=1e-2)
 
 
@@ -165,7 +177,7 @@ def test_draws_follow_the_mixture(model):
     belief = belief_of(model, [at(0.2), at(0.3)], [0.5, 0.2], sigma_t=2e-3, sigma_r=1e-4)
     belief.expect(0, np.arange(100), np.full(100, np.log(0.3 / 100)))
     belief.since = since = se3.translation([0.0, 0.1, 0.0])
-    drawn = draws(belief, 4000, seed=1)
+    drawn = draws(belief, 0, 4000, seed=1)
     assert drawn.shape == (4000, 4, 4)
     near = [np.linalg.norm(drawn[:, :3, 3] - (at(x) @ since)[:3, 3], axis=1) < 0.02 for x in (0.2, 0.3)]
     np.testing.assert_allclose([each.mean() for each in near], [0.5, 0.2], atol=0.01)
@@ -178,5 +190,5 @@ def test_draws_follow_the_mixture(model):
 
 def test_draws_depend_on_the_seed_alone(model):
     belief = belief_of(model, [at(0.2)], [1.0])
-    np.testing.assert_array_equal(draws(belief, 50, seed=1), draws(belief, 50, seed=1))
-    assert not np.array_equal(draws(belief, 50, seed=1), draws(belief, 50, seed=2))
+    np.testing.assert_array_equal(draws(belief, 0, 50, seed=1), draws(belief, 0, 50, seed=1))
+    assert not np.array_equal(draws(belief, 0, 50, seed=1), draws(belief, 0, 50, seed=2))

@@ -43,7 +43,8 @@ class Run:
     def __init__(self, belief, *touches, weight=1.0, negligible=0.0, most=None):
         self.belief, self.counts = belief, (gates := Gates()).counts
         ratios = [log_ratios([model.measurement for model in belief.objects], each.code) for each in touches]
-        self.comparison = Comparison(belief, touches, ratios, weight, negligible, most, 0.0, NOISE, gates)
+        weights = np.broadcast_to(weight, len(touches)).astype(float)
+        self.comparison = Comparison(belief, touches, ratios, weights, negligible, most, 0.0, NOISE, gates)
 
     def to_the_end(self, slice_=10_000):
         while not (self.comparison.done or self.comparison.paused):
@@ -91,6 +92,19 @@ def test_what_a_further_finger_measures_adds_up(belief, model, mapped_slide):
     assert 0.05 < near.mean() < 0.95
     gain = belief.untested[0].log_weights - before
     np.testing.assert_allclose(gain[near], (ratios[0] + ratios[1][entries])[near], atol=1e-4)
+
+
+def test_a_finger_that_sees_the_same_again_does_not_count_again(belief, mapped_slide):
+    """As a thumb that rests while another finger explores."""
+    truth, first = mapped_slide.poses[0], mapped_slide.touches[0]
+    poses = np.stack([truth, truth @ OFF])
+    further = replace(mapped_slide.touches[40], T_gel_finger=se3.inverse(truth) @ mapped_slide.poses[40])
+    gains = []
+    for weight in ([1.0, 0.0], [0.0, 1.0], [1.0, 1.0]):
+        belief.hypotheses = hypotheses_at(poses, np.zeros(2), 1e-5, 1e-5)
+        Run(belief, first, further, weight=weight, most=0).to_the_end()
+        gains.append(np.diff(belief.hypotheses.log_weights)[0])
+    assert gains[2] == pytest.approx(gains[0] + gains[1])
 
 
 # --------------------------------------------------------------------------- order and slices

@@ -1,65 +1,77 @@
-"""Grasps: several gels that touch an object at once, where the fingers of one hand could be."""
+"""Grasps: the gels of a hand that closes on an object, a thumb against two fingers."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
-from ..rendering.contact_poses import ContactSampling, sample_contact_poses
+from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
+from .slide import carried
 
-CONTACTS = 4
-"""Fingers of the hand: a thumb and three others."""
+CONTACTS = 3
+"""Fingers of the hand, the thumb first."""
 
-_SPAN = 0.12  # m between two gels: an open hand
-_FINGER = 0.015  # m: a DIGIT as a ball behind its gel, radius and how far its centre is behind
-_POOL = 400  # contacts among which a grasp is looked for
-_TRIES = 64
-_SAMPLING = ContactSampling(edge_fraction=0.0, free_fraction=0.0)
+_OPENING = 0.12  # m from the thumb to the fingers of the open hand
+_APART = 0.028, 0.045  # m between the two fingers, side by side
+_PRESS = 0.3e-3, 1.5e-3  # m
+_TILT = np.radians(4.0)  # sigma of a pad's error about each axis, after it has turned to the surface
+_SLIPS = np.radians(40.0)  # a finger that meets the surface more obliquely slides off
+_BODY, _CLEAR = 0.015, 0.01  # m: the middle of a finger behind its gel, and what is free around it
+_TRIES, _STEPS, _MET = 10_000, 40, 1e-4
 
 
-def simulate_grasps(mesh: ObjectMesh, sensor: SensorModel, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Gel poses T_obj_gel (count, CONTACTS, 4, 4) of so many grasps.
+def simulate_grasp(mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
+    """Gel poses T_obj_gel (CONTACTS, 4, 4) of a grasp.
 
-    The first finger touches anywhere, the second one opposite to it as far as the object allows, the others anywhere
-    within the hand's span; fingers do not run into each other. Raises InputError if the object has no such contacts.
+    The hand closes in a random direction about a random point of the surface. Each finger stops where it meets the
+    surface, turns to it as a soft pad does, and is pressed in. Where that is, flat or sharp, is left to chance; no
+    finger slips, and none is inside the object or another finger. Raises InputError if the object has no such grasp.
     """
-    pool = sample_contact_poses(mesh, _POOL, rng, sensor, _SAMPLING)
-    grasps: list[np.ndarray] = []
-    for _ in range(_TRIES * count):
-        if len(grasps) == count:
-            break
-        if (chosen := _grasp(pool, int(rng.integers(len(pool))), rng)) is not None:
-            grasps.append(pool[chosen])
-    if len(grasps) < count:
-        raise InputError(f"{mesh.name}: no room for {CONTACTS} fingers at once; is the object too small for a hand?")
-    return np.stack(grasps)
+    reachability = Reachability(mesh, sensor)
+    for _ in range(_TRIES):
+        if (poses := _closed(mesh, reachability, rng)) is not None:
+            return poses
+    raise InputError(f"{mesh.name}: no room for {CONTACTS} fingers at once; is the object too small for a hand?")
 
 
-def _grasp(pool: np.ndarray, first: int, rng: np.random.Generator) -> list[int] | None:
-    """CONTACTS of the poses (N, 4, 4), beginning with the `first`; None if there is no room."""
-    chosen, free = [first], _beside(pool, first)
-    while len(chosen) < CONTACTS:
-        left = np.flatnonzero(free)
-        if not len(left):
+def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generator) -> np.ndarray | None:
+    """Poses (CONTACTS, 4, 4) of one hand's gels; None if it gets no hold."""
+    (about,), _, _ = mesh.sample_surface(1, rng)
+    hand = se3.frame_from_normal(_directions(rng), rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
+    frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * 2])
+    middle = about + rng.uniform(-0.5, 0.5) * _OPENING * hand[:, 2]
+    aside = rng.uniform(*_APART) * np.array([0.0, -0.5, 0.5])
+    points = middle + aside[:, None] * hand[:, 0] + 0.5 * _OPENING * frames[:, :, 2]
+    for _ in range(_STEPS):
+        _, distance, _ = mesh.closest_points(points)
+        points -= distance[:, None] * frames[:, :, 2]
+        if np.abs((points - middle) @ hand[:, 2]).max() > _OPENING / 2:
             return None
-        opposition = _opposition(pool, first)[left]
-        chosen.append(int(left[opposition.argmax()] if len(chosen) == 1 else rng.choice(left)))
-        free &= _beside(pool, chosen[-1])
-    return chosen
+    normals = mesh.smooth_normals(points)
+    if distance.max() > _MET or (normals * frames[:, :, 2]).sum(axis=1).min() < np.cos(_SLIPS):
+        return None
+    if ((points[0] - points[1:]) @ hand[:, 2]).min() < 0:
+        return None
+    tilts = np.pad(rng.normal(0, _TILT, (CONTACTS, 2)), ((0, 0), (3, 1)))
+    turned = np.stack([carried(*each) for each in zip(frames, normals, strict=True)]) @ se3.exp(tilts)[:, :3, :3]
+    poses, touching = reachability.pressed(se3.make(turned, points), rng.uniform(*_PRESS, CONTACTS))
+    return poses if touching.all() and _free(mesh, poses) else None
 
 
-def _beside(pool: np.ndarray, one: int) -> np.ndarray:
-    """Which (N,) of the poses another finger can take beside one of them."""
-    centres = pool[:, :3, 3] + _FINGER * pool[:, :3, 2]
-    apart = np.linalg.norm(centres - centres[one], axis=1) >= 2 * _FINGER
-    return apart & (np.linalg.norm(pool[:, :3, 3] - pool[one, :3, 3], axis=1) <= _SPAN)
+def _directions(rng: np.random.Generator) -> np.ndarray:
+    """One unit direction (1, 3)."""
+    direction = rng.standard_normal((1, 3))
+    return direction / np.linalg.norm(direction)
 
 
-def _opposition(pool: np.ndarray, one: int) -> np.ndarray:
-    """How well (N,) each of the poses opposes one of them: 2 where both press along the line between them."""
-    line = pool[:, :3, 3] - pool[one, :3, 3]
-    line /= np.maximum(np.linalg.norm(line, axis=1, keepdims=True), 1e-9)
-    return (line * pool[:, :3, 2]).sum(axis=1) - line @ pool[one, :3, 2]
+def _free(mesh: ObjectMesh, poses: np.ndarray) -> bool:
+    """Whether the fingers of gels at poses (N, 4, 4) are outside of the object and of each other."""
+    bodies = poses[:, :3, 3] + _BODY * poses[:, :3, 2]
+    closest, distance, _ = mesh.closest_points(bodies)
+    outside = ((bodies - closest) * mesh.smooth_normals(closest)).sum(axis=1) > 0
+    between = np.linalg.norm(bodies[:, None] - bodies, axis=2) + np.eye(len(bodies))
+    return bool(outside.all() and min(distance.min(), between.min() / 2) >= _CLEAR)

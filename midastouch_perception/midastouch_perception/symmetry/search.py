@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 
+from ..pointcloud import cloud_from_penetration
 from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
 from .group import Symmetry, about
@@ -46,8 +47,8 @@ _FLATS, _FEWEST_FLATS = 5e-4, 16
 """m: so many flats all around, which differ from a round surface by no more than that, stand for one."""
 _PATCH = 4e-3  # m, over which that noise is one and the same (`FilterConfig.penetration_correlation`)
 _MOST_TOUCHES, _FIRST_PART, _PART = 2000, 50, 250
-_FEW = 8  # of which every so manieth is enough for products of motions that were tried with all
-_MAP_SCALE = 0.25
+_FEW = 8  # every 8th is enough for products of motions that were tried with all, and of the pixels for where they are
+_MAP_SCALE = 0.5
 
 _PROBES = np.sqrt([2, 3, 5, 7, 11, 13, 17])  # rad: angles that belong to no finite rotation group
 
@@ -115,7 +116,7 @@ def object_symmetry(
     compared with the mesh or with its touches; nobody knows before how many there will be.
     """
     touches = _Touches(mesh, sensor, poses, tried)
-    near, found = near_symmetry(mesh, tried)
+    near, found = _near(mesh, touches.points(), tried)
     if given is not None:
         residual = max(touches.difference(motion, until=np.inf) for motion in given.turned(_PROBED_TURNS))
         return ObjectSymmetry(given, residual, near, given=True)
@@ -123,16 +124,18 @@ def object_symmetry(
     return ObjectSymmetry(exact, residual, near)
 
 
-def near_symmetry(mesh: ObjectMesh, tried: Callable[[], object] = _no_matter) -> tuple[Symmetry, list[np.ndarray]]:
-    """The motions after which most of a mesh's surface lies within 1 mm of the surface (on small parts within half a
-    percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
+def _near(
+    mesh: ObjectMesh, touched: np.ndarray, tried: Callable[[], object]
+) -> tuple[Symmetry, list[np.ndarray]]:
+    """The motions after which most of the surface, as far as it is touched (K, 3), lies within 1 mm of the surface (on
+    small parts within half a percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
 
     Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then agree are kept.
     An axis about which every angle agrees, and a centre about which nearly every rotation does, are told by trying.
     tried: as of `object_symmetry`.
     """
     tolerance = TOLERANCE if mesh.diagonal > _SMALL else _SMALL_TOLERANCE * mesh.diagonal
-    surface = _Surface(mesh, tolerance, tried)
+    surface = _Surface(mesh, touched, tolerance, tried)
     centre = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
     turned = about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())
     if np.mean([surface.deviation(motion) <= tolerance for motion in turned]) >= _FRACTION:  # a softball bulges here
@@ -232,6 +235,13 @@ class _Touches:
         pixel = np.sqrt(self._renderer.sensor.pixel_area)
         self._patch = max(round(_PATCH / pixel), 1)
 
+    def points(self) -> np.ndarray:
+        """Points (K, 3) [m] of the object that the gel touches, one of `_FEW` pixels along each side of a map."""
+        sensor, chosen = self._renderer.sensor, np.zeros(self._maps.shape[1:], bool)
+        chosen[::_FEW, ::_FEW] = True
+        clouds = [cloud_from_penetration(each, (each > 0) & chosen, sensor) for each in self._maps]
+        return np.concatenate([c @ pose[:3, :3].T + pose[:3, 3] for c, pose in zip(clouds, self._poses, strict=True)])
+
     def difference(self, motion: np.ndarray, stride: int = 1, until: float = DETECTABLE) -> float:
         """Largest RMS difference [m] over a patch of a map that moving the gel by (4, 4) makes, at every `stride`-th
         pose; or the first ones found, once they are above `until`."""
@@ -271,15 +281,16 @@ def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
 
 
 class _Surface:
-    """How well a moved surface agrees with itself. `radius` [m]: mean distance of the surface to its middle."""
+    """How well a moved surface agrees with itself where it is touched at points (K, 3): a thread or an inner wall that no
+    gel reaches does not count. `radius` [m]: mean distance of that surface to its middle."""
 
-    def __init__(self, mesh: ObjectMesh, tolerance: float, tried: Callable[[], object]):
+    def __init__(self, mesh: ObjectMesh, touched: np.ndarray, tolerance: float, tried: Callable[[], object]):
         self.tolerance, self._tried = tolerance, tried
         self._mesh = mesh
-        rng = np.random.default_rng(0)
-        self._points, self._normals, _ = mesh.sample_surface(_POINTS, rng)
-        self._samples, self._sample_normals, _ = mesh.sample_surface(_SAMPLES, rng)
+        self._samples, self._sample_normals, _ = mesh.sample_surface(_SAMPLES, np.random.default_rng(0))
         self._tree = KDTree(self._samples)
+        felt = np.unique(self._tree.query(touched)[1])[:_POINTS]  # samples are in random order
+        self._points, self._normals = self._samples[felt], self._sample_normals[felt]
         self._near = tolerance + 3 * np.sqrt(mesh.area / _SAMPLES)
         self.radius = float(np.linalg.norm(self._points - self._points.mean(axis=0), axis=1).mean())
 
