@@ -6,6 +6,7 @@ Non-manifold, open or self-touching scans work: nothing here needs more than a l
 from __future__ import annotations
 
 import hashlib
+import heapq
 import io
 from functools import cached_property
 from pathlib import Path
@@ -68,30 +69,38 @@ def _weld_slivers(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Faces (F, 3) of the same surface, the neighbours of those without area joined where that is possible.
 
     Such a face lies along its longest edge, and without it the neighbours would not meet there. So it and the neighbour
-    at that edge exchange the diagonal of their quadrilateral: each becomes one half of that neighbour.
+    at that edge exchange the diagonal of their quadrilateral: each becomes one half of that neighbour. The longest go
+    first: their neighbour has an area, or their edges become shorter.
     """
-    slivers = np.flatnonzero(np.linalg.norm(_crosses(vertices[faces]), axis=1) <= _NO_AREA).tolist()
-    if not slivers:
+    if (np.linalg.norm(_crosses(vertices[faces]), axis=1) > _NO_AREA).all():
         return faces
     faces, same = faces.copy(), _same_position(vertices)
-    of_edge = {tuple(edge): k // 3 for k, edge in enumerate(same[faces[:, _EDGES]].reshape(-1, 2).tolist())}
+    # the neighbours of faces with two corners at one position meet without them
+    whole = np.flatnonzero((same[faces] != np.roll(same[faces], 1, axis=1)).all(axis=1))
+    of_edge = {tuple(edge): f for f in whole.tolist() for edge in same[faces[f][_EDGES]].tolist()}
+
+    def lengths(face: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(vertices[face] - vertices[np.roll(face, -1, axis=-1)], axis=-1)
+
+    def without_area(chosen: np.ndarray) -> list[tuple[float, int]]:
+        few = chosen[np.linalg.norm(_crosses(vertices[faces[chosen]]), axis=1) <= _NO_AREA]
+        return list(zip((-lengths(faces[few]).max(axis=1)).tolist(), few.tolist(), strict=True))
+
+    slivers = sorted(without_area(whole))
     while slivers:
-        sliver = slivers.pop()
-        corners = vertices[faces[sliver]]
-        if np.linalg.norm(_crosses(corners[None])) > _NO_AREA or len(set(same[faces[sliver]].tolist())) < 3:
-            continue
-        longest = int(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).argmax())
-        a, b, middle = np.roll(faces[sliver], -longest)
+        length, sliver = heapq.heappop(slivers)
+        a, b, middle = np.roll(faces[sliver], -lengths(faces[sliver]).argmax())
         other = of_edge.get((same[b], same[a]))
-        if other is None:
+        if without_area(np.array([sliver])) != [(length, sliver)] or other is None:  # changed since, or beside a hole
             continue
         apex = faces[other][~np.isin(same[faces[other]], same[[a, b]])]
         if len(apex) != 1:
             continue
         faces[sliver], faces[other] = (middle, a, apex[0]), (apex[0], b, middle)
-        for face in (sliver, other):
-            of_edge |= {tuple(edge): face for edge in same[faces[face, _EDGES]].tolist()}
-        slivers += [sliver, other]
+        changed = np.array([sliver, other])
+        of_edge |= {tuple(edge): f for f in changed.tolist() for edge in same[faces[f][_EDGES]].tolist()}
+        for each in without_area(changed):
+            heapq.heappush(slivers, each)
     return faces
 
 

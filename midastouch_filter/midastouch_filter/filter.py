@@ -32,7 +32,7 @@ from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
 from .core.measurement_model import log_ratios
 from .core.motion_model import Odometry
-from .core.noise_model import LEAST_UNKNOWN, REGION_WIDTH, NoiseModel
+from .core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, REGION_WIDTH, NoiseModel
 from .core.object_model import ObjectModel
 from .core.pace import InTime, always
 from .core.pose_hypothesis import Prior
@@ -264,6 +264,8 @@ class ParticleFilter:
             belief.come_up(track.odometer, noise.drift)
             if track.lifted and noise.change_lifted > 0:
                 self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
+            if len(gels) > 1 and not len(belief.hypotheses):
+                self._births.of_each_finger(belief, gels)
             self._refute(track.free_space(), in_air)
             weights = track.keep(gels)
             scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
@@ -392,11 +394,11 @@ class ParticleFilter:
             if len(own):
                 leading = own[int(np.argmax(hypotheses.log_weights[own]))]
                 belief.support[number] = hypotheses.support[leading]
-        # what earlier touches said may be taken back: none of the objects stays as probable as this
-        odds = self.config.unknown_prior / (1.0 - self.config.unknown_prior)
-        most = float(np.log(max(odds / LEAST_UNKNOWN, 1.0 / LEAST_UNKNOWN)))
-        belief.support = np.minimum(belief.support, most)
-        belief.hypotheses = replace(hypotheses, support=np.minimum(hypotheses.support, most))
+        # what earlier touches said may be taken back: none of the objects stays as probable, or improbable, as this
+        odds = max(self.config.unknown_prior / (1.0 - self.config.unknown_prior), 1e-3)
+        least, most = (float(np.log(odds * (1.0 - unknown) / unknown)) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
+        belief.support = np.clip(belief.support, least, most)
+        belief.hypotheses = replace(hypotheses, support=np.clip(hypotheses.support, least, most))
 
     @property
     def identity(self) -> tuple[np.ndarray, float]:

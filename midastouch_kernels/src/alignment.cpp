@@ -76,7 +76,7 @@ public:
     // See `align_each` of the binding.
     nb::tuple align_each(In<double, -1, 4, 4> poses, In<double, -1, 6, 6> covariances, In<float, -1, -1, -1> maps,
                          In<double, -1, 4, 4> gels, In<double, 6, 6> jitter, In<double, 6, 6> finger_error,
-                         In<double, -1> needed, int descents, double explains, double patches, double floor) const {
+                         In<double, -1> needed, int descents, bool seeds, double explains, double patches, double floor) const {
         const std::size_t n = poses.shape(0), fingers = maps.shape(0);
         check_size(maps.shape(1), maps.shape(2));
         if (covariances.shape(0) != n || needed.shape(0) != n) throw nb::value_error("not as many of each as poses");
@@ -98,8 +98,9 @@ public:
                 Workspace work(scene_);
                 for (std::size_t i = first; i < last; ++i) {
                     Gaussian hypothesis{item_at<Transform>(poses.data(), i), item_at<Matrix6>(covariances.data(), i)};
-                    const Gaussian prior{hypothesis.mean, sum_of(hypothesis.covariance, own)};
-                    const Settled at = settle(work, prior, touches, others, needed.data()[i], descents);
+                    Gaussian prior{hypothesis.mean, sum_of(hypothesis.covariance, own)};
+                    const Settled at = settle(work, prior, touches, others, needed.data()[i], descents, seeds);
+                    hypothesis.mean = prior.mean;
                     if (at.fit() > explains) {
                         // the noise of a map is as large as what it leaves unexplained says
                         const double factor = patches / (1 - at.fit() + floor) / nats;
@@ -171,16 +172,18 @@ private:
     }
 
     // The posterior of all fingers' maps in turn, from where it ended as long as that explains more of them: one
-    // descent stops short where a start is some millimetres and a sharp edge away.
-    Settled settle(Workspace& work, const Gaussian& prior, const std::vector<Touch>& touches, const Matrix6& others,
-                   double needed, int most) const {
+    // descent stops short where a start is some millimetres and a sharp edge away. A prior that only seeds the search
+    // goes along with it.
+    Settled settle(Workspace& work, Gaussian& prior, const std::vector<Touch>& touches, const Matrix6& others,
+                   double needed, int most, bool seeds) const {
         Settled best = in_turn(work, prior, prior.mean, touches, others, needed);
         int descents = 1;
         bool more = true;
         for (; more && descents < most && best.fit() < kExplained && best.fit() >= needed - kStillGained; ++descents) {
-            Settled again = in_turn(work, prior, best.posterior.mean, touches, others, needed);
+            const Gaussian next = seeds ? Gaussian{best.posterior.mean, prior.covariance} : prior;
+            Settled again = in_turn(work, next, best.posterior.mean, touches, others, needed);
             more = again.fit() - best.fit() >= kMore * (1 - best.fit());
-            if (again.fit() > best.fit()) best = std::move(again);
+            if (again.fit() > best.fit()) best = std::move(again), prior = next;
         }
         best.descents = descents;
         return best;
@@ -379,12 +382,13 @@ void bind_alignment(nb::module_& m) {
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).")
         .def("align_each", &MapAlignment::align_each, named("poses"), named("covariances"), named("maps"),
              named("gels"), named("jitter"), named("finger_error"), named("needed"), nb::arg("descents"),
-             nb::arg("explains"), nb::arg("patches"), nb::arg("floor"),
+             nb::arg("seeds"), nb::arg("explains"), nb::arg("patches"), nb::arg("floor"),
              "Align N Gaussians of the first finger's gel, poses (N, 4, 4) and covariances (N, 6, 6) in their own "
              "frames, to the maps (F, H, W) [m] of F fingers, one after the other. gels (F, 4, 4): each finger's gel in "
              "the first one's frame, the identity its own. jitter, finger_error (6, 6): covariances of this frame's "
              "error of the first gel's measured pose, and of a further one's given that. descents: how often at most, "
-             "each from where the last one ended. needed (N,): fraction of each map below which a Gaussian does not "
+             "each from where the last one ended; seeds: the Gaussians only say where to begin, and each descent's is "
+             "centred there, too. needed (N,): fraction of each map below which a Gaussian does not "
              "matter, and is left early. Returns poses and covariances without this frame's error, unchanged unless "
              "more than `explains` of every map is explained; fits (N, F); poses and covariances in this frame; "
              "descents (N,). patches, floor: the evidence of a map is -patches log(1 - fit + floor).");

@@ -9,7 +9,7 @@ import pandas as pd
 from ..statistics.accuracy import counted_anew, pose_right_at_end
 from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
-from ..trials.protocols import ASKED
+from ..trials.protocols import HOLDS
 from ..trials.variants import DEFAULT, PRESET
 from .reports import ABLATIONS, frame_of, report, reported
 from .table import Form, Row, between, fraction, is_missing, percent, pose, text, tidy, value, written
@@ -74,7 +74,7 @@ def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
 
 
 def _held(grasps: Mapping[str, list[dict]], **about: object) -> list[dict]:
-    pairs = ((what, zip(ASKED, each, strict=True)) for what, each in grasps.items())
+    pairs = ((what, zip(HOLDS, each, strict=True)) for what, each in grasps.items())
     return [{"what": what, "seconds": after} | about | one for what, each in pairs for after, one in each]
 
 

@@ -27,9 +27,8 @@ from .real_sensor import RealSensorCache
 from .trial import FRAME_TIME, AnyFilter, TrialFrame
 from .yardstick import Yardstick
 
-_HELD = 5.0  # s
-ASKED = (0.5, _HELD)
-"""s after which a grasp that is held still is asked for its pose."""
+HOLDS = 0.5, 5.0
+"""s after which the filter's belief about a grasp is judged, which is held until the last of them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,11 +51,11 @@ def grasp(scene: Scene) -> Disturbed:
         for k, other in enumerate(others, 2)
     }
     held = dataclasses.replace(first, others=fingers)
-    return Disturbed([disturbances.at_rest(held, scene.rng) for _ in range(round(_HELD / FRAME_TIME))])
+    return Disturbed([disturbances.at_rest(held, scene.rng) for _ in range(round(HOLDS[-1] / FRAME_TIME))])
 
 
 class GraspRecord:
-    """What the filter believes of a grasp after each of the times `ASKED`; an `Observer` of a trial."""
+    """What the filter believes of a grasp after each of the times `HOLDS`; an `Observer` of a trial."""
 
     def __init__(self, yardstick: Yardstick):
         self._yardstick, self._frames = yardstick, 0
@@ -64,7 +63,7 @@ class GraspRecord:
 
     def __call__(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> None:
         self._frames += 1
-        if self._frames not in [round(seconds / FRAME_TIME) for seconds in ASKED]:
+        if self._frames not in [round(seconds / FRAME_TIME) for seconds in HOLDS]:
             return
         truth, right = frame.truth, self._yardstick.right
         modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)

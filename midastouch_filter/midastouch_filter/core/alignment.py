@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
@@ -79,12 +78,6 @@ class Alignments:
         """Each hypothesis as this frame's maps have it."""
         return [Sighting(*each) for each in zip(self.seen, self.seen_covariances, self.fits.min(axis=1), strict=True)]
 
-    def squared_innovation(self, poses: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-        """(P,) squared Mahalanobis distances by which N(poses (P, 4, 4), covariances (P, 6, 6)) gave way to the
-        maps."""
-        offset = se3.log(se3.inverse(poses) @ self.seen)
-        return np.einsum("ki,kij,kj->k", offset, np.linalg.inv(covariances), offset)
-
 
 class PenetrationAlignment:
     """Aligns poses on one mesh.
@@ -93,14 +86,14 @@ class PenetrationAlignment:
     Attributes: sensor; map_shape, rows and columns of the maps.
     """
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel, believed: float = 0.6):
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
         self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
         self._renderer = PenetrationRenderer(mesh, sensor, _MARGIN)
         information = sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2
         self._kernel = kernels.MapAlignment(
             self._renderer.scene, *sensor.rays, sensor.gel_depth, information, noise.elsewhere
         )
-        self._noise, self._believed = noise, believed
+        self._noise = noise
 
     def render(self, poses: np.ndarray) -> np.ndarray:
         """Penetration maps (N, H, W) m that are measured at poses (N, 4, 4)."""
@@ -125,11 +118,13 @@ class PenetrationAlignment:
         touches: Sequence[Measurement],
         needed: np.ndarray | None = None,
         descents: int = _MOST_DESCENTS,
+        seeds: bool = False,
     ) -> Alignments:
         """Align P hypotheses N(poses (P, 4, 4), covariances (P, 6, 6), own frames) of the first gel to the maps of all
         touches, one finger after the other, on all cores.
 
         needed (P,): a hypothesis of which less than this fraction can be explained does not matter, and is given up.
+        descents: at most; seeds: the hypotheses only say where to begin, and need not hold the pose.
         """
         noise = self._noise
         return Alignments(
@@ -142,7 +137,8 @@ class PenetrationAlignment:
                 noise.finger_error,
                 np.zeros(len(poses)) if needed is None else needed,
                 descents,
-                self._believed,
+                seeds,
+                noise.explained,
                 noise.map_patches,
                 noise.residual_floor,
             )

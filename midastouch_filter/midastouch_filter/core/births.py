@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from midastouch_common import se3
+
 from .belief import Belief, Hypotheses
 from .noise_model import NoiseModel
 from .pose_hypothesis import Prior
@@ -46,6 +48,19 @@ class Births:
                 own = Hypotheses.at(prior.pose[None], prior.covariance, np.array([of_each]), number, 0.0, 0.0)
                 belief.hypotheses = belief.hypotheses.joined(own)
             belief.expect(number, entries, log_weights - np.logaddexp.reduce(log_weights) + of_each)
+
+    def of_each_finger(self, belief: Belief, gels: np.ndarray) -> None:
+        """Add, beside all untested poses with which the first of several gels (F, 4, 4), in its frame, touches the
+        object, those with which each other one does.
+
+        A finger on a corner or in the air says little of where it is, and none of its poses may be near the truth.
+        """
+        belief.scale(-math.log(len(gels)))
+        for number, model in enumerate(belief.objects):
+            some = belief.untested[number]
+            for gel in gels[1:]:
+                poses = model.lookup.poses[some.entries] @ se3.inverse(gel)
+                belief.expect_at(number, poses, some.log_weights)
 
     def after_change(self, belief: Belief, probability: float) -> bool:
         """The object was moved with this probability, to anywhere; whether further poses were added."""

@@ -220,8 +220,7 @@ class Comparison:
             some = index[hypotheses.objects[index] == number]
             found = self._aligned(int(number), some, hypotheses)
             self._gain[some] = self._noise.residual_evidence(1.0 - found.fits) @ self._weights
-            moved = found.squared_innovation(hypotheses.poses[some], hypotheses.covariances[some] + self._noise.jitter)
-            self._evidence[some] = self._noise.object_evidence(1.0 - found.fits.min(axis=1), moved)
+            self._evidence[some] = self._noise.object_evidence(found.fits.min(axis=1))
             poses[some], covariances[some], fit[some] = found.poses, found.covariances, found.fits.min(axis=1)
             if len(self.seen) < _SEEN:
                 self.seen.update(zip(some.tolist(), found.sightings(), strict=True))
@@ -237,12 +236,14 @@ class Comparison:
             # of the finger that counts least, if all others were explained entirely
             gain = (bound - self._prior[index] - self._most_gain) / least + self._noise.residual_evidence(0.0)
             needed = np.clip(1.0 - self._noise.residual_of(gain), 0.0, 1.0)
+        fresh = bool(index[0] >= self._known)
         found = self._belief.objects[number].alignment.align_each(
             hypotheses.poses[index],
             hypotheses.covariances[index],
             self._touches,
             needed,
-            _DESCENTS if index[0] >= self._known else _DESCENTS_AGAIN,
+            _DESCENTS if fresh else _DESCENTS_AGAIN,
+            fresh,
         )
         self._gates.count("descents", int(found.descents.sum()))
         return found

@@ -21,8 +21,9 @@ REGION_WIDTH = 24.5
 the region of 95 % holds the truth as often as it says: fitted by `midastouch_benchmark/fits/regions.py`."""
 
 
-LEAST_UNKNOWN = 0.005
-"""Probability that none of the known objects is touched, below which no touches bring it."""
+LEAST_UNKNOWN, MOST_UNKNOWN = 0.005, 0.96
+"""Probabilities that none of the known objects is touched, below and above which no touches bring it: one that was
+refused is believed again within some touches."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,8 @@ class NoiseModel:
     while the sensor was lifted; that it was pushed, where touches contradict all hypotheses.
     prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
-    Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
-    objects, whose maps err together; foreign_residual, the residual ratio of a hypothesis that speaks neither for its
-    object nor against it; innovation_cost, evidence that each unit of squared Mahalanobis innovation costs; see
-    `object_evidence`.
+    explained: fraction of a map from which on a pose explains it; unexplained_own, unexplained_foreign: fractions of
+    the touches on a known object, and on another one, that the leading pose does not explain.
     """
 
     jitter: np.ndarray
@@ -62,9 +61,9 @@ class NoiseModel:
     change_pushed: float = 0.01
     prior_floor: float = -12.0
     elsewhere: float = 22.5
-    between_objects: float = 0.0159
-    foreign_residual: float = 1.3
-    innovation_cost: float = 9.2
+    explained: float = 0.6
+    unexplained_own: float = 0.0048
+    unexplained_foreign: float = 0.151
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
@@ -80,15 +79,15 @@ class NoiseModel:
         with np.errstate(over="ignore"):
             return np.exp(-evidence / self.map_patches) - self.residual_floor
 
-    def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray) -> np.ndarray:
-        """Nats that touches speak for an object, by a hypothesis on it, against being none of those that are known.
+    def object_evidence(self, fit: np.ndarray) -> np.ndarray:
+        """Nats that touches speak for an object, by the fractions `fit` that hypotheses on it explain of them, against
+        being none of those that are known.
 
-        residual ratio as above; squared_innovation: squared Mahalanobis distances from where the path led to where the
-        maps fit, which tell a surface of another curvature: its maps fit, but not one after the other.
+        Which object it is counts for less than which pose: with shape and noise of their own, all maps of one object
+        err alike, so all that is asked is whether a touch is explained.
         """
-        fit = self.residual_evidence(residual_ratio) - self.residual_evidence(self.foreign_residual)
-        cost = self.innovation_cost * np.minimum(squared_innovation, self.elsewhere)
-        return self.between_objects * (fit - cost)
+        own, foreign = self.unexplained_own, self.unexplained_foreign
+        return np.where(fit > self.explained, np.log((1.0 - own) / (1.0 - foreign)), np.log(own / foreign))
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:
@@ -101,6 +100,7 @@ class NoiseModel:
             map_noise=config.penetration_noise,
             map_correlation=config.penetration_correlation,
             between_entries=_BETWEEN_ENTRIES,
+            explained=config.penetration_fit,
             touch_correlation=config.correlation_length,
             change_lifted=config.change_lifted,
         )

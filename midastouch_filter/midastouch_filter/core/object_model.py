@@ -68,7 +68,7 @@ class ObjectModel:
         self.alignment: PenetrationAlignment | None = None
         if config.refinement and codebook.meta.get("sensor"):
             sensor = SensorModel.of_codebook(codebook.meta).scaled(MAP_SCALE)
-            self.alignment = PenetrationAlignment(mesh, sensor, noise, config.penetration_fit)
+            self.alignment = PenetrationAlignment(mesh, sensor, noise)
 
     def _make_entries(self, codebook: Codebook) -> None:
         self.order = space_filling_order(codebook.poses)

@@ -40,6 +40,8 @@ _LARGEST_ORDER, _LARGEST_GROUP = 200, 400  # of a gear's turns; of motions
 _SAME_ANGLE = np.radians(0.7)
 _TURNS_ABOUT_AXIS, _SAME_DISTANCE = 12, 2e-3  # look-alikes about an axis; m, pose distance
 
+_SEARCH = 2  # count it up when the search finds something else, so that it is repeated for codebooks built before
+
 DETECTABLE = 3e-4
 """m RMS over a patch: three standard deviations of a measured map (`FilterConfig.penetration_noise`). Less is hidden by
 noise; the flats that stand for a round surface in a mesh make some 0.2 mm."""
@@ -47,7 +49,7 @@ _FLATS, _FEWEST_FLATS = 5e-4, 16
 """m: so many flats all around, which differ from a round surface by no more than that, stand for one."""
 _PATCH = 4e-3  # m, over which that noise is one and the same (`FilterConfig.penetration_correlation`)
 _MOST_TOUCHES, _FIRST_PART, _PART = 2000, 50, 250
-_FEW = 8  # every 8th is enough for products of motions that were tried with all, and of the pixels for where they are
+_FEW = 8  # every 8th touch judges products of motions that all judged, every 8th pixel says which surface is touched
 _MAP_SCALE = 0.5
 
 _PROBES = np.sqrt([2, 3, 5, 7, 11, 13, 17])  # rad: angles that belong to no finite rotation group
@@ -89,14 +91,19 @@ class ObjectSymmetry:
     def as_json(self) -> dict:
         """What `from_json` reads."""
         return {
-            "exact": self.exact.as_json(), "residual": self.residual, "near": self.near.as_json(), "given": self.given
-        }  # fmt: skip
+            "search": _SEARCH,
+            "exact": self.exact.as_json(),
+            "residual": self.residual,
+            "near": self.near.as_json(),
+            "given": self.given,
+        }
 
     @classmethod
-    def from_json(cls, content: dict) -> ObjectSymmetry:
-        """What `as_json` gave; raises ValueError, KeyError or TypeError for anything else."""
+    def from_json(cls, content: dict) -> ObjectSymmetry | None:
+        """What `as_json` gave, None if an earlier search found it; raises ValueError, KeyError, TypeError else."""
         exact, near = (Symmetry.from_json(content[key]) for key in ("exact", "near"))
-        return cls(exact, float(content["residual"]), near, bool(content["given"]))
+        known = cls(exact, float(content["residual"]), near, bool(content["given"]))
+        return known if known.given or content.get("search") == _SEARCH else None
 
 
 def _no_matter() -> None:
@@ -124,9 +131,7 @@ def object_symmetry(
     return ObjectSymmetry(exact, residual, near)
 
 
-def _near(
-    mesh: ObjectMesh, touched: np.ndarray, tried: Callable[[], object]
-) -> tuple[Symmetry, list[np.ndarray]]:
+def _near(mesh: ObjectMesh, touched: np.ndarray, tried: Callable[[], object]) -> tuple[Symmetry, list[np.ndarray]]:
     """The motions after which most of the surface, as far as it is touched (K, 3), lies within 1 mm of the surface (on
     small parts within half a percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
 
@@ -236,11 +241,12 @@ class _Touches:
         self._patch = max(round(_PATCH / pixel), 1)
 
     def points(self) -> np.ndarray:
-        """Points (K, 3) [m] of the object that the gel touches, one of `_FEW` pixels along each side of a map."""
+        """Points (K, 3) [m] that the gel touches: its middle at each pose, one pixel of `_FEW` along each side."""
         sensor, chosen = self._renderer.sensor, np.zeros(self._maps.shape[1:], bool)
         chosen[::_FEW, ::_FEW] = True
         clouds = [cloud_from_penetration(each, (each > 0) & chosen, sensor) for each in self._maps]
-        return np.concatenate([c @ pose[:3, :3].T + pose[:3, 3] for c, pose in zip(clouds, self._poses, strict=True)])
+        moved = [cloud @ pose[:3, :3].T + pose[:3, 3] for cloud, pose in zip(clouds, self._poses, strict=True)]
+        return np.concatenate([self._poses[:, :3, 3], *moved])
 
     def difference(self, motion: np.ndarray, stride: int = 1, until: float = DETECTABLE) -> float:
         """Largest RMS difference [m] over a patch of a map that moving the gel by (4, 4) makes, at every `stride`-th
@@ -281,16 +287,19 @@ def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
 
 
 class _Surface:
-    """How well a moved surface agrees with itself where it is touched at points (K, 3): a thread or an inner wall that no
-    gel reaches does not count. `radius` [m]: mean distance of that surface to its middle."""
+    """How well a moved surface agrees with itself where it is touched at points (K, 3).
+
+    A thread or an inner wall that no gel reaches does not count. `radius` [m]: mean distance of the touched surface to
+    its middle.
+    """
 
     def __init__(self, mesh: ObjectMesh, touched: np.ndarray, tolerance: float, tried: Callable[[], object]):
         self.tolerance, self._tried = tolerance, tried
         self._mesh = mesh
         self._samples, self._sample_normals, _ = mesh.sample_surface(_SAMPLES, np.random.default_rng(0))
         self._tree = KDTree(self._samples)
-        felt = np.unique(self._tree.query(touched)[1])[:_POINTS]  # samples are in random order
-        self._points, self._normals = self._samples[felt], self._sample_normals[felt]
+        seen = np.unique(self._tree.query(touched)[1])[:_POINTS]  # samples are in random order
+        self._points, self._normals = self._samples[seen], self._sample_normals[seen]
         self._near = tolerance + 3 * np.sqrt(mesh.area / _SAMPLES)
         self.radius = float(np.linalg.norm(self._points - self._points.mean(axis=0), axis=1).mean())
 

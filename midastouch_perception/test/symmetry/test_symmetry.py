@@ -12,9 +12,11 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.codebook import codebook_poses
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.procedural import Sdf, at, cylinder, difference, mesh_from_sdf, union
+from midastouch_perception.simulation.solids import Layer, circle, rectangle, stacked
 from midastouch_perception.symmetry.bop import symmetry_of_bop
 from midastouch_perception.symmetry.group import Symmetry
-from midastouch_perception.symmetry.search import DETECTABLE, ObjectSymmetry, near_symmetry, object_symmetry
+from midastouch_perception.symmetry.search import DETECTABLE, ObjectSymmetry, object_symmetry
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(
@@ -41,8 +43,14 @@ def contains(found: Symmetry, motion: np.ndarray) -> bool:
     return distance < 1e-3 and se3.rotation_angle(nearest[:3, :3].T @ truth[:3, :3]) < np.radians(2)
 
 
+def measured_symmetry(mesh: ObjectMesh, **given) -> ObjectSymmetry:
+    """What a DIGIT feels of a symmetry."""
+    sensor = SensorModel.load("digit_tacto")
+    return object_symmetry(mesh, sensor, codebook_poses(mesh, 4000, sensor, np.random.default_rng(0)), **given)
+
+
 def near(mesh: ObjectMesh) -> Symmetry:
-    return near_symmetry(mesh)[0]
+    return measured_symmetry(mesh).near
 
 
 def turn(*rotvec: float) -> np.ndarray:
@@ -131,12 +139,6 @@ def gear(teeth: int, missing: int = 0) -> ObjectMesh:
     return moved_mesh(trimesh.Trimesh(vertices, np.concatenate([np.stack(each, axis=1) for each in faces])))
 
 
-def measured_symmetry(mesh: ObjectMesh, **given) -> ObjectSymmetry:
-    """What a DIGIT feels of a symmetry."""
-    sensor = SensorModel.load("digit_tacto")
-    return object_symmetry(mesh, sensor, codebook_poses(mesh, 4000, sensor, np.random.default_rng(0)), **given)
-
-
 def test_every_tooth_of_a_gear_is_like_every_other():
     found = measured_symmetry(gear(20))
     assert (found.exact.free, len(found.exact.transforms)) == ("none", 40)
@@ -166,6 +168,50 @@ def test_the_sides_of_a_bottle_are_measured_symmetry():
     assert len(found.exact.transforms) == 12
 
 
+def nut(mark: Sdf | None = None) -> ObjectMesh:
+    """M4, whose thread only one half turn maps onto itself."""
+    apart = np.array([[np.cos(a), np.sin(a)] for a in np.radians([0, 60, 120])])
+
+    def hexagon(p: np.ndarray) -> np.ndarray:
+        return np.maximum(np.abs(p[:, :2] @ apart.T).max(axis=1) - 3.5e-3, np.abs(p[:, 2]) - 1.6e-3)
+
+    def thread(p: np.ndarray) -> np.ndarray:
+        turns = p[:, 2] / 7e-4 - np.arctan2(p[:, 1], p[:, 0]) / (2 * np.pi)
+        return np.hypot(p[:, 0], p[:, 1]) - 1.81e-3 - 1.9e-4 * np.cos(2 * np.pi * turns)
+
+    cuts = [thread] if mark is None else [thread, mark]
+    shape = mesh_from_sdf(difference(hexagon, union(*cuts)), np.array([4.5e-3, 4.5e-3, 2.1e-3]), 1.6e-4, "nut")
+    return moved_mesh(trimesh.Trimesh(shape.vertices, shape.faces, process=False))
+
+
+def test_a_thread_that_no_gel_reaches_leaves_a_nut_its_half_turns():
+    found = measured_symmetry(nut())
+    assert len(found.exact.transforms) == 12
+    for angle in np.radians(30 * np.arange(6)):
+        assert contains(found.exact, turn(np.pi * np.cos(angle), np.pi * np.sin(angle), 0))
+    assert found.residual < DETECTABLE
+
+
+def test_a_mark_on_a_nut_is_no_symmetry():
+    found = measured_symmetry(nut(at(cylinder(8e-4, 6e-4), 2.8e-3, 0.0, 1.6e-3)))
+    assert not any(contains(found.exact, turn(0, 0, angle)) for angle in np.radians([60, 120, 180]))
+    assert not contains(found.exact, turn(np.pi, 0, 0))
+
+
+def brick(chamfer: float) -> ObjectMesh:
+    """Two by four studs; one corner of its top cut."""
+    body = rectangle(0.032, 0.016)
+    cut = np.array([[0.016 - chamfer, 0.0081], [0.0161, 0.008 - chamfer], [0.0161, 0.0081]])
+    studs = tuple(circle(0.0024, x, y, sides=32) for x in (-0.012, -0.004, 0.004, 0.012) for y in (-0.004, 0.004))
+    mesh = stacked([Layer(0.0056, (body,)), Layer(0.004, (body,), (cut,)), Layer(0.0018, studs)], "brick")
+    return moved_mesh(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+
+
+@pytest.mark.parametrize(("chamfer", "same"), [(1e-4, True), (2.5e-3, False)])
+def test_a_brick_has_its_half_turn_unless_a_corner_is_cut(chamfer, same):
+    assert contains(measured_symmetry(brick(chamfer)).exact, turn(0, 0, np.pi)) == same
+
+
 def test_what_the_user_says_is_not_looked_for():
     half_turn = Symmetry(np.array([np.eye(4), MOVED @ turn(0, 0, np.pi) @ se3.inverse(MOVED)]))
     found = measured_symmetry(gear(12, missing=1), given=half_turn)
@@ -180,6 +226,12 @@ def test_it_survives_a_file():
     np.testing.assert_array_equal(again.exact.transforms, found.exact.transforms)
     np.testing.assert_array_equal(again.look_alikes, found.look_alikes)
     assert again.describe() == found.describe()
+
+
+def test_what_an_earlier_search_found_is_not_known_but_what_the_user_said_is():
+    found, given = (ObjectSymmetry(given=given).as_json() | {"search": 1} for given in (False, True))
+    assert ObjectSymmetry.from_json(found) is None
+    assert ObjectSymmetry.from_json(given).given
 
 
 BOP = {
