@@ -264,11 +264,11 @@ class ParticleFilter:
             belief.come_up(track.odometer, noise.drift)
             if track.lifted and noise.change_lifted > 0:
                 self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
+            scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
             if len(gels) > 1 and not len(belief.hypotheses):
-                self._births.of_each_finger(belief, gels)
+                self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
             self._refute(track.free_space(), in_air)
             weights = track.keep(gels)
-            scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
             most = self.config.tested_poses if self.config.alignments_per_second else None
             negligible = _NEGLIGIBLE if most else 0.0
             self._comparison = Comparison(
@@ -513,6 +513,12 @@ class ParticleFilter:
     def measured_gels(self) -> np.ndarray:
         """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present first one."""
         return self._track.touched
+
+
+def _information(log_ratios: Sequence[np.ndarray]) -> float:
+    """Nats that a code says of where it was felt, by its log-ratios at the entries of each object."""
+    ratios = np.concatenate(log_ratios)
+    return float((np.exp(ratios) * ratios).sum() / np.exp(ratios).sum())
 
 
 def _effective(belief: Belief) -> float:

@@ -49,18 +49,15 @@ class Births:
                 belief.hypotheses = belief.hypotheses.joined(own)
             belief.expect(number, entries, log_weights - np.logaddexp.reduce(log_weights) + of_each)
 
-    def of_each_finger(self, belief: Belief, gels: np.ndarray) -> None:
-        """Add, beside all untested poses with which the first of several gels (F, 4, 4), in its frame, touches the
-        object, those with which each other one does.
+    def of_finger(self, belief: Belief, gel: np.ndarray) -> None:
+        """Take, in place of all untested poses with which the first finger's gel touches the object, those with which
+        another gel (4, 4), in its frame, does.
 
-        A finger on a corner or in the air says little of where it is, and none of its poses may be near the truth.
+        Of a finger on a corner none of the poses may be near the truth.
         """
-        belief.scale(-math.log(len(gels)))
         for number, model in enumerate(belief.objects):
-            some = belief.untested[number]
-            for gel in gels[1:]:
-                poses = model.lookup.poses[some.entries] @ se3.inverse(gel)
-                belief.expect_at(number, poses, some.log_weights)
+            some = belief.take(number, np.arange(len(belief.untested[number])))
+            belief.expect_at(number, model.lookup.poses[some.entries] @ se3.inverse(gel), some.log_weights)
 
     def after_change(self, belief: Belief, probability: float) -> bool:
         """The object was moved with this probability, to anywhere; whether further poses were added."""
