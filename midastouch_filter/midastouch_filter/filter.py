@@ -479,8 +479,10 @@ class ParticleFilter:
 
     @property
     def poses(self) -> np.ndarray:
-        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at this very frame; N = 0
-        while uninitialised."""
+        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at this very frame.
+
+        N = 0 while uninitialised.
+        """
         if self._belief is None:
             return np.empty((0, 4, 4))
         return draws(self._belief, self._leading_object, _DRAWS, self._seed)

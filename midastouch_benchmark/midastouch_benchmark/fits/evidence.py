@@ -75,8 +75,8 @@ def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
         hypotheses = particle_filter.belief.hypotheses.some(leading)
         ratios, weights, last = [1.0 - hypotheses.fit], [first.weight], first
         for last in found:
-            hypotheses, ratio, _ = follow(hypotheses, last, alignment)
-            ratios.append(ratio)
+            hypotheses, fit = follow(hypotheses, last, alignment)
+            ratios.append(1.0 - fit)
             weights.append(last.weight)
         residual_ratio, differ, kept = np.stack(ratios, axis=1), another(symmetry), []
         for i in np.argsort(residual_ratio.mean(axis=1), kind="stable"):  # those that have met are one

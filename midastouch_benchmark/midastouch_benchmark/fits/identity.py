@@ -26,7 +26,7 @@ from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.disturbances import Disturbance, Scene
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.noise_model import LEAST_UNKNOWN, NoiseModel
+from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
@@ -36,7 +36,7 @@ from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of
 
 HALF = 0.5  # of the slides are over an object that the filter does not know
-FITTED = ("between_objects", "foreign_residual", "innovation_cost")
+FITTED = ("unexplained_own", "unexplained_foreign")
 DISTURBED = (
     disturbances.plain,
     disturbances.tool_bias,
@@ -50,23 +50,22 @@ REFUSED = 0.95  # probability of another object from which on the state says so
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 
-
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """Of K keyframes and O objects: weights (K,); residual_ratio and squared_innovation (K, O), those of the leading
-    hypothesis on each object, nan if there is none; truth, number of the touched object, O if it is unknown."""
+    """Of K keyframes and O objects: weights (K,); fit (K, O), fraction of the map that the leading hypothesis on each
+    object explains, nan if there is none; truth, number of the touched object, O if it is unknown."""
 
     weights: np.ndarray
-    residual_ratio: np.ndarray
-    squared_innovation: np.ndarray
+    fit: np.ndarray
     truth: int
 
     def probabilities(self, noise: NoiseModel) -> np.ndarray:
         """(K, O + 1) of each object, and of none of them, after each keyframe."""
-        gains = np.nan_to_num(noise.object_evidence(self.residual_ratio, self.squared_innovation))
+        gains = np.where(np.isnan(self.fit), 0.0, noise.object_evidence(self.fit))
+        least, most = (np.log((1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
         support, out = np.zeros(gains.shape[1]), []
         for gain in self.weights[:, None] * gains:
-            support = np.minimum(support + gain, -np.log(LEAST_UNKNOWN))
+            support = np.clip(support + gain, least, most)
             odds = np.append((1.0 - HALF) / len(support) * np.exp(support), HALF)
             out.append(odds / odds.sum())
         return np.array(out)
@@ -84,17 +83,17 @@ def slid(
     running.initialise_uniform()
     weights, rows, leading = [], [], {}
     for keyframe in keyframes(running, disturb(Scene(frames, np.random.default_rng(seed))).frames):
-        found = {k: follow(one, keyframe, known[k].alignment)[1:] for k, one in leading.items()}
+        found = {k: follow(one, keyframe, known[k].alignment)[1] for k, one in leading.items()}
         if found:
             weights.append(keyframe.weight)
-            rows.append([np.ravel(found.get(k, (np.nan, np.nan))) for k in range(len(known))])
+            rows.append([float(found[k][0]) if k in found else np.nan for k in range(len(known))])
         hypotheses = running.belief.hypotheses
         order = np.argsort(-hypotheses.log_weights, kind="stable")
         numbers, first = np.unique(hypotheses.objects[order], return_index=True)
         leading = {int(k): hypotheses.some(order[[i]]) for k, i in zip(numbers, first, strict=True)}
     names = [model.mesh.name for model in known]
     truth = names.index(touched.name) if touched.name in names else len(names)
-    return Slide(np.array(weights), *np.moveaxis(np.array(rows), 2, 0), truth) if rows else None
+    return Slide(np.array(weights), np.array(rows), truth) if rows else None
 
 
 def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[str], str]]:

@@ -55,11 +55,9 @@ def _weight(gels: np.ndarray) -> float:
 
 def follow(
     hypotheses: Hypotheses, keyframe: Keyframe, alignment: PenetrationAlignment
-) -> tuple[Hypotheses, np.ndarray, np.ndarray]:
-    """Hypotheses on one object at the next keyframe, the fraction (P,) of its map that each leaves unexplained, and the
-    squared Mahalanobis distance (P,) by which each gave way to it."""
+) -> tuple[Hypotheses, np.ndarray]:
+    """Hypotheses on one object at the next keyframe, and the fraction (P,) of its map that each explains."""
     moved = hypotheses.moved(keyframe.motion).widened(keyframe.path * NOISE.drift)
     found = alignment.align_each(moved.poses, moved.covariances, [keyframe.frame.measurement])
-    innovation = found.squared_innovation(moved.poses, moved.covariances + NOISE.jitter)
     there = replace(moved, poses=found.poses, covariances=found.covariances)
-    return there, 1.0 - found.fits[:, 0], innovation
+    return there, found.fits[:, 0]

@@ -85,7 +85,9 @@ def modes_of(
 
 
 def covariance_of(belief: Belief, number: int, modes: Sequence[Mode]) -> np.ndarray:
-    """Covariance (6, 6) of the belief about one object, of which these are the modes, about the first mode's pose, in the order and axes of `Mode.covariance`.
+    """Covariance (6, 6) of the belief about one object, of which these are the modes.
+
+    It is about the first mode's pose, in the order and axes of `Mode.covariance`.
 
     A mode's own covariance says how well its pose is known if it is the right one. The published covariance also says
     how far away the truth lies if it is another one.

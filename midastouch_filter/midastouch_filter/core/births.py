@@ -75,4 +75,3 @@ class Births:
         pushed = hypotheses.some(leading).widened(self._noise.push)
         pushed = replace(pushed, log_weights=pushed.log_weights + math.log(self._noise.change_pushed))
         belief.hypotheses = hypotheses.joined(pushed)
-

@@ -34,8 +34,8 @@ class Comparison:
 
     Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weights (F,) in
     [0, 1], how much of an independent touch each is; negligible: fraction of the weight that untested poses may keep
-    without being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading; noise; gates,
-    which count.
+    without being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading;
+    noise; gates, which count.
 
     Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, where this
     frame's maps have the hypotheses that were aligned first, by their numbers.

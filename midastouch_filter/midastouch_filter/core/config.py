@@ -96,12 +96,8 @@ class FilterConfig:
     )
 
     # --- status
-    converged_probability: float = _number(
-        0.99, 0.5, 1.0, "", "converged: the dominant mode is this probable"
-    )
-    converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "converged: the published covariance is no wider, RMS"
-    )
+    converged_probability: float = _number(0.99, 0.5, 1.0, "", "converged: the dominant mode is this probable")
+    converged_error: float = _number(0.005, 1e-4, 0.5, "m", "converged: the published covariance is no wider, RMS")
     converged_rotation: float = _number(
         math.radians(15.0), 0.01, 3.0, "rad", "converged: the published pose is known no worse in rotation, RMS"
     )

@@ -56,7 +56,7 @@ class Run:
         hypotheses = self.belief.hypotheses
         weights = np.exp(hypotheses.log_weights - self.belief.total())
         between = se3.log(se3.inverse(poses)[:, None] @ hypotheses.poses)
-        near = (np.linalg.norm(between * np.repeat([1, 0.03], 3), axis=-1) < reach)
+        near = np.linalg.norm(between * np.repeat([1, 0.03], 3), axis=-1) < reach
         return near @ weights
 
 
