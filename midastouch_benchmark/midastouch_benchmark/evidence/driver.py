@@ -56,7 +56,7 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
 
 
 def _make(step: Step, jobs: int, minutes: float | None) -> bool:
-    """Run one command; whether its report is whole, and in the place of earlier ones. InputError if the command fails."""
+    """Run one command; whether its report is whole, in the place of earlier ones. InputError if the command fails."""
     made = KEPT / f"{step.name}.json"
     made.parent.mkdir(parents=True, exist_ok=True)
     made.unlink(missing_ok=True)
