@@ -16,6 +16,7 @@ import numpy as np
 import midastouch_filter
 import midastouch_perception
 import midastouch_perception.sensor_calibration
+import midastouch_perception.symmetry
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.presets import PRESETS
@@ -25,6 +26,7 @@ from ..trials.setup import Networks
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 # what messages, trainings and calibrations need makes no estimate
 _ELSEWHERE = ("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network")
+_OF_ESTIMATES = ("grasp", "symmetry")  # no image, map or code depends on these
 _OF_THE_MACHINE = ("threads",)
 _ROUNDING = 1e-6  # of a number with the seven digits of a float
 _ROUNDED_ZERO = 1e-12
@@ -34,7 +36,8 @@ Constants = dict[str, list[float | str]]
 def of_perception(networks: Networks) -> Constants:
     """Those of images, maps, codes and codebooks, and the ids of networks and sensor."""
     ids = networks.describe() | {"sensor": networks.sensor.content_id}
-    return _of_package(midastouch_perception) | {name: [value] for name, value in ids.items()}
+    found = _of_package(midastouch_perception, (*_ELSEWHERE, *_OF_ESTIMATES))
+    return found | {name: [value] for name, value in ids.items()}
 
 
 def of_calibration() -> Constants:
@@ -46,7 +49,7 @@ def of_filter() -> Constants:
     """Those of the filter, with its settings and those of the presets."""
     config = FilterConfig()
     fields = [dataclasses.asdict(each) for each in (config, NoiseModel.of(config))]
-    out = _of_package(midastouch_filter)
+    out = _of_package(midastouch_perception.symmetry) | _of_package(midastouch_filter)
     for name, value in [*_flat({"preset": PRESETS}), *(pair for each in fields for pair in _flat(each))]:
         if name not in _OF_THE_MACHINE:
             out.setdefault(name, []).append(value)
