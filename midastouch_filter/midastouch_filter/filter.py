@@ -268,11 +268,11 @@ class ParticleFilter:
             if len(gels) > 1 and not len(belief.hypotheses):
                 self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
             self._refute(track.free_space(), in_air)
-            weights = track.keep(gels)
+            lifted, weights = track.lifted, track.keep(gels)
             most = self.config.tested_poses if self.config.alignments_per_second else None
             negligible = _NEGLIGIBLE if most else 0.0
             self._comparison = Comparison(
-                belief, touches, scored, weights, negligible, most, track.odometer, noise, self._gates
+                belief, touches, scored, weights, negligible, most, track.odometer, lifted, noise, self._gates
             )
             self._gates.count("keyframes", 1)
         self._seen = track.motion @ gels, touches
@@ -312,14 +312,13 @@ class ParticleFilter:
         if self._comparison is None:
             return
         belief, noise = self._belief, self._noise
+        self._learn_of_objects(self._comparison)
         self._comparison, self._granted = None, 0
         belief.settle(_UNTESTED_BEHIND)
-        if len(belief.hypotheses):
-            self._learn_of_object()
-            if noise.change > 0 and self._contradicted():
-                self._births.after_push(belief)
-                self._gates.count("pushed", 1)
-                self._gates.count("born", self._births.after_change(belief, noise.change))
+        if len(belief.hypotheses) and noise.change > 0 and self._contradicted():
+            self._births.after_push(belief)
+            self._gates.count("pushed", 1)
+            self._gates.count("born", self._births.after_change(belief, noise.change))
         self._groups, self._sightings = grouped(belief), {}
 
     def _contradicted(self) -> bool:
@@ -385,20 +384,13 @@ class ParticleFilter:
 
     # ------------------------------------------------------------------ answers
 
-    def _learn_of_object(self) -> None:
-        """Remember what the touches speak for each object, by its leading hypothesis (docs/method.md)."""
-        belief = self._belief
-        hypotheses = belief.hypotheses
-        for number in range(len(self.objects)):
-            own = np.flatnonzero(hypotheses.objects == number)
-            if len(own):
-                leading = own[int(np.argmax(hypotheses.log_weights[own]))]
-                belief.support[number] = hypotheses.support[leading]
+    def _learn_of_objects(self, comparison: Comparison) -> None:
+        """Remember what the touches speak for each object (docs/internals.md)."""
+        support = self._belief.support + [comparison.support(number) for number in range(len(self.objects))]
         # what earlier touches said may be taken back: none of the objects stays as probable, or improbable, as this
         odds = max(self.config.unknown_prior / (1.0 - self.config.unknown_prior), 1e-3)
-        least, most = (float(np.log(odds * (1.0 - unknown) / unknown)) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
-        belief.support = np.clip(belief.support, least, most)
-        belief.hypotheses = replace(hypotheses, support=np.clip(hypotheses.support, least, most))
+        least, most = (np.log(odds * (1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
+        self._belief.support = np.clip(support, least, most)
 
     @property
     def identity(self) -> tuple[np.ndarray, float]:

@@ -23,7 +23,7 @@ def model_of(world, codebook=None, **settings):
 
 def hypotheses_at(poses, log_weights, sigma_t=5e-4, sigma_r=0.01, numbers=0):
     """Hypotheses at poses (n, 4, 4), all equally well known, on objects of these numbers."""
-    out = Hypotheses.at(poses, np.diag(np.repeat([sigma_t, sigma_r], 3) ** 2), log_weights, 0, 0.0, 0.0)
+    out = Hypotheses.at(poses, np.diag(np.repeat([sigma_t, sigma_r], 3) ** 2), log_weights, 0, 0.0)
     return replace(out, objects=np.broadcast_to(np.asarray(numbers, np.int32), len(poses)).copy())
 
 

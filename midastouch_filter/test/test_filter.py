@@ -2,17 +2,19 @@
 
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
-from filter_runs import assert_defined, error, go_on, play, skipped
+from filter_runs import assert_defined, error, go_on, hypotheses_at, play, skipped
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, NoiseModel
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 
@@ -137,6 +139,25 @@ def test_where_the_gel_was_in_the_air_there_is_no_object(filter_, mapped_slide, 
         there = filter_.poses @ se3.inverse(top) @ beside
         inside.append((filter_.object.surface.distance_of(there[:, :3, 3]) < -4e-3).mean())
     assert inside[1] < 0.6 * inside[0]
+
+
+def test_what_was_free_speaks_against_a_pose_by_how_well_it_is_known(filter_, mapped_slide):
+    """Poses of which one finger is 6 mm inside, known to 0.5 mm and to 4 mm; 9 mm outside; 9 mm inside."""
+    pose = mapped_slide.poses[0]
+    poses = pose @ se3.exp([[0, 0, z, 0, 0, 0] for z in (0.0, 0.0, 0.03, -0.01)])
+    free, log_weights = Measurement(False, T_gel_finger=se3.translation([0, 0, -5e-3])), []
+    for others in ({}, {"free": free}):
+        filter_.initialise_uniform()
+        hypotheses = hypotheses_at(poses, np.zeros(4))
+        hypotheses.covariances[1] = np.diag(np.repeat([4e-3, 0.1], 3) ** 2)
+        filter_.belief.hypotheses = hypotheses
+        filter_.step(None, mapped_slide.touches[0], others, elapsed=FRAME)
+        log_weights.append(filter_.belief.hypotheses.log_weights)
+    sharp, vague, outside, deep = log_weights[1] - log_weights[0]
+    floor = NoiseModel.of(FilterConfig()).prior_floor
+    assert sharp - outside < vague - outside - 2 < -3
+    assert deep - outside == pytest.approx(floor)
+    assert sharp - outside > floor - 1e-6
 
 
 # --------------------------------------------------------------------------- the same input, the same answer
@@ -299,6 +320,57 @@ def test_a_push_is_followed(filter_, mapped_slide):
     estimates = go_on(filter_, poses, mapped_slide.touches_at(poses), FRAME)
     assert max(error(each, pose)[0] for each, pose in zip(estimates, poses[1:], strict=True)) < 0.01
     converged(estimates[-1], poses[-1])
+
+
+def test_an_object_that_is_exchanged_for_another_pose_under_the_gel_is_found_again(settled, mapped_slide, world):
+    """Without a lift; its surface is so smooth that the old pose still explains much of the maps."""
+    there = world.make_slide(world.mesh, 60, np.random.default_rng(5))
+    before = skipped(settled.step(None, mapped_slide.touches_at(there[:1])[0], elapsed=FRAME), "born")
+    estimates = go_on(settled, there, mapped_slide.touches_at(there), FRAME)
+    assert skipped(estimates[-1], "born") > before
+    converged(estimates[-1], there[-1])
+
+
+def test_touches_that_no_hypothesis_explains_make_it_lost(settled, mapped_slide, shelf):
+    _, frames = shelf.touches(1, 60)
+    touches = [replace(mapped_slide.touches[0], penetration=touch.penetration) for _, touch in frames[:6]]
+    statuses = [settled.step(mapped_slide.odometry[1], touch, elapsed=FRAME).status for touch in touches]
+    lost = [status for status in statuses if status.state == state.LOST]
+    assert lost
+    assert max(status.likelihood_trend for status in lost) < 0
+
+
+def test_an_arm_that_errs_makes_no_object_a_foreign_one(filter_, mapped_slide):
+    """Late, and with a tool that is off."""
+    mount, refused = se3.exp([2e-3, 0, 0, 0, 0.03, 0.03]), []
+    late = [None, None, *mapped_slide.odometry[1:-1]]
+    off = [None, *(se3.inverse(mount) @ motion @ mount for motion in mapped_slide.odometry[1:])]
+    for motions in (late, off):
+        filter_.initialise_uniform()
+        for motion, touch in zip(motions, mapped_slide.touches, strict=True):
+            filter_.step(motion, touch, elapsed=FRAME)
+            refused.append(filter_.identity[1])
+        assert refused[-1] < 0.3
+    assert max(refused) < 0.8
+
+
+def test_an_object_that_was_refused_is_believed_again(settled, mapped_slide):
+    """However much spoke against it; so does one that was believed not stay so."""
+    unknown = []
+    for support in (-50.0, 50.0):
+        settled.belief.support = np.array([support])
+        for _ in range(3):
+            back = se3.inverse(mapped_slide.poses[-1]) @ mapped_slide.poses[0]
+            for motion in (UP, se3.inverse(UP) @ back @ UP):
+                settled.step(motion, AIR)
+            settled.step(se3.inverse(UP), mapped_slide.touches[0], elapsed=FRAME)
+            for k in range(1, 120):
+                settled.step(mapped_slide.odometry[k], mapped_slide.touches[k], elapsed=FRAME)
+                unknown.append(settled.identity[1])
+    refused, believed = np.split(np.array(unknown), 2)
+    assert MOST_UNKNOWN >= refused.max() > 0.9
+    assert refused[-1] < 0.5
+    assert believed.min() >= LEAST_UNKNOWN - 1e-9
 
 
 def test_ten_metres_of_odometry_start_it_again(settled, mapped_slide):

@@ -102,6 +102,26 @@ def test_another_finger_tells_while_the_first_one_is_in_the_air(filter_, gripper
     assert estimate.status.state in (state.AMBIGUOUS, state.CONVERGED)
 
 
+def test_the_finger_whose_code_says_most_tells_where_to_search(mapped_slide):
+    """The first one is on a side that no entry touches with, and its code is alike for all of them."""
+    filter_ = mapped_slide.make_filter()
+    filter_.initialise_uniform()
+    codes = filter_.object.measurement.codes
+    flat = np.linalg.svd(codes.astype(float), full_matrices=False)[2][-1]
+    tilted = mapped_slide.poses[::-1] @ se3.exp([0, 0, 0, 0.5, 0, 0])
+    deepest = np.array([touch.penetration.max() for touch in mapped_slide.touches_at(tilted)])
+    tilted[:, :3, 3] += (deepest - 1e-3)[:, None] * tilted[:, :3, 2]
+    touches = [replace(touch, code=flat) for touch in mapped_slide.touches_at(tilted)]
+    between = se3.inverse(tilted) @ mapped_slide.poses
+    estimates = []
+    for k, motion in enumerate([*se3.odometry(tilted)][:25]):
+        others = {"other": replace(mapped_slide.touches[k], T_gel_finger=between[k])}
+        estimates.append(filter_.step(motion, touches[k], others, elapsed=FRAME))
+    assert off(estimates[0], tilted[0]) < 0.015
+    assert estimates[-1].status.state == state.CONVERGED, estimates[-1].status.reason
+    assert off(estimates[-1], tilted[24]) < 2e-3
+
+
 def test_neither_order_nor_a_finger_far_from_the_object_changes_anything(filter_, gripper, hand):
     above, below = hand
     aside = Measurement(False, T_gel_finger=se3.translation([0, 0, 0.4]))

@@ -271,6 +271,17 @@ def test_descents_go_on_from_where_the_last_one_ended_while_that_explains_more(h
         assert (found[2][k], found[5][k]) == (best[2], count)
 
 
+def test_a_start_that_is_only_a_seed_is_not_pulled_back_to(hypotheses):
+    tight = np.tile(np.diag(np.repeat([3e-4, 0.01], 3) ** 2), (MANY, 1, 1))
+    held, free = (hypotheses.aligned(covariances=tight, seeds=seeds) for seeds in (False, True))
+    short = (held[2][:, 0] > 0.6) & (held[5] > 1)
+    assert short.sum() > 10
+    off = [[np.linalg.norm(offset(hypotheses.truth, pose)[:3]) for pose in found[0][short]] for found in (held, free)]
+    assert np.median(off[1]) < 0.7 * np.median(off[0])
+    for one, other in zip(held, free, strict=True):  # a single descent knows no difference
+        np.testing.assert_array_equal(one[held[5] == 1], other[held[5] == 1])
+
+
 @pytest.mark.parametrize("needed", [0.5, 0.8, 1.0])
 @pytest.mark.parametrize("fingers", [1, 2])
 def test_only_hypotheses_that_fall_short_end_early(hypotheses, needed, fingers):

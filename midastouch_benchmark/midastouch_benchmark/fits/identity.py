@@ -26,6 +26,7 @@ from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.disturbances import Disturbance, Scene
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.measurement_model import log_ratios
 from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
@@ -36,7 +37,7 @@ from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of
 
 HALF = 0.5  # of the slides are over an object that the filter does not know
-FITTED = ("unexplained_own", "unexplained_foreign")
+FITTED = ("code_support", "contradiction")
 DISTURBED = (
     disturbances.plain,
     disturbances.tool_bias,
@@ -52,16 +53,18 @@ _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """Of K keyframes and O objects: weights (K,); fit (K, O), fraction of the map that the leading hypothesis on each
-    object explains, nan if there is none; truth, number of the touched object, O if it is unknown."""
+    """Of K keyframes and O objects: weights (K,); code (K, O), nats that the code speaks for the leading hypothesis on
+    each object, and contradicted (K, O), whether the one that led before leaves the map unexplained, both 0 without
+    one; truth, number of the touched object, O if it is unknown."""
 
     weights: np.ndarray
-    fit: np.ndarray
+    code: np.ndarray
+    contradicted: np.ndarray
     truth: int
 
     def probabilities(self, noise: NoiseModel) -> np.ndarray:
         """(K, O + 1) of each object, and of none of them, after each keyframe."""
-        gains = np.where(np.isnan(self.fit), 0.0, noise.object_evidence(self.fit))
+        gains = noise.object_evidence(self.code, self.contradicted)
         least, most = (np.log((1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
         support, out = np.zeros(gains.shape[1]), []
         for gain in self.weights[:, None] * gains:
@@ -81,19 +84,22 @@ def slid(
     """A slide over an object, by a filter that knows some objects; None if there is only one keyframe."""
     running = ParticleFilter.on(known, CONFIG)
     running.initialise_uniform()
-    weights, rows, leading = [], [], {}
+    weights, codes, unexplained, leading = [], [], [], {}
     for keyframe in keyframes(running, disturb(Scene(frames, np.random.default_rng(seed))).frames):
-        found = {k: follow(one, keyframe, known[k].alignment)[1] for k, one in leading.items()}
-        if found:
-            weights.append(keyframe.weight)
-            rows.append([float(found[k][0]) if k in found else np.nan for k in range(len(known))])
+        before = {k: follow(one, keyframe, known[k].alignment)[1][0] for k, one in leading.items()}
         hypotheses = running.belief.hypotheses
         order = np.argsort(-hypotheses.log_weights, kind="stable")
         numbers, first = np.unique(hypotheses.objects[order], return_index=True)
         leading = {int(k): hypotheses.some(order[[i]]) for k, i in zip(numbers, first, strict=True)}
+        measured = [model.measurement for model in known]
+        ratios = log_ratios(measured, measured[0].unit_code(keyframe.frame.measurement.code))
+        at = {k: known[k].lookup.exact(one.poses)[0] for k, one in leading.items()}
+        weights.append(keyframe.weight)
+        codes.append([float(ratios[k][at[k]]) if k in at else 0.0 for k in range(len(known))])
+        unexplained.append([float(before.get(k, 1.0) <= NOISE.explained) for k in range(len(known))])
     names = [model.mesh.name for model in known]
     truth = names.index(touched.name) if touched.name in names else len(names)
-    return Slide(np.array(weights), np.array(rows), truth) if rows else None
+    return Slide(np.array(weights), np.array(codes), np.array(unexplained), truth) if len(weights) > 1 else None
 
 
 def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[str], str]]:

@@ -4,13 +4,14 @@ import pytest
 from midastouch_benchmark.fits.identity import NOISE, Slide, trials_of
 
 
-def slide(fit: list[list[float]], truth: int) -> Slide:
-    """Keyframes, each a touch of its own, with what is explained by each object."""
-    return Slide(np.ones(len(fit)), np.array(fit), truth)
+def slide(code: list[list[float]], contradicted: list[list[float]], truth: int) -> Slide:
+    """Keyframes, each a touch of its own."""
+    return Slide(np.ones(len(code)), np.array(code), np.array(contradicted), truth)
 
 
 def test_an_object_that_explains_the_touches_becomes_probable_and_none_where_none_does():
-    for one in (slide([[0.98, 0.4]] * 20, 0), slide([[0.4, 0.4]] * 20, 2)):
+    own = slide([[3.0, 0.0]] * 20, [[0.0, 1.0]] * 20, 0)
+    for one in (own, slide([[0.0, 0.0]] * 20, [[1.0, 1.0]] * 20, 2)):
         probabilities = one.probabilities(NOISE)
         assert probabilities.sum(axis=1) == pytest.approx(1.0)
         assert probabilities[-1].argmax() == one.truth
@@ -18,7 +19,7 @@ def test_an_object_that_explains_the_touches_becomes_probable_and_none_where_non
 
 
 def test_an_object_without_a_hypothesis_keeps_what_is_known_of_it():
-    probabilities = slide([[0.98], [np.nan]], 0).probabilities(NOISE)
+    probabilities = slide([[3.0], [0.0]], [[0.0], [0.0]], 0).probabilities(NOISE)
     np.testing.assert_array_equal(probabilities[0], probabilities[1])
 
 

@@ -31,8 +31,7 @@ class Hypotheses:
     """P Gaussians over poses.
 
     poses (P, 4, 4) `T_obj_gel`; covariances (P, 6, 6) of [translation, rotation] in their own frames, m and rad;
-    log_weights (P,); objects (P,), number of the object that each is on; support (P,) [nats], what the touches speak
-    for its being one of the known objects; aligned_at (P,) [m], reading of the odometer when it was last aligned; fit
+    log_weights (P,); objects (P,), number of the object that each is on; aligned_at (P,) [m], reading of the odometer when it was last aligned; fit
     (P,), fraction of the last keyframe's maps that it explains.
     """
 
@@ -40,14 +39,13 @@ class Hypotheses:
     covariances: np.ndarray
     log_weights: np.ndarray
     objects: np.ndarray
-    support: np.ndarray
     aligned_at: np.ndarray
     fit: np.ndarray
 
     @classmethod
     def none(cls) -> Hypotheses:
         """Without any."""
-        return cls.at(np.empty((0, 4, 4)), np.zeros((6, 6)), np.empty(0), 0, 0.0, 0.0)
+        return cls.at(np.empty((0, 4, 4)), np.zeros((6, 6)), np.empty(0), 0, 0.0)
 
     @classmethod
     def at(
@@ -56,13 +54,12 @@ class Hypotheses:
         covariance: np.ndarray,
         log_weights: np.ndarray,
         number: int,
-        support: float,
         odometer: float,
     ) -> Hypotheses:
-        """On one object, all of one covariance (6, 6) and support, at a reading of the odometer [m]."""
+        """On one object, all of one covariance (6, 6), at a reading of the odometer [m]."""
         n = len(poses)
         spread, on = np.tile(covariance, (n, 1, 1)), np.full(n, number, np.int32)
-        return cls(poses, spread, log_weights, on, np.full(n, support), np.full(n, odometer), np.ones(n))
+        return cls(poses, spread, log_weights, on, np.full(n, odometer), np.ones(n))
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -121,7 +118,7 @@ class Belief:
     """Hypotheses and untested poses on the objects.
 
     Attributes: objects; hypotheses; untested, for each object poses of its codebook with log-weights, as particles;
-    support (O,) [nats] of a new hypothesis on each object, as of `Hypotheses`; since (4, 4), motion of the gel since
+    support (O,) [nats], what the touches speak for each object, against being none of those that are known; since (4, 4), motion of the gel since
     the frame that all poses are of.
     """
 

@@ -45,7 +45,7 @@ class Births:
                 poses = model.lookup.poses[entries]
                 log_weights = prior.widened(between).log_density(poses, self._noise.prior_floor, model.symmetry.exact)
             if sharp:
-                own = Hypotheses.at(prior.pose[None], prior.covariance, np.array([of_each]), number, 0.0, 0.0)
+                own = Hypotheses.at(prior.pose[None], prior.covariance, np.array([of_each]), number, 0.0)
                 belief.hypotheses = belief.hypotheses.joined(own)
             belief.expect(number, entries, log_weights - np.logaddexp.reduce(log_weights) + of_each)
 

@@ -35,7 +35,7 @@ class Comparison:
     Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weights (F,) in
     [0, 1], how much of an independent touch each is; negligible: fraction of the weight that untested poses may keep
     without being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading;
-    noise; gates, which count.
+    changed, whether the object may have been moved since the last one; noise; gates, which count.
 
     Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, where this
     frame's maps have the hypotheses that were aligned first, by their numbers.
@@ -50,18 +50,18 @@ class Comparison:
         negligible: float,
         most: int | None,
         odometer: float,
+        changed: bool,
         noise: NoiseModel,
         gates: Gates,
     ):
         self._belief, self._touches, self._log_ratios = belief, touches, log_ratios
         self._weights, self._negligible, self._left, self._noise, self._gates = weights, negligible, most, noise, gates
-        self._odometer, self.done, self.paused = odometer, False, False
+        self._odometer, self._changed, self.done, self.paused = odometer, changed, False, False
         self.seen: dict[int, Sighting] = {}
         hypotheses = belief.hypotheses
         self._known = n = len(hypotheses)  # those after them are freshly tested
         self._by_maps = belief.objects[0].alignment is not None
-        self._prior, self._support = hypotheses.log_weights.copy(), hypotheses.support.copy()
-        self._gain, self._evidence = np.full(n, np.nan), np.zeros(n)
+        self._prior, self._gain = hypotheses.log_weights.copy(), np.full(n, np.nan)
         self._fresh_gain: list[float] = []
         self._fresh_code: list[float] = []
         self._code = np.full(n, np.nan)
@@ -185,14 +185,12 @@ class Comparison:
         rows = rows[np.argsort(-some.log_weights[rows], kind="stable")]
         taken = self._belief.take(number, rows)
         poses = taken.poses
-        code, support = self._of_all(number, poses), self._belief.support[number]
+        code = self._of_all(number, poses)
         prior = taken.log_weights - code  # the map says it instead
-        born = Hypotheses.at(poses, self._noise.between_entries, prior, number, support, self._odometer)
+        born = Hypotheses.at(poses, self._noise.between_entries, prior, number, self._odometer)
         self._belief.hypotheses = self._belief.hypotheses.joined(born)
         self._prior = np.append(self._prior, prior)
-        self._support = np.append(self._support, born.support)
         self._gain = np.append(self._gain, np.full(len(rows), np.nan))
-        self._evidence = np.append(self._evidence, np.zeros(len(rows)))
         self._code = np.append(self._code, code)
 
     def _believe_codes(self, index: np.ndarray) -> None:
@@ -220,7 +218,6 @@ class Comparison:
             some = index[hypotheses.objects[index] == number]
             found = self._aligned(int(number), some, hypotheses)
             self._gain[some] = self._noise.residual_evidence(1.0 - found.fits) @ self._weights
-            self._evidence[some] = self._noise.object_evidence(found.fits.min(axis=1))
             poses[some], covariances[some], fit[some] = found.poses, found.covariances, found.fits.min(axis=1)
             if len(self.seen) < _SEEN:
                 self.seen.update(zip(some.tolist(), found.sightings(), strict=True))
@@ -257,8 +254,22 @@ class Comparison:
         log_weights[known] += self._gain[known] - self._level(known)
         waiting = np.flatnonzero(~known)
         log_weights[waiting] += self._codes(waiting)
-        support = self._support + self._weights.max() * self._evidence
-        self._belief.hypotheses = replace(self._belief.hypotheses, log_weights=log_weights, support=support)
+        self._belief.hypotheses = replace(self._belief.hypotheses, log_weights=log_weights)
+
+    def support(self, number: int) -> float:
+        """Nats that the touches speak for an object, against being none of those that are known; 0 without a hypothesis
+        on it."""
+        hypotheses = self._belief.hypotheses
+        own = np.flatnonzero(hypotheses.objects == number)
+        if not len(own):
+            return 0.0
+        code = self._codes(own[[np.argmax(hypotheses.log_weights[own])]])[0]
+        before = own[own < self._known]
+        contradicted = 0.0
+        if len(before) and not self._changed:
+            led = before[np.argmax(self._prior[before])]
+            contradicted = float(not np.isnan(self._gain[led]) and hypotheses.fit[led] <= self._noise.explained)
+        return float(self._noise.object_evidence(code, self._weights.max() * contradicted))
 
     def _level(self, known: np.ndarray) -> float:
         """Nats that maps give a pose at random."""

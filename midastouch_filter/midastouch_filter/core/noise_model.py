@@ -42,8 +42,7 @@ class NoiseModel:
     while the sensor was lifted; that it was pushed, where touches contradict all hypotheses.
     prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
-    explained: fraction of a map from which on a pose explains it; unexplained_own, unexplained_foreign: fractions of
-    the touches on a known object, and on another one, that the leading pose does not explain.
+    explained: fraction of a map from which on a pose explains it. code_support, contradiction: see `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -62,8 +61,8 @@ class NoiseModel:
     prior_floor: float = -12.0
     elsewhere: float = 22.5
     explained: float = 0.6
-    unexplained_own: float = 0.0048
-    unexplained_foreign: float = 0.151
+    code_support: float = 0.151
+    contradiction: float = 2.74
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
@@ -79,15 +78,14 @@ class NoiseModel:
         with np.errstate(over="ignore"):
             return np.exp(-evidence / self.map_patches) - self.residual_floor
 
-    def object_evidence(self, fit: np.ndarray) -> np.ndarray:
-        """Nats that touches speak for an object, by the fractions `fit` that hypotheses on it explain of them, against
-        being none of those that are known.
+    def object_evidence(self, code: np.ndarray, contradicted: np.ndarray) -> np.ndarray:
+        """Nats that touches speak for an object, against being none of those that are known.
 
-        Which object it is counts for less than which pose: with shape and noise of their own, all maps of one object
-        err alike, so all that is asked is whether a touch is explained.
+        code: nats that their codes speak for the leading hypothesis on it, against a touch at random; of many touches
+        in a row only a fraction counts, since codes and maps of one surface err alike. contradicted: 0 to 1, whether
+        the hypothesis that led before leaves them unexplained: what is touched is not what was expected.
         """
-        own, foreign = self.unexplained_own, self.unexplained_foreign
-        return np.where(fit > self.explained, np.log((1.0 - own) / (1.0 - foreign)), np.log(own / foreign))
+        return self.code_support * code - self.contradiction * contradicted
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:

@@ -80,7 +80,7 @@ def believing(models, *hypotheses, untested=0.0, identity=None) -> SimpleNamespa
     gives all poses of the first codebook a weight together; identity: probabilities of the objects."""
     belief = Belief(models)
     for number, pose, covariance, weight in hypotheses:
-        one = Hypotheses.at(pose[None], covariance, np.log([weight]), number, 0.0, 0.0)
+        one = Hypotheses.at(pose[None], covariance, np.log([weight]), number, 0.0)
         belief.hypotheses = belief.hypotheses.joined(one)
     if untested:
         entries = np.arange(len(models[0].lookup))

@@ -40,11 +40,11 @@ def belief(model):
 class Run:
     """A comparison, and what its gates counted."""
 
-    def __init__(self, belief, *touches, weight=1.0, negligible=0.0, most=None):
+    def __init__(self, belief, *touches, weight=1.0, negligible=0.0, most=None, changed=False):
         self.belief, self.counts = belief, (gates := Gates()).counts
         ratios = [log_ratios([model.measurement for model in belief.objects], each.code) for each in touches]
         weights = np.broadcast_to(weight, len(touches)).astype(float)
-        self.comparison = Comparison(belief, touches, ratios, weights, negligible, most, 0.0, NOISE, gates)
+        self.comparison = Comparison(belief, touches, ratios, weights, negligible, most, 0.0, changed, NOISE, gates)
 
     def to_the_end(self, slice_=10_000):
         while not (self.comparison.done or self.comparison.paused):
@@ -200,7 +200,7 @@ def test_maps_decide_between_hypotheses_and_sharpen_them(belief, mapped_slide):
 def test_a_touch_that_says_nothing_new_weighs_nothing(belief, mapped_slide):
     truth = mapped_slide.poses[0]
     belief.hypotheses = hypotheses_at(np.stack([truth, truth @ FAR]), np.log([0.5, 0.5]))
-    Run(belief, mapped_slide.touches[0], weight=0.0, most=0).to_the_end()
+    Run(belief, mapped_slide.touches[0], weight=0.0, most=0).to_the_end(1)
     assert np.ptp(belief.hypotheses.log_weights) == 0
 
 
@@ -214,11 +214,15 @@ def test_from_nothing_known_the_touched_place_is_among_the_first_tested(belief, 
 
 def test_touches_support_the_object_that_they_are_on(shelf):
     truth, frames = shelf.touches(1, 20)
-    belief = Belief([entry.model for entry in shelf.catalogue.entries[:2]])
-    belief.hypotheses = hypotheses_at(truth[[0, 0]], np.zeros(2), 2e-3, 0.05, numbers=(0, 1))
-    Run(belief, frames[0][1], most=0).to_the_end()
-    assert belief.hypotheses.support[1] > 0
-    assert belief.hypotheses.support[0] < belief.hypotheses.support[1]
+    support = {}
+    for changed in (False, True):
+        belief = Belief([entry.model for entry in shelf.catalogue.entries[:2]])
+        belief.hypotheses = hypotheses_at(truth[[12, 12]], np.zeros(2), 5e-4, 0.01, numbers=(0, 1))
+        run = Run(belief, frames[12][1], most=0, changed=changed).to_the_end()
+        support[changed] = [run.comparison.support(number) for number in (0, 1)]
+    assert support[False][1] == support[True][1] > 0 > support[False][0]
+    # after a change it contradicts nothing that the touches are not where the object was
+    assert support[True][0] == pytest.approx(support[False][0] + NOISE.contradiction)
 
 
 # --------------------------------------------------------------------------- without maps
@@ -228,9 +232,15 @@ def test_without_maps_codes_are_the_evidence(world, touch, mapped_slide):
     model, truth = model_of(world), mapped_slide.poses[0]
     belief = Belief([model])
     Births(NOISE, 10_000).anywhere(belief, np.log(1e-6))
-    belief.hypotheses = before = hypotheses_at(np.stack([truth, truth @ FAR]), np.zeros(2))
+    poses = np.stack([truth, truth @ se3.exp([2e-3, 0, 0, 0, 0, 0]), truth @ FAR])
+    wide = np.stack([between := NOISE.between_entries, 100 * between, 100 * between])
+    belief.hypotheses = before = replace(hypotheses_at(poses, np.zeros(3)), covariances=wide)
     Run(belief, touch, most=0).to_the_end()
     (ratio,) = log_ratios([model.measurement], touch.code)
     gain = belief.hypotheses.log_weights - before.log_weights
     np.testing.assert_allclose(gain, ratio[model.lookup.exact(before.poses)], atol=1e-4)
     np.testing.assert_array_equal(belief.hypotheses.poses, before.poses)
+    # where they speak for it a pose is known as well as an entry, however long the path was
+    np.testing.assert_array_equal(belief.hypotheses.covariances, wide[[0, 0, 2]])
+    assert belief.hypotheses.fit[1] > 0.9
+    assert belief.hypotheses.fit[2] < NOISE.explained
