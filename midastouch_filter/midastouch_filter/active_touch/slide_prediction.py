@@ -50,7 +50,7 @@ def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.nd
     """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
     gives the poses by how far off they lie; any entry for one farther than matters."""
     entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
-    log_weight = model.surface.log_weight(np.zeros(len(distance)), distance)
+    log_weight = model.surface.log_weight(distance)
     return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
 
 

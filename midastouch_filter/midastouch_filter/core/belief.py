@@ -31,8 +31,8 @@ class Hypotheses:
     """P Gaussians over poses.
 
     poses (P, 4, 4) `T_obj_gel`; covariances (P, 6, 6) of [translation, rotation] in their own frames, m and rad;
-    log_weights (P,); objects (P,), number of the object that each is on; aligned_at (P,) [m], reading of the odometer when it was last aligned; fit
-    (P,), fraction of the last keyframe's maps that it explains.
+    log_weights (P,); objects (P,), number of the object that each is on; aligned_at (P,) [m], reading of the odometer
+    when it was last aligned; fit (P,), fraction of the last keyframe's maps that it explains.
     """
 
     poses: np.ndarray
@@ -118,8 +118,8 @@ class Belief:
     """Hypotheses and untested poses on the objects.
 
     Attributes: objects; hypotheses; untested, for each object poses of its codebook with log-weights, as particles;
-    support (O,) [nats], what the touches speak for each object, against being none of those that are known; since (4, 4), motion of the gel since
-    the frame that all poses are of.
+    support (O,) [nats], what the touches speak for each object, against being none of those that are known; since
+    (4, 4), motion of the gel since the frame that all poses are of.
     """
 
     def __init__(self, objects: Sequence[ObjectModel]):

@@ -100,20 +100,10 @@ class PoseLookup(NearestEntry):
         """Entries (N, count): each of `entries` (N,), and the nearest ones of it."""
         return np.column_stack([entries, self.neighbours[entries, : count - 1]])
 
-    def relocate(self, particles: Particles) -> None:
-        """Set `particles.entries` exactly, wherever the particles were before."""
-        particles.entries = np.empty(len(particles), np.int32)
-        self._workers.run(
-            len(particles),
-            lambda low, high, _: self._cells.locate(
-                low, high, particles.positions, particles.quaternions, particles.entries
-            ),
-        )
-
     def follow(self, particles: Particles) -> np.ndarray:
         """Update `particles.entries` by walking the graph from the last ones; returns the distances (N,) [m].
 
-        Meant for particles that moved less than `reach` since; `relocate` those that jumped.
+        Meant for particles that moved less than `reach` since.
         """
         distance = np.empty(len(particles), np.float32)
         self._workers.run(

@@ -18,7 +18,7 @@ WAITING = "waiting"
 """Said of a frame whose answer is still to come; no state of the filter."""
 
 # probability of another object: said above the first, taken back below the second; nothing is converged above the third
-_FOREIGN, _OWN, _DOUBTED = 0.95, 0.5, 0.8
+_FOREIGN, _OWN, _DOUBTED = 0.95, 0.5, 0.3
 _FOUND = 2.0  # nats: a trend below 0 is lost, and found again above this
 _LISTED = 0.9  # probability that the truth is among the published modes, from which on they are all that is possible
 

@@ -1,4 +1,4 @@
-"""Distance of the gel's apex to the object's surface, and what it says about a pose (paper appendix C).
+"""Distance of the gel's apex to the object's surface (paper appendix C).
 
 The paper prunes particles farther than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
 signed distance to the surface itself is stored on a grid: filled exactly near the surface, saturated elsewhere,
@@ -17,7 +17,7 @@ from .workers import Workers
 
 DEAD_DISTANCE = 6e-3
 """m: a gel farther from the surface than this touches nothing."""
-_MAX_PENETRATION, _MAX_HOVER, _SIGMA = 2e-3, 1e-3, 1e-3  # m: free range of the apex, and softness of its limits
+_SIGMA = 1e-3  # m: how far beyond the reach of a codebook's poses a touch still lies, sigma
 _LARGEST_GRID = 4_000_000  # nodes, 2 bytes each
 _FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm where the radius of curvature is 5 mm
 _UNIT = 1e-6  # m per stored integer
@@ -103,29 +103,24 @@ def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
 
 
 class SurfaceConstraint:
-    """What the distance of a gel's apex to the surface says about its pose.
-
-    The gel poses of a contact lie up to 2 mm inside the surface, because pressing moves the gel frame in.
-    """
+    """Where the surface is, and how far from a codebook's poses a touch may lie."""
 
     def __init__(self, grid: SurfaceGrid, codebook_reach: float, workers: Workers):
         """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
         self._grid, self._codebook_reach, self._workers = grid, codebook_reach, workers
 
     def distance_of(self, positions: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of the surface to positions (N, 3), negative inside; saturated beyond
-        `DEAD_DISTANCE`."""
-        return self._grid.distance(np.ascontiguousarray(positions, np.float32), self._workers)
+        """Signed distances (N,) float32 [m] of the surface to positions (N, 3), negative inside, where they saturate
+        beyond `DEAD_DISTANCE`; infinite outside beyond it."""
+        found = self._grid.distance(np.ascontiguousarray(positions, np.float32), self._workers)
+        found[found > DEAD_DISTANCE] = np.inf
+        return found
 
-    def log_weight(self, distance: np.ndarray, codebook_distance: np.ndarray) -> np.ndarray:
-        """(N,) float64 <= 0 of gels in contact: 0 between both limits, quadratic beyond; far off is no proof.
-
-        distance (N,) [m] as from `distance_of`; codebook_distance (N,) [m], pose distance to the nearest entry.
-        """
-        excess = np.maximum(-_MAX_PENETRATION - distance, distance - _MAX_HOVER)
-        out = np.square(np.maximum(excess, 0.0), dtype=float)
-        out += np.square(np.clip(codebook_distance - self._codebook_reach, 0.0, DEAD_DISTANCE))
-        return -0.5 / _SIGMA**2 * out
+    def log_weight(self, codebook_distance: np.ndarray) -> np.ndarray:
+        """(N,) float64 <= 0 of gels in contact by their pose distance (N,) [m] to the nearest entry: 0 within reach,
+        quadratic beyond; far off is no proof."""
+        beyond = np.clip(codebook_distance - self._codebook_reach, 0.0, DEAD_DISTANCE)
+        return -0.5 / _SIGMA**2 * np.square(beyond, dtype=float)
 
     @property
     def reach(self) -> float:
