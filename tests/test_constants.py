@@ -15,7 +15,6 @@ from midastouch_filter.active_touch.suggestion import CLEARANCE
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.pose_hypothesis import ANOTHER, ANOTHER_TURN
-from midastouch_filter.core.surface import DEAD_DISTANCE
 from midastouch_perception.codebook import YAWS
 from midastouch_perception.codebook_build import CodebookBuild
 
@@ -74,8 +73,6 @@ def test_derived_values_follow_from_what_they_name():
     assert noise.elsewhere == pytest.approx(chi2.ppf(0.999, 6), rel=0.005)
     assert np.sqrt(noise.between_entries[5, 5]) == pytest.approx(between_turns / 2, rel=0.1)
     assert (yardstick.DISTANCE, yardstick.ANGLE) == (ANOTHER, ANOTHER_TURN)
-    free, softness = number("core/surface.py", "_MAX_PENETRATION"), number("core/surface.py", "_SIGMA")
-    assert pytest.approx(free + 4 * softness) == DEAD_DISTANCE
     narrow = [number("active_touch/hypotheses.py", name) for name in ("_NARROW", "_NARROW_TURN")]
     assert narrow == pytest.approx(2 * np.sqrt(np.diag(noise.between_entries)[[0, 5]]))
     assert number("core/track.py", "_LIFT") == CLEARANCE
