@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import log_ndtr
 
 import midastouch_kernels as kernels
 from midastouch_common import se3
@@ -28,6 +27,7 @@ from .core.comparison import Comparison
 from .core.config import FilterConfig
 from .core.estimate import Estimate, Mode
 from .core.fingers import Fingers, by_name
+from .core.free_space import refute
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
 from .core.measurement_model import log_ratios
@@ -52,7 +52,6 @@ _AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time le
 _NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
 _UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
 _RENEWED = 0.1  # of what is usual, by each keyframe
-_TOUCHING = 1e-3  # m, deeper in the object no gel in the air can have been
 
 
 class ParticleFilter:
@@ -267,7 +266,8 @@ class ParticleFilter:
             scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
             if len(gels) > 1 and not len(belief.hypotheses):
                 self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
-            self._refute(track.free_space(), in_air)
+            beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
+            refute(belief, np.concatenate([track.free_space(), np.reshape(beside, (-1, 4, 4))]), noise)
             lifted, weights = track.lifted, track.keep(gels)
             most = self.config.tested_poses if self.config.alignments_per_second else None
             negligible = _NEGLIGIBLE if most else 0.0
@@ -280,32 +280,6 @@ class ParticleFilter:
             if len(belief.hypotheses):
                 self._comparison.work(min(self.config.refined_modes, len(belief.hypotheses)))
             self._groups, self._sightings = grouped(belief), self._comparison.seen
-
-    def _refute(self, free: np.ndarray, in_air: list[Measurement]) -> None:
-        """Where a gel was and felt nothing there is no object: free (A, 4, 4), gels in the air before this touch."""
-        beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
-        gels = np.concatenate([free, np.stack(beside)]) if beside else free
-        if not len(gels):
-            return
-        belief = self._belief
-
-        def outside(model: ObjectModel, poses: np.ndarray, variances: np.ndarray) -> np.ndarray:
-            """Nats (n,) of the probability that all gels were outside the object, by variances (n,) of a pose."""
-            at = (poses[:, :3, :3] @ gels[:, :3, 3].T).transpose(0, 2, 1) + poses[:, None, :3, 3]
-            distance = model.surface.distance_of(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
-            spread = np.sqrt(variances + self._noise.jitter[0, 0])
-            return np.maximum(log_ndtr((distance + _TOUCHING) / spread), self._noise.prior_floor)
-
-        hypotheses, log_weights = belief.hypotheses, belief.hypotheses.log_weights.copy()
-        variances = np.trace(hypotheses.covariances[:, :3, :3], axis1=1, axis2=2) / 3.0
-        for number, model in enumerate(self.objects):
-            own, some = np.flatnonzero(hypotheses.objects == number), belief.untested[number]
-            if len(own):
-                log_weights[own] += outside(model, hypotheses.poses[own], variances[own])
-            if len(some):
-                between = self._noise.between_entries[:1, 0]
-                some.log_weights = some.log_weights + outside(model, some.poses, between)
-        belief.hypotheses = replace(hypotheses, log_weights=log_weights)
 
     def _finish(self) -> None:
         """End the comparison under way: what was not reached keeps what its code says."""
@@ -328,7 +302,7 @@ class ParticleFilter:
         fit = float(hypotheses.fit[int(np.argmax(hypotheses.log_weights))])
         evidence = float(self._noise.residual_evidence(1.0 - fit))
         usual = evidence if self._usual is None else self._usual
-        if fit < self.config.penetration_fit or evidence < usual + np.log(self._noise.change):
+        if fit < self._noise.explained or evidence < usual + np.log(self._noise.change):
             return True
         self._usual = usual + (evidence - usual) * _RENEWED
         return False
@@ -408,14 +382,15 @@ class ParticleFilter:
         leading = self._leading_object
         groups = [group for group in self._groups if group.object == leading]
         with self._watch.stage("modes"):
-            believed = {k: each for k, each in self._sightings.items() if each.fit > self.config.penetration_fit}
+            believed = {k: each for k, each in self._sightings.items() if each.fit > self._noise.explained}
             self.modes = modes_of(belief, groups, believed, REGION_WIDTH, self._noise)
             if not self.modes:
                 self.modes = [self._guess()]
             covariance = covariance_of(belief, leading, self.modes)
         if groups:
-            fit, least = belief.hypotheses.fit[groups[0].members[0]], self.config.penetration_fit
-            self._trend = float(np.diff(self._noise.residual_evidence(1.0 - np.array([least, fit])))[0])
+            unexplained = 1.0 - belief.hypotheses.fit[groups[0].members[0]]
+            barely = self._noise.residual_evidence(1.0 - self._noise.explained)
+            self._trend = float(self._noise.residual_evidence(unexplained) - barely)
         first = self.modes[0]
         alike = self.objects[leading].symmetry.exact
         self._state.update(

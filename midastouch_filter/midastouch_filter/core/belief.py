@@ -175,17 +175,15 @@ class Belief:
             )
         self.since = np.eye(4)
 
-    def expect(self, number: int, entries: np.ndarray, log_weights: np.ndarray) -> None:
+    def expect(
+        self, number: int, entries: np.ndarray, log_weights: np.ndarray, poses: np.ndarray | None = None
+    ) -> None:
         """Add poses at `entries` (n,) of an object's codebook, untested, with log-weights (n,), at the present frame.
 
-        All poses must be of that frame (`come_up`)."""
-        self._add(number, Particles.from_poses(self.objects[number].lookup.poses[entries], entries), log_weights)
-
-    def expect_at(self, number: int, poses: np.ndarray, log_weights: np.ndarray) -> None:
-        """The same at poses (n, 4, 4) anywhere."""
-        self._add(number, Particles.from_poses(poses, self.objects[number].lookup.exact(poses)), log_weights)
-
-    def _add(self, number: int, born: Particles, log_weights: np.ndarray) -> None:
+        poses (n, 4, 4), if they lie elsewhere: the entries are then those nearest to them. All poses of the belief must
+        be of that frame (`come_up`).
+        """
+        born = Particles.from_poses(self.objects[number].lookup.poses[entries] if poses is None else poses, entries)
         born.log_weights = log_weights
         self.untested[number] = Particles.joined([self.untested[number], born])
 

@@ -57,7 +57,8 @@ class Births:
         """
         for number, model in enumerate(belief.objects):
             some = belief.take(number, np.arange(len(belief.untested[number])))
-            belief.expect_at(number, model.lookup.poses[some.entries] @ se3.inverse(gel), some.log_weights)
+            poses = model.lookup.poses[some.entries] @ se3.inverse(gel)
+            belief.expect(number, model.lookup.exact(poses), some.log_weights, poses)
 
     def after_change(self, belief: Belief, probability: float) -> bool:
         """The object was moved with this probability, to anywhere; whether further poses were added."""
