@@ -264,7 +264,7 @@ class ParticleFilter:
             if track.lifted and noise.change_lifted > 0:
                 self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
             scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
-            if len(gels) > 1 and not len(belief.hypotheses):
+            if not len(belief.hypotheses):
                 self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
             beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
             refute(belief, np.concatenate([track.free_space(), np.reshape(beside, (-1, 4, 4))]), noise)

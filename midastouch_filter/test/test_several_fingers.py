@@ -97,6 +97,10 @@ def test_a_finger_explores_while_the_first_one_rests(filter_, gripper, hand):
 
 def test_another_finger_tells_while_the_first_one_is_in_the_air(filter_, gripper, hand):
     _, below = hand
+    run(filter_, gripper, [AIR], lambda k: {"below": below[k]}, frames=1)
+    (some,) = filter_.belief.untested
+    np.testing.assert_allclose(some.poses @ gripper.between[0], filter_.object.lookup.poses, atol=1e-5)
+    filter_.initialise_uniform()
     estimate = run(filter_, gripper, [AIR] * 75, lambda k: {"below": below[k]})
     assert off(estimate, gripper.above[-1]) < 5e-3
     assert estimate.status.state in (state.AMBIGUOUS, state.CONVERGED)

@@ -53,9 +53,14 @@ class Births:
         """Take, in place of all untested poses with which the first finger's gel touches the object, those with which
         another gel (4, 4), in its frame, does.
 
-        Of a finger on a corner none of the poses may be near the truth.
+        Of a finger on a corner, or in the air, none of the poses may be near the truth. Poses of which some are more
+        probable stay: a prior is about the first finger.
         """
+        if np.array_equal(gel, np.eye(4)):
+            return
         for number, model in enumerate(belief.objects):
+            if np.ptp(belief.untested[number].log_weights) > 0:
+                continue
             some = belief.take(number, np.arange(len(belief.untested[number])))
             poses = model.lookup.poses[some.entries] @ se3.inverse(gel)
             belief.expect(number, model.lookup.exact(poses), some.log_weights, poses)

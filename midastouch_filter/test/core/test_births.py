@@ -96,3 +96,18 @@ def test_after_a_push_the_object_is_near_where_the_leading_hypotheses_have_it(be
     assert (np.diagonal(born.covariances, axis1=1, axis2=2) > np.diag(before.covariances[0])).all()
     assert (born.log_weights < before.log_weights[: len(born)]).all()
     np.testing.assert_array_equal(belief.hypotheses.some(np.arange(10)).poses, before.poses)
+
+
+def test_a_search_by_another_finger_begins_where_that_one_touches(belief, model):
+    births, gel = Births(NOISE, ALL), se3.translation([0.03, 0, 0]) @ se3.exp([0, 0, 0, 0, 1.0, 0])
+    births.anywhere(belief, 0.0)
+    births.of_finger(belief, gel)
+    np.testing.assert_allclose(belief.untested[0].poses @ gel, model.lookup.poses, atol=1e-5)
+    assert mass(belief) == pytest.approx(1.0)
+
+
+def test_a_prior_is_about_the_first_finger_whichever_touches(belief, model):
+    pose, births = model.lookup.poses[100], Births(NOISE, ALL)
+    births.anywhere(belief, 0.0, Prior(pose, 0.02, 0.3))
+    births.of_finger(belief, se3.translation([0.03, 0, 0]))
+    assert draws_near(belief, pose, 0.06) > 0.9
