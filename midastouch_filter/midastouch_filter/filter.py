@@ -2,8 +2,9 @@
 
 Each frame, odometry moves all hypotheses, and those that could be published are aligned to the frame's maps: that gives
 the answer. Each keyframe, a few millimetres of path later, every hypothesis that can still matter is compared with the
-touch (`core/comparison.py`), most of it after the answer is out, in `deferred_update`. What may have been moved is a
-birth of hypotheses (`core/births.py`); what the answer says of the belief is in `core/answer.py`.
+touch (`core/keyframes.py`, `core/comparison.py`), most of it after the answer is out, in `deferred_update`. That the
+object may have been moved is a birth of hypotheses (`core/births.py`); what is said of the belief is in
+`core/answer.py`.
 """
 
 from __future__ import annotations
@@ -17,22 +18,20 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import pose_errors
 
 from .core.alignment import Sighting, transform_covariance
 from .core.answer import Group, covariance_of, draws, grouped, modes_of
 from .core.belief import Belief
 from .core.births import Births
-from .core.comparison import Comparison
 from .core.config import FilterConfig
 from .core.estimate import Estimate, Mode
 from .core.fingers import Fingers, by_name
-from .core.free_space import refute
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
-from .core.measurement_model import log_ratios
+from .core.keyframes import Keyframes
 from .core.motion_model import Odometry
-from .core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, REGION_WIDTH, NoiseModel
+from .core.noise_model import REGION_WIDTH, NoiseModel
+from .core.novelty import Novelty
 from .core.object_model import ObjectModel
 from .core.pace import InTime, always
 from .core.pose_hypothesis import Prior
@@ -45,13 +44,7 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 _LEAST_FOLLOWED = 0.01  # weight of a mode, relative to the first, from which on it is followed in every frame
-_SLICE = 32  # hypotheses aligned in one call
 _DRAWS = 1000  # poses that stand for the belief where it is looked at
-_LONGEST = 0.05  # s: frames farther apart count as that
-_AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time left: else nothing would ever be sure
-_NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
-_UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
-_RENEWED = 0.1  # of what is usual, by each keyframe
 
 
 class ParticleFilter:
@@ -100,7 +93,6 @@ class ParticleFilter:
     ) -> None:
         self.config, self.objects = config, objects
         self._noise, self._watch, self._open_gates = NoiseModel.of(config), Stopwatch(clock), tuple(open_gates)
-        self._births = Births(self._noise, config.max_particles)
         self._track = Track(config.keyframe_spacing, self._noise.touch_correlation)
         kernels.set_threads(config.threads)
         self.reset(seed)
@@ -110,16 +102,17 @@ class ParticleFilter:
         self._seed, self._gates = seed, Gates(self._open_gates)
         self._fingers = Fingers(self.objects[0], self._gates)
         self._state = StateMachine(self.config)
+        self._novelty = Novelty(self.config, self._gates)
         self._belief: Belief | None = None
+        self._keyframes: Keyframes | None = None
         self._forget()
 
     def _forget(self) -> None:
         self._track.restart()
-        self._comparison: Comparison | None = None
-        self._granted = 0
+        self._novelty.forget()
         self._sightings: dict[int, Sighting] = {}
         self._groups: list[Group] = []
-        self._trend, self._usual, self._untouched, self._held, self._seen = 0.0, None, False, False, None
+        self._trend, self._untouched, self._held = 0.0, False, False
         self.modes: list[Mode] = []
 
     # ------------------------------------------------------------------ start
@@ -140,13 +133,17 @@ class ParticleFilter:
         self._forget()
         self._state.update(StateEvidence())  # what the state was before says nothing of this start
         self._belief = Belief(self.objects)
-        self._births.anywhere(self._belief, 0.0, prior)
+        births = Births(self._noise, self.config.max_particles)
+        births.anywhere(self._belief, 0.0, prior)
+        self._keyframes = Keyframes(
+            self._belief, self._track, births, self.config, self._noise, self._gates, self._watch
+        )
         self._groups = grouped(self._belief)
 
     def force_update(self) -> None:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
         self._track.force()
-        self._seen = None
+        self._novelty.forget()
 
     def take(self, prepared: ObjectModel) -> None:
         """Go on by another codebook of the object, between two steps: what is believed stays."""
@@ -201,12 +198,9 @@ class ParticleFilter:
                 self._belief.since = self._belief.since @ motion.transform
         usable, self._held = self._fingers.usable(touches), False
         self._sightings = {} if not in_contact or motion is not None else self._sightings
-        gels = gels_of(usable)
-        if usable and self._track.is_due(gels):
-            self._keyframe(usable, gels, [touch for touch in touches.values() if not touch.in_contact])
-        elif usable and not self._repeats(usable, gels):
-            self._sharpen(usable)
-        self._granted += self._allowance(elapsed)
+        if usable:
+            self._compare(usable, [touch for touch in touches.values() if not touch.in_contact])
+        self._keyframes.grant(elapsed)
         estimate = self._estimate(in_contact)
         self._watch.restart()
         return estimate
@@ -227,85 +221,18 @@ class ParticleFilter:
             return None
         return motion
 
-    def _repeats(self, touches: list[Measurement], gels: np.ndarray) -> bool:
-        """Whether nothing new is seen: all gels (F, 4, 4) rest, or the very same images came again."""
-        now, c = self._track.motion @ gels, self.config
-        if self._seen is None or len(self._seen[1]) != len(touches):
-            self._seen = now, touches
-            return False
-        at, before = self._seen
-        distance, angle = pose_errors(at, now)
-        resting = bool((distance <= c.update_min_d).all() and (angle <= c.update_min_a).all())
-        self._held = resting
-        if self._gates.skips("at_rest", resting):
-            return True
-        again = all(
-            np.array_equal(a.penetration, b.penetration) and np.array_equal(a.code, b.code)
-            for a, b in zip(before, touches, strict=True)
-        )
-        if self._gates.skips("unchanged_code", again):
-            return True
-        self._seen = now, touches
-        return False
-
-    def _allowance(self, elapsed: float | None) -> int:
-        rate = self.config.alignments_per_second
-        if not rate:
-            return 2**31
-        return max(round(rate * min(_LONGEST if elapsed is None else max(elapsed, 0.0), _LONGEST)), 1)
-
-    # ------------------------------------------------------------------ keyframes
-
-    def _keyframe(self, touches: list[Measurement], gels: np.ndarray, in_air: list[Measurement]) -> None:
-        belief, noise, track = self._belief, self._noise, self._track
-        self._finish()
-        with self._watch.stage("codes"):
-            belief.come_up(track.odometer, noise.drift)
-            if track.lifted and noise.change_lifted > 0:
-                self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
-            scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
-            if not len(belief.hypotheses):
-                self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
-            beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
-            refute(belief, np.concatenate([track.free_space(), np.reshape(beside, (-1, 4, 4))]), noise)
-            lifted, weights = track.lifted, track.keep(gels)
-            most = self.config.tested_poses if self.config.alignments_per_second else None
-            negligible = _NEGLIGIBLE if most else 0.0
-            self._comparison = Comparison(
-                belief, touches, scored, weights, negligible, most, track.odometer, lifted, noise, self._gates
-            )
-            self._gates.count("keyframes", 1)
-        self._seen = track.motion @ gels, touches
-        with self._watch.stage("align"):
-            if len(belief.hypotheses):
-                self._comparison.work(min(self.config.refined_modes, len(belief.hypotheses)))
-            self._groups, self._sightings = grouped(belief), self._comparison.seen
-
-    def _finish(self) -> None:
-        """End the comparison under way: what was not reached keeps what its code says."""
-        if self._comparison is None:
+    def _compare(self, touches: list[Measurement], in_air: list[Measurement]) -> None:
+        """Compare what could be published with this frame, or, where one is due, make it a keyframe."""
+        gels = gels_of(touches)
+        at = self._track.motion @ gels
+        if self._track.is_due(gels):
+            self._novelty.take(at, touches)
+            self._sightings = self._keyframes.begin(touches, gels, in_air)
+            self._groups = grouped(self._belief)
             return
-        belief, noise = self._belief, self._noise
-        self._learn_of_objects(self._comparison)
-        self._comparison, self._granted = None, 0
-        belief.settle(_UNTESTED_BEHIND)
-        if len(belief.hypotheses) and noise.change > 0 and self._contradicted():
-            self._births.after_push(belief)
-            self._gates.count("pushed", 1)
-            self._gates.count("born", self._births.after_change(belief, noise.change))
-        self._groups, self._sightings = grouped(belief), {}
-
-    def _contradicted(self) -> bool:
-        """Whether the last keyframe speaks for a change: a pose that explains as much of it as the leading hypothesis
-        explained of those before would be as probable as that one, in spite of the change that leads to it."""
-        hypotheses = self._belief.hypotheses
-        fit = float(hypotheses.fit[int(np.argmax(hypotheses.log_weights))])
-        evidence = float(self._noise.residual_evidence(1.0 - fit))
-        usual = evidence if self._usual is None else self._usual
-        if fit < self._noise.explained or evidence < usual + np.log(self._noise.change):
-            return True
-        self._usual = usual + (evidence - usual) * _RENEWED
-        return False
+        if self._novelty.is_new(at, touches):
+            self._sharpen(touches)
+        self._held = self._novelty.resting
 
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
@@ -313,21 +240,12 @@ class ParticleFilter:
         What it takes is limited by the time since the last frame; by `in_time`, too, where a machine may be too slow:
         estimates then depend on that.
         """
-        if self._comparison is None or not self._granted:
+        if self._keyframes is None or not self._keyframes.waiting:
             return
         with self._watch.stage("compare"):
-            comparison, at_once = self._comparison, self._granted * (1.0 - _AT_ONCE)
-            if self._held:
-                comparison.extend(self._granted)
-            while self._granted > 0 and (self._granted > at_once or in_time()):
-                self._granted -= max(comparison.work(min(_SLICE, self._granted)), 1)
-                if comparison.done or comparison.paused:
-                    break
-            self._granted = 0
-            if self._comparison.done:
-                self._finish()
-            else:
-                self._groups = grouped(self._belief)
+            if self._keyframes.go_on(self._held, in_time):
+                self._sightings = {}
+            self._groups = grouped(self._belief)
 
     # ------------------------------------------------------------------ every frame
 
@@ -357,14 +275,6 @@ class ParticleFilter:
             self._sightings = seen
 
     # ------------------------------------------------------------------ answers
-
-    def _learn_of_objects(self, comparison: Comparison) -> None:
-        """Remember what the touches speak for each object (docs/internals.md)."""
-        support = self._belief.support + [comparison.support(number) for number in range(len(self.objects))]
-        # what earlier touches said may be taken back: none of the objects stays as probable, or improbable, as this
-        odds = max(self.config.unknown_prior / (1.0 - self.config.unknown_prior), 1e-3)
-        least, most = (np.log(odds * (1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
-        self._belief.support = np.clip(support, least, most)
 
     @property
     def identity(self) -> tuple[np.ndarray, float]:
@@ -482,12 +392,6 @@ class ParticleFilter:
     def measured_gels(self) -> np.ndarray:
         """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present first one."""
         return self._track.touched
-
-
-def _information(log_ratios: Sequence[np.ndarray]) -> float:
-    """Nats that a code says of where it was felt, by its log-ratios at the entries of each object."""
-    ratios = np.concatenate(log_ratios)
-    return float((np.exp(ratios) * ratios).sum() / np.exp(ratios).sum())
 
 
 def _effective(belief: Belief) -> float:

@@ -15,7 +15,7 @@ from midastouch_bringup.processes.parameter_files import of_node, read_parameter
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 from midastouch_filter.core.config import FilterConfig, by_present_names
-from midastouch_filter.core.presets import BALANCED, preset
+from midastouch_filter.core.presets import BALANCED, PAPER, preset
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
@@ -117,7 +117,7 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
     frames, files) are passed over. Raises InputError on unknown names, in a ROS parameter file those that are nearly a
     setting's, and values out of range. Former names of settings count, with a FutureWarning.
     """
-    settings = preset(preset_name or BALANCED)
+    settings = _settings(preset_name or BALANCED)
     if path is None:
         return FilterConfig(**settings)
     content = read_yaml(path, "configuration") or {}
@@ -133,7 +133,13 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
             values = {name: value for name, value in values.items() if name in known}
         if unknown:
             raise InputError(f"unknown filter settings: {', '.join(unknown)}; check the spelling")
-        of_file = preset(values.pop("preset", BALANCED))
+        of_file = _settings(values.pop("preset", BALANCED))
         return FilterConfig(**((settings if preset_name else of_file) | values))
     except InputError as error:
         raise InputError(f"{Path(path)}: {error}") from error
+
+
+def _settings(name: str) -> dict[str, int]:
+    if name == PAPER:
+        raise InputError(f"preset {PAPER} is another filter; `midastouch benchmark --variant {PAPER}` measures it")
+    return preset(name)

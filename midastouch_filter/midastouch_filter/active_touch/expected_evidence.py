@@ -74,7 +74,7 @@ def in_reach(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
 
 def _off(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
     """How far (N,) [m] gels at poses (N, 4, 4) are over where they would be pressed as those of codebooks are."""
-    return model.surface.distance_of(poses[:, :3, 3]) + PRESS
+    return model.surface.distance(poses[:, :3, 3]) + PRESS
 
 
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:

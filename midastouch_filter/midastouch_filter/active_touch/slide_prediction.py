@@ -17,8 +17,10 @@ from midastouch_perception.codebook import PRESS
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
 from ..core.object_model import ObjectModel
+from ..core.surface import DEAD_DISTANCE
 
 _STEP = 7.5e-3  # m; a gel is 19 mm wide
+_SIGMA = 1e-3  # m: how far beyond the reach of a codebook's poses a touch still lies
 _TOUCHES = 8  # of a slide, ever farther apart
 
 
@@ -49,8 +51,10 @@ def predict_slides(
 def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
     gives the poses by how far off they lie; any entry for one farther than matters."""
-    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
-    log_weight = model.surface.log_weight(distance)
+    within = model.lookup.largest_gap
+    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), within + DEAD_DISTANCE)
+    beyond = np.clip(distance - within, 0.0, DEAD_DISTANCE)
+    log_weight = -0.5 / _SIGMA**2 * np.square(beyond, dtype=float)
     return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
 
 

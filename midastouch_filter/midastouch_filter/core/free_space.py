@@ -38,5 +38,5 @@ def _outside(
 ) -> np.ndarray:
     """Nats (n,) of the probability that all gels were outside the object, by variances [m^2] of poses (n, 4, 4)."""
     at = (poses[:, :3, :3] @ gels[:, :3, 3].T).transpose(0, 2, 1) + poses[:, None, :3, 3]
-    distance = model.surface.distance_of(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
+    distance = model.surface.distance(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
     return np.maximum(log_ndtr((distance + _TOUCHING) / np.sqrt(variances + noise.jitter[0, 0])), noise.prior_floor)

@@ -27,7 +27,7 @@ from .config import FilterConfig
 from .lookup import PoseLookup, neighbours_and_links, space_filling_order
 from .measurement_model import MeasurementModel
 from .noise_model import NoiseModel
-from .surface import DEAD_DISTANCE, SurfaceConstraint, SurfaceGrid
+from .surface import DEAD_DISTANCE, SurfaceGrid
 from .touch import MAP_SCALE, Measurement, require_network
 from .workers import Workers
 
@@ -48,7 +48,7 @@ class ObjectModel:
     A denser codebook of the same object can replace the first: references to parts of the model
     then have the new entries.
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
-    surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
+    surface, how far it is; normals of it; gap, typical distance [m] of a point of the surface to the
     nearest one that a codebook pose touches; measurement model; symmetry of the object; alignment to
     penetration maps, None if the codebook does not name its sensor or none is asked for.
     Raises InputError if the codebook cannot be used.
@@ -62,7 +62,7 @@ class ObjectModel:
         kept = codebook.derived
         fits = float(kept.get(_PREFIX + "band", np.nan)) == DEAD_DISTANCE  # otherwise it was made by other code
         with _named(codebook):
-            self._grid = SurfaceGrid(mesh, DEAD_DISTANCE, kept.get(_PREFIX + "distances") if fits else None)
+            self.surface = SurfaceGrid(mesh, DEAD_DISTANCE, workers, kept.get(_PREFIX + "distances") if fits else None)
             self.normals = RoughNormals(mesh, kept.get(_PREFIX + "normals"))
         self._make_entries(codebook)
         self.alignment: PenetrationAlignment | None = None
@@ -76,7 +76,6 @@ class ObjectModel:
         with _named(codebook):
             self.lookup = PoseLookup(poses, self.workers, _graph(codebook.derived, len(poses)))
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.config, self.workers)
-        self.surface = SurfaceConstraint(self._grid, self.lookup.largest_gap, self.workers)
         self.gap = _gap(self.mesh, poses)
 
     def with_codebook(self, codebook: Codebook) -> ObjectModel:
@@ -88,7 +87,7 @@ class ObjectModel:
 
     def take(self, other: ObjectModel) -> None:
         """Have the entries of another model of the same object in place of one's own."""
-        for name in ("lookup", "measurement", "surface"):
+        for name in ("lookup", "measurement"):
             vars(getattr(self, name)).update(vars(getattr(other, name)))
         self.order, self.gap = other.order, other.gap
 
@@ -189,7 +188,7 @@ def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray
     arrays = {
         **dict(zip(_OF_ENTRIES, graph, strict=True)),
         "band": np.array(DEAD_DISTANCE),
-        "distances": SurfaceGrid(mesh, DEAD_DISTANCE).values,
+        "distances": SurfaceGrid(mesh, DEAD_DISTANCE, Workers(1)).values,
         "normals": RoughNormals(mesh).values,
     }
     return {_PREFIX + name: array for name, array in arrays.items()}
