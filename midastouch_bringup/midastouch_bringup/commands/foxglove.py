@@ -35,9 +35,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def in_namespace(layout: object, namespace: str) -> object:
-    """A layout, or a part of one, whose topics are those of the nodes in `namespace`.
+    """Return a layout, or a part of one, with its topics moved into `namespace`.
 
-    Every text and key that begins with a slash is a topic, or a field of one.
+    Every text and key that begins with a slash counts as a topic or a field of one.
     """
     if isinstance(layout, dict):
         return {in_namespace(key, namespace): in_namespace(value, namespace) for key, value in layout.items()}
