@@ -149,10 +149,11 @@ def presses_table(contents: Iterable[dict]) -> pd.DataFrame:
     """Table of `evaluate-presses` results; depth is not judged by a measured outline, which is the network's own."""
     rows = []
     for content in contents:
-        rows.append({"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content))
+        row = {"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content)
+        rows.append(row)
         for key, what in (("against_fit", "by the images' ball"), ("labels", "labels, by the images' ball")):
             if content.get(key):
-                rows.append(rows[0] | {"what": what, "brightness_mm": None} | content[key])
+                rows.append(row | {"what": what, "brightness_mm": None} | content[key])
     about = {"presses": text("what"), "network": text("network"), "ball": text("ball"), "calibration": text("how")}
     return written(tidy(rows), about | {"outline": text("truth")} | PRESSES | _SHAPE, {})
 

@@ -24,7 +24,11 @@ _LIBRARIES = (
     ("igl", "libigl", "nearest surface points"),
     ("onnxruntime", "onnxruntime", "networks"),
     ("matplotlib", "matplotlib", "plots"),
+    ("PIL", "pillow", "pictures"),
+    ("yaml", "PyYAML", "parameters"),
+    ("tqdm", "tqdm", "progress"),
     ("rosbags", "rosbags", "bags"),
+    ("mcap", "mcap", "bags"),
 )
 # the same, required, the command that fixes it
 MODULES = (
@@ -35,6 +39,7 @@ MODULES = (
     ("midastouch_kernels", "midastouch_kernels", "compiled inner loops", True, f"{_SET_UP}, or colcon build"),
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
+    ("midastouch_motion", "midastouch_motion", "an arm that touches", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
     ("torch", "torch", "training, CUDA", False, install_extra("train")),
     ("rerun", "rerun-sdk", "midastouch view", False, install_extra("view")),

@@ -24,13 +24,14 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
-    from pathlib import Path
+
+    from midastouch_common.files import atomic_path
 
     from ..ros.launch_arguments import SHARE
-    from .foxglove import in_namespace
 
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
-    Path(args.out).write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
+    with atomic_path(args.out) as path:
+        path.write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
     return 0
 
 

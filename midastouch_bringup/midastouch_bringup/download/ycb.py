@@ -95,8 +95,8 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
         out = archive.with_suffix("")
         if not out.exists():
             extract(archive, out)
-            _lift(out)
             unpacked.append(out)
+        _lift(out)  # also what an earlier call extracted before it was killed
     return unpacked
 
 

@@ -115,7 +115,7 @@ class TrainingOptions:
         card = self.resume and self.resume / f"{self.network(network)}.json"
         if self.start and not self.resume:
             card = network_path(network, self.start).with_suffix(".json")
-        return [*(json.loads(card.read_text())["commands"] if card and card.is_file() else []), this]
+        return [*(json.loads(card.read_text()).get("commands", []) if card and card.is_file() else []), this]
 
 
 @dataclasses.dataclass(frozen=True)
