@@ -2,9 +2,8 @@
 
 Each frame, odometry moves all hypotheses, and those that could be published are aligned to the frame's maps: that gives
 the answer. Each keyframe, a few millimetres of path later, every hypothesis that can still matter is compared with the
-touch (`core/keyframes.py`, `core/comparison.py`), most of it after the answer is out, in `deferred_update`. That the
-object may have been moved is a birth of hypotheses (`core/births.py`); what is said of the belief is in
-`core/answer.py`.
+touch (`core/keyframes.py`, `core/comparison.py`), most of it after the answer is out, in `deferred_update`. If the
+object may have been moved, hypotheses are born (`core/births.py`). `core/answer.py` turns the belief into the answer.
 """
 
 from __future__ import annotations
@@ -43,17 +42,17 @@ from .core.workers import Workers
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
-_LEAST_FOLLOWED = 0.01  # weight of a mode, relative to the first, from which on it is followed in every frame
-_DRAWS = 1000  # poses that stand for the belief where it is looked at
+_LEAST_FOLLOWED = 0.01  # weight, relative to the heaviest mode's, that a mode needs to be aligned in every frame
+_DRAWS = 1000  # poses that show the belief to viewers
 
 
 class ParticleFilter:
     """Distribution of the sensor pose `T_obj_gel` on a known object, or on one of several.
 
-    Args: mesh; codebook of that mesh; config; seed of what is drawn; clock: function returning seconds, for the
-    milliseconds per stage in `Status` (default: none are measured); open_gates: names of gates, as in `Status.skipped`,
-    that let everything pass, to see what they are worth. The same input on the same machine gives a bit-equal result,
-    with any number of threads.
+    Args: mesh; codebook of that mesh; config; seed of the draws; clock, which returns seconds, for the milliseconds per
+    stage in `Status` (default: none are measured); open_gates, names of gates, as in `Status.skipped`, that skip
+    nothing, to measure what they save. The same input on the same machine gives a bit-equal result, with any number of
+    threads.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -78,7 +77,7 @@ class ParticleFilter:
         seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> ParticleFilter:
-        """A filter that does not know which of these objects is touched; all of one code network and sensor."""
+        """Return a filter that does not know which of these objects, all of one network and sensor, is touched."""
         self = cls.__new__(cls)
         self._set_up(list(objects), config, seed, clock, ())
         return self
@@ -98,7 +97,7 @@ class ParticleFilter:
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Forget everything but objects and settings: the filter is then as if made anew with this seed."""
+        """Forget everything except objects and settings, as if the filter had just been made with this seed."""
         self._seed, self._gates = seed, Gates(self._open_gates)
         self._fingers = Fingers(self.objects[0], self._gates)
         self._state = StateMachine(self.config)
@@ -118,20 +117,20 @@ class ParticleFilter:
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:
-        """Start over the whole surface, with uniform yaw: nothing is known."""
+        """Start over the whole surface, with uniform yaw, because nothing is known."""
         self._start(None)
         self._untouched = True
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis.
 
-        Raises InputError as `initialisation.checked_prior`.
+        Raises InputError as `initialisation.checked_prior` does.
         """
         self._start(Prior(checked_prior(prior, sigma_t, sigma_r), max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
     def _start(self, prior: Prior | None) -> None:
         self._forget()
-        self._state.update(StateEvidence())  # what the state was before says nothing of this start
+        self._state.update(StateEvidence())  # the state does not depend on anything before this start
         self._belief = Belief(self.objects)
         births = Births(self._noise, self.config.max_particles)
         births.anywhere(self._belief, 0.0, prior)
@@ -141,12 +140,12 @@ class ParticleFilter:
         self._groups = grouped(self._belief)
 
     def force_update(self) -> None:
-        """Count the next touch in full, even if the arm rests or the code is the last one again."""
+        """Count the next touch in full, even if the arm rests or the code has not changed."""
         self._track.force()
         self._novelty.forget()
 
     def take(self, prepared: ObjectModel) -> None:
-        """Go on by another codebook of the object, between two steps: what is believed stays."""
+        """Switch to another codebook of the object, between two steps, and keep the belief."""
         model = self.objects[0]
         before, coarse = model.lookup.poses, len(model.lookup)
         now = prepared.lookup.exact(before)
@@ -167,15 +166,15 @@ class ParticleFilter:
         others: Mapping[str, Measurement] | None = None,
         elapsed: float | None = None,
     ) -> Estimate:
-        """One step of the filter; returns its estimate.
+        """Process one frame and return its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        others: what further fingers on the same object measure, by name, also while this one is in the air; any of them
-        may be missing in any frame.
-        elapsed: seconds since the last step, to which the deferred work is limited in proportion; None: unknown.
-        Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the reason is in the
-        status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
-        the codebook's. Without a start the state stays `uninitialised`.
+        others: measurements of further fingers on the same object, by name, also while this one is in the air; any of
+        them may be missing in any frame.
+        elapsed: seconds since the last step, None if unknown; the deferred work is limited in proportion to them.
+        Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the status gives the
+        reason, `Status.skipped` the number of times. Raises InputError if a code comes from another network than the
+        codebook's. Without a start the state stays `uninitialised`.
         Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
         same.
         """
@@ -192,7 +191,7 @@ class ParticleFilter:
             motion = self._checked(odometry)
             self._track.moved(motion, in_contact)
             if self._untouched:
-                # wherever the sensor is, it will touch the surface somewhere; the way there tells where it is not
+                # wherever the sensor is, it will touch the surface somewhere; the way there only shows free space
                 self._untouched = not in_contact
             elif motion is not None:
                 self._belief.since = self._belief.since @ motion.transform
@@ -206,7 +205,7 @@ class ParticleFilter:
         return estimate
 
     def _checked(self, odometry: np.ndarray | None) -> Odometry | None:
-        """Odometry that can be used; a jump starts again over the whole surface."""
+        """Return odometry that can be used, or None; after a jump, start again over the whole surface."""
         if odometry is None:
             return None
         try:
@@ -222,7 +221,7 @@ class ParticleFilter:
         return motion
 
     def _compare(self, touches: list[Measurement], in_air: list[Measurement]) -> None:
-        """Compare what could be published with this frame, or, where one is due, make it a keyframe."""
+        """Make this frame a keyframe if one is due; otherwise align what could be published to it."""
         gels = gels_of(touches)
         at = self._track.motion @ gels
         if self._track.is_due(gels):
@@ -237,8 +236,8 @@ class ParticleFilter:
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
 
-        What it takes is limited by the time since the last frame; by `in_time`, too, where a machine may be too slow:
-        estimates then depend on that.
+        The time since the last frame limits the amount of work. `in_time` ends it earlier on a machine that is too
+        slow: estimates then depend on the machine.
         """
         if self._keyframes is None or not self._keyframes.waiting:
             return
@@ -250,7 +249,7 @@ class ParticleFilter:
     # ------------------------------------------------------------------ every frame
 
     def _sharpen(self, touches: list[Measurement]) -> None:
-        """Align what could be published to this frame's maps."""
+        """Align the modes that could be published to this frame's maps."""
         belief, least = self._belief, _LEAST_FOLLOWED * self._groups[0].weight if self._groups else 0.0
         groups = [group for group in self._groups[: self.config.refined_modes] if group.weight >= least]
         if not groups or self.objects[0].alignment is None:
@@ -278,7 +277,7 @@ class ParticleFilter:
 
     @property
     def identity(self) -> tuple[np.ndarray, float]:
-        """Probabilities (O,) of the objects, sums of weights, and that of none of them, by the leading hypothesis."""
+        """Probabilities (O,) of the objects, from their weights, and of none of them, from the leading hypothesis."""
         prior, belief = self.config.unknown_prior, self._belief
         if belief is None or not self._groups:
             return np.full(len(self.objects), (1 - prior) / len(self.objects)), prior
@@ -320,7 +319,7 @@ class ParticleFilter:
         return Estimate(self.modes, self._status(self.modes), covariance)
 
     def _guess(self) -> Mode:
-        """The heaviest untested pose, while nothing was compared."""
+        """Return the heaviest untested pose as a mode, for the time before anything was compared."""
         belief = self._belief
         tops = [some.log_weights.max(initial=-np.inf) for some in belief.untested]
         number = int(np.argmax(tops))
@@ -356,7 +355,7 @@ class ParticleFilter:
 
     @property
     def poses(self) -> np.ndarray:
-        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at this very frame.
+        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at the present frame.
 
         N = 0 while uninitialised.
         """
@@ -371,7 +370,7 @@ class ParticleFilter:
 
     @property
     def object(self) -> ObjectModel:
-        """The object that the estimate is on."""
+        """Object that the estimate is on."""
         return self.objects[self._leading_object]
 
     @property
@@ -380,22 +379,22 @@ class ParticleFilter:
 
     @property
     def belief(self) -> Belief | None:
-        """Hypotheses and untested poses as the last step left them, to be read; None while uninitialised."""
+        """Hypotheses and untested poses after the last step, for reading only; None while uninitialised."""
         return self._belief
 
     @property
     def groups(self) -> list[Group]:
-        """The modes of the belief by their hypotheses, heaviest first."""
+        """Modes of the belief, as groups of hypotheses, heaviest first."""
         return self._groups
 
     @property
     def measured_gels(self) -> np.ndarray:
-        """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present first one."""
+        """Poses (F, 4, 4) of the gels that have touched since the last lift, in the present frame of the first gel."""
         return self._track.touched
 
 
 def _effective(belief: Belief) -> float:
-    """Effective number of hypotheses and untested poses, 1 / sum(w^2)."""
+    """Return the effective number of hypotheses and untested poses, 1 / sum(w^2)."""
     total = belief.total()
     squares = [np.exp(2 * (part.log_weights - total)).sum() for part in (belief.hypotheses, *belief.untested)]
     return float(1.0 / max(sum(squares), 1e-300))

@@ -1,8 +1,8 @@
-"""Keyframes of a belief: places a few millimetres apart, where every hypothesis that can still matter is compared.
+"""Keyframes of a belief: frames a few millimetres apart, at which every hypothesis that can still matter is compared.
 
-Each brings the belief to the present frame, lets hypotheses be born that a lift calls for, and refutes poses by where
-gels were in the air. The comparison then goes on in slices, after the answer is out, until the next keyframe at the
-latest; a belief that explains too little of what was touched has hypotheses of a change born.
+A keyframe brings the belief to the present frame, adds poses if the gel was lifted, and weighs all poses by where
+gels were in the air. The comparison then continues in slices, after the answer is out, until the next keyframe at the
+latest. If the leading hypothesis explains too little of the touch, poses are born that allow for a moved object.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from .touch import Measurement
 from .track import Track
 
 _SLICE = 32  # hypotheses aligned in one call
-_LONGEST = 0.05  # s: frames farther apart count as that
-_AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time left: else nothing would ever be sure
-_NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
-_UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
-_RENEWED = 0.1  # of what is usual, by each keyframe
+_LONGEST = 0.05  # s: a longer time between frames counts as this
+_AT_ONCE = 0.25  # fraction of a frame's work that is done even if no time is left: otherwise nothing is ever sure
+_NEGLIGIBLE = 3e-3  # fraction of the weight that untested poses may keep
+_UNTESTED_BEHIND = -16.3  # nats, relative to the heaviest: lighter untested poses are dropped; many together may matter
+_RENEWED = 0.1  # fraction of the usual evidence that each keyframe renews
 
 
 class Keyframes:
-    """Compares one belief with the touches of its keyframes.
+    """Comparison of one belief with the touches of its keyframes.
 
     Args: belief; track, of the first finger's gel; births; config; noise; gates, which count; watch, which times.
     """
@@ -58,8 +58,8 @@ class Keyframes:
         """Make this frame a keyframe, and compare the leading hypotheses.
 
         touches, at least one, with gels (F, 4, 4) in the frame of the first finger's; in_air, fingers that touch
-        nothing. Returns where this frame's maps have the hypotheses that were aligned first, by their numbers; it is
-        filled further.
+        nothing. Returns sightings by this frame's maps of the hypotheses that were aligned first, by their numbers;
+        `go_on` adds further ones.
         """
         belief, noise, track, config = self._belief, self._noise, self._track, self._config
         self._finish()
@@ -85,7 +85,7 @@ class Keyframes:
         return self._comparison.seen
 
     def grant(self, elapsed: float | None) -> None:
-        """A frame came `elapsed` [s] after the last one, None if unknown: allow the work that goes with it."""
+        """Allow the work that goes with a frame `elapsed` [s] after the last one (None if unknown)."""
         rate = self._config.alignments_per_second
         if not rate:
             self._granted = 2**31
@@ -95,13 +95,13 @@ class Keyframes:
 
     @property
     def waiting(self) -> bool:
-        """Whether work is left for which there is an allowance."""
+        """True while work is left and allowed."""
         return self._comparison is not None and self._granted > 0
 
     def go_on(self, held: bool, in_time: InTime) -> bool:
-        """Do the work that was granted, less of it where there is no time left; whether the comparison is over.
+        """Do the work that was granted, or less if no time is left; return whether the comparison is over.
 
-        held: nothing moved, so that there is time to test further poses.
+        held: nothing moves, so there is time to test further poses.
         """
         comparison, at_once = self._comparison, self._granted * (1.0 - _AT_ONCE)
         if held:
@@ -116,7 +116,7 @@ class Keyframes:
         return comparison.done
 
     def _finish(self) -> None:
-        """End the comparison under way: what was not reached keeps what its code says."""
+        """End the comparison under way: poses that were not reached keep their codes' evidence."""
         if self._comparison is None:
             return
         belief, noise = self._belief, self._noise
@@ -129,17 +129,17 @@ class Keyframes:
             self._gates.count("born", self._births.after_change(belief, noise.change))
 
     def _learn_of_objects(self, comparison: Comparison) -> None:
-        """Remember what the touches speak for each object (docs/internals.md)."""
+        """Add the touches' evidence for each object to its support (docs/internals.md)."""
         belief = self._belief
         support = belief.support + [comparison.support(number) for number in range(len(belief.objects))]
-        # what earlier touches said may be taken back: none of the objects stays as probable, or improbable, as this
+        # limited, so that later touches can overturn earlier ones
         odds = max(self._config.unknown_prior / (1.0 - self._config.unknown_prior), 1e-3)
         least, most = (np.log(odds * (1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
         belief.support = np.clip(support, least, most)
 
     def _contradicted(self) -> bool:
-        """Whether the last keyframe speaks for a change: a pose that explains as much of it as the leading hypothesis
-        explained of those before would be as probable as that one, in spite of the change that leads to it."""
+        """Return whether the last keyframe suggests a change: a pose that explained it as well as the leading one
+        explained earlier keyframes would be as probable as the leading one, although changes are rare."""
         hypotheses = self._belief.hypotheses
         fit = float(hypotheses.fit[int(np.argmax(hypotheses.log_weights))])
         evidence = float(self._noise.residual_evidence(1.0 - fit))
@@ -151,6 +151,6 @@ class Keyframes:
 
 
 def _information(log_ratios: Sequence[np.ndarray]) -> float:
-    """Nats that a code says of where it was felt, by its log-ratios at the entries of each object."""
+    """Return the information [nats] of a code about the pose, by its log-ratios at the entries of each object."""
     ratios = np.concatenate(log_ratios)
     return float((np.exp(ratios) * ratios).sum() / np.exp(ratios).sum())

@@ -1,4 +1,4 @@
-"""Whether a frame shows anything that the frames before it did not."""
+"""Check whether a frame shows anything that the frames before it did not."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .touch import Measurement
 
 
 class Novelty:
-    """Recognises frames in which all gels rest, or that show the very same images again, and counts them in gates."""
+    """Detector of frames in which all gels rest (`resting`) or the images are the last ones again; gates count both."""
 
     def __init__(self, config: FilterConfig, gates: Gates):
         self._config, self._gates = config, gates
@@ -20,15 +20,15 @@ class Novelty:
         self.forget()
 
     def forget(self) -> None:
-        """Whatever is touched next is new."""
+        """Forget the last frame: whatever is touched next is new."""
         self._seen: tuple[np.ndarray, list[Measurement]] | None = None
 
     def take(self, gels: np.ndarray, touches: list[Measurement]) -> None:
-        """This frame counts as seen: gels (F, 4, 4) in a frame that stays, and their touches."""
+        """Remember a frame as seen: its gels (F, 4, 4) in a fixed frame, and their touches."""
         self._seen = gels, touches
 
     def is_new(self, gels: np.ndarray, touches: list[Measurement]) -> bool:
-        """Whether a frame is new, which then counts as seen; arguments as of `take`. Sets `resting`."""
+        """Return whether a frame is new, and remember it if so; arguments as for `take`. Sets `resting`."""
         self.resting = False
         if self._seen is not None and len(self._seen[1]) == len(touches) and self._same(gels, touches):
             return False

@@ -1,6 +1,6 @@
 """Distance of the gel's apex to the object's surface (paper appendix C).
 
-The paper prunes particles farther than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
+The paper prunes particles further than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
 signed distance to the surface itself is stored on a grid: filled exactly near the surface, saturated elsewhere,
 interpolated trilinearly.
 """
@@ -16,17 +16,17 @@ from midastouch_common.mesh import ObjectMesh
 from .workers import Workers
 
 DEAD_DISTANCE = 6e-3
-"""m: a gel farther from the surface than this touches nothing."""
+"""m: a gel further from the surface than this touches nothing."""
 _LARGEST_GRID = 4_000_000  # nodes, 2 bytes each
-_FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm where the radius of curvature is 5 mm
+_FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm if the radius of curvature is 5 mm
 _UNIT = 1e-6  # m per stored integer
 _COARSE = 4  # fine nodes per coarse one while building
 
 
 class SurfaceGrid:
-    """Signed distance to a mesh's surface, negative inside, right within `band` metres of it.
+    """Signed distance to a mesh's surface, negative inside, correct within `band` metres of it.
 
-    Args: mesh; band; workers, that answer; values of an earlier grid of this mesh and band, if there are any.
+    Args: mesh; band; workers that interpolate; values of an earlier grid of this mesh and band, if there are any.
     Attributes: spacing m, of the nodes; limit m, where distances saturate, a little more than `band`; values (X, Y, Z)
     int16, the distances in micrometres.
     """
@@ -62,7 +62,7 @@ class SurfaceGrid:
             out = (blocks[chosen, None] + offsets).reshape(-1, 3)
             return out[(out < shape).all(axis=1)]
 
-        # a block's nodes lie within its half diagonal of its centre: farther blocks hold saturated nodes only
+        # a block's nodes lie within half its diagonal of its centre: blocks beyond `reach` hold saturated nodes only
         centre = signed_distance(mesh, self._origin + blocks * self.spacing + half_block)
         reach = self.limit + np.sqrt(3) * half_block
         self.values[tuple(nodes(centre < -reach).T)] = -round(self.limit / _UNIT)
@@ -71,7 +71,7 @@ class SurfaceGrid:
         self.values[tuple(near.T)] = np.clip(signed, -self.limit, self.limit) / _UNIT
 
     def distance(self, positions: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of positions (N, 3), -`limit` deeper inside, infinite beyond the band."""
+        """Return signed distances (N,) float32 [m] of positions (N, 3): -`limit` deep inside, inf beyond the band."""
         positions, out = np.ascontiguousarray(positions, np.float32), np.empty(len(positions), np.float32)
 
         def interpolate(low: int, high: int, _: int) -> None:
@@ -85,10 +85,10 @@ class SurfaceGrid:
 
 
 def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
-    """Signed distances (N,) m of points (N, 3), negative inside.
+    """Return signed distances (N,) [m] of points (N, 3), negative inside.
 
-    The side is told by the vertex normals interpolated at the closest point (Baerentzen and Aanaes 2005): face
-    normals tell it wrongly beyond sharp edges, and ray counting fails on the holes of scans.
+    The vertex normals, interpolated at the closest point, give the side (Baerentzen and Aanaes 2005): face
+    normals give a wrong one beyond sharp edges, and ray counting fails on the holes of scans.
     """
     closest, distance, face = mesh.closest_points(points)
     corners = mesh.faces[face]
