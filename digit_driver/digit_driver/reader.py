@@ -113,9 +113,7 @@ class FrameReader:
             self._connect_and_stream()
             # set here, too: the call of a hanging thread may return only after ``stop`` has left it alone
             self._slot.update(state=ReaderState.STOPPED)
-        except InputError as error:
-            self._settle(ReaderState.FAILED, str(error))
-        except DeviceError as error:
+        except (InputError, DeviceError) as error:
             self._settle(ReaderState.FAILED, str(error))
         except Exception as error:
             self._settle(ReaderState.FAILED, f"internal error: {error!r}")
@@ -192,8 +190,8 @@ class FrameReader:
         self._settled.set()
         self._notify()
 
-    def _settle(self, state: ReaderState, error: str | None = None) -> None:
-        self._slot.update(state=state, last_error=self._slot.status.last_error if error is None else error)
+    def _settle(self, state: ReaderState, error: str) -> None:
+        self._slot.update(state=state, last_error=error)
         self._settled.set()
         self._notify()
 

@@ -72,17 +72,15 @@ def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
 
 
 def _probabilities(running: ParticleFilter) -> np.ndarray:
-    """Return probabilities (P,) of all hypotheses, then of all untested poses. Those on one object add up to its
-    probability among the objects with a hypothesis; poses on the other objects have none, once there is one."""
+    """Return probabilities (P,) of all hypotheses, then of all untested poses; once an object has a hypothesis, poses
+    on objects without one have none."""
     belief = running.belief
     log_weights = [belief.hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
-    weights, objects = np.exp(np.concatenate(log_weights) - belief.total()), _objects(belief)
-    mass = np.bincount(objects, weights, len(belief.objects))
-    known = np.isin(np.arange(len(mass)), belief.hypotheses.objects)
+    weights = np.exp(np.concatenate(log_weights) - belief.total())
+    known = np.isin(_objects(belief), belief.hypotheses.objects)
     if known.any():
-        of_object = np.where(known, running.identity[0], 0.0)
-        weights = weights * (of_object / of_object.sum() / np.maximum(mass, 1e-300))[objects]
-    return weights
+        weights = np.where(known, weights, 0.0)
+    return weights / weights.sum()
 
 
 def _objects(belief: Belief) -> np.ndarray:

@@ -26,7 +26,6 @@ from .workers import Workers
 _NEIGHBOURS = 24
 _LINKS = 48
 _CANDIDATES = 64  # nearest entries that links are chosen from
-_HOPS = 8  # half of the hops that a walk may take
 
 
 class NearestEntry:
@@ -58,8 +57,7 @@ class PoseLookup(NearestEntry):
 
     Attributes: graph, the entries as the kernels take them; neighbours (M, K) int32, the K nearest other entries of
     each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to the nearest other
-    entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop along the graph
-    can cover. Raises InputError for fewer than two poses.
+    entry; largest_gap m, which 99 % of these keep below. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers, graph: tuple[np.ndarray, np.ndarray] | None = None):
@@ -71,15 +69,9 @@ class PoseLookup(NearestEntry):
         self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
         self.graph = kernels.PoseGraph(self.records, links)
         self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
-        nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
+        nearest = self.neighbour_distance[:, 0]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
-        self.stride = float(np.median(farthest))
-
-    @property
-    def reach(self) -> float:
-        """Pose distance [m] that `follow` surely bridges: a quarter of what its hops could cover in a straight line."""
-        return 0.5 * _HOPS * self.stride
 
     def nearest(self, poses: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Return the nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them.
