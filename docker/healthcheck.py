@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Exit 0 if every named node has said something on /diagnostics within the time, 1 otherwise.
+"""Exit with 0 if every named node reports on /diagnostics within the time, with 1 otherwise.
 
     healthcheck.py [--timeout SECONDS] NODE...
 
-A node that lives says so once a second (REP 107), whether or not a sensor is plugged in: the check asks
-whether processes hang, not whether the robot has work for them.
+A live node reports once a second (REP 107), whether or not a sensor is plugged in: the check finds processes that hang,
+not those that have nothing to do.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 
 def silent_nodes(names: set[str], timeout: float, context: rclpy.Context) -> set[str]:
-    """Those of `names` of which no status came within `timeout` seconds."""
+    """Return those of `names` from which no status came within `timeout` seconds."""
     missing = set(names)
 
     def heard(message: DiagnosticArray) -> None:
@@ -36,7 +36,7 @@ def silent_nodes(names: set[str], timeout: float, context: rclpy.Context) -> set
 
 
 def main() -> int:
-    """Entry point."""
+    """Run the check and return its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("nodes", nargs="+", metavar="NODE")
     parser.add_argument("--timeout", type=float, default=8.0, help="seconds (default: 8)")

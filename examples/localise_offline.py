@@ -21,7 +21,7 @@ HANDLE_TOOL = bundled_objects()["handle_tool"]
 
 
 def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: ParticleFilter) -> Iterator[Estimate]:
-    """The estimate of each frame; `poses_measured` may be poses of the gel in any frame in which the object rests."""
+    """Yield the estimate of each frame; `poses_measured` may be gel poses in any frame in which the object rests."""
     background, poses = slide.background, slide.poses_measured
     particle_filter.initialise_uniform()  # nothing is known of the start
     for i in range(slide.n_frames):
@@ -31,7 +31,7 @@ def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: Particle
 
 
 def run(main: Callable[..., None], manual: str) -> None:
-    """Call the main function of an example with the words of its command line; the manual follows what it lacks."""
+    """Call the main function of an example with its command-line arguments; print the manual after an InputError."""
     try:
         main(*sys.argv[1:])
     except InputError as error:

@@ -16,10 +16,10 @@ from midastouch_perception import ObjectMesh, bundled_objects
 
 CELL = 1e-3  # m
 HOME = [0.0, 0.7, 1.4, 1.0, 0.0, -1.6]  # rad
-TOO_DEEP = 4e-3  # m below the surface is where the arm wants the gel; how deep it gets is up to the contact
+TOO_DEEP = 4e-3  # m below the surface, where the arm wants the gel; the contact decides how deep it gets
 STIFFNESS, DAMPING = np.diag([600.0] * 3 + [20.0] * 3), np.diag([60.0] * 3 + [1.5] * 3)  # N/m, Nm/rad; times s
 # Links as long as a UR5e's. The gel is as round at its apex as the sensor model's; a spring lets it give way by 1 mm
-# for 3 N. Where it would be untouched is the site.
+# for 3 N. The site is where the gel would be untouched.
 ARM = """
 <mujoco>
   <option timestep="0.001" integrator="implicitfast"/>
@@ -53,13 +53,13 @@ ARM = """
 
 
 def height_of(mesh: ObjectMesh) -> LinearNDInterpolator:
-    """Height z [m] of the object's upper side over (x, y) [m]."""
+    """Return the height z [m] of the object's upper side as a function of (x, y) [m]."""
     upper = mesh.vertices[mesh.vertex_normals[:, 2] > 0.1]
     return LinearNDInterpolator(upper[:, :2], upper[:, 2], fill_value=mesh.bounds[0, 2])
 
 
 def model_of(mesh: ObjectMesh) -> mujoco.MjModel:
-    """Arm and object. MuJoCo touches of a mesh its convex hull only, so the object's upper side is a height field."""
+    """Return arm and object. MuJoCo touches only a mesh's convex hull, so the object's upper side is a height field."""
     low, high = mesh.bounds
     half, height = (high - low)[:2] / 2, high[2] - low[2]
     columns, rows = np.ceil(2 * half / CELL).astype(int) + 1
@@ -73,7 +73,7 @@ def model_of(mesh: ObjectMesh) -> mujoco.MjModel:
 
 
 class Arm:
-    """The arm as a motion: it is pulled along `wanted` by a spring at its tool, as an arm under impedance control."""
+    """Arm as a motion: a spring at its tool pulls it along `wanted`, as under impedance control."""
 
     def __init__(self, mesh: ObjectMesh, wanted):
         self.model, self.wanted = model_of(mesh), wanted
@@ -86,18 +86,18 @@ class Arm:
         self.began = self.data.time
 
     def __call__(self, seconds: float) -> np.ndarray:
-        """Pose T_obj_gel (4, 4) of the gel then."""
+        """Return the gel's pose T_obj_gel (4, 4) at that time."""
         while self.data.time < self.began + seconds:
             self.step(self.data.time - self.began)
         return self.pose()
 
     def pose(self) -> np.ndarray:
-        """T_obj_gel (4, 4)."""
+        """Return the gel's pose T_obj_gel (4, 4)."""
         at = self.data.site(self.site)
         return se3.inverse(BASE_FROM_OBJECT) @ se3.make(at.xmat.reshape(3, 3), at.xpos)
 
     def step(self, seconds: float) -> None:
-        """A millisecond of physics."""
+        """Simulate a millisecond."""
         mujoco.mj_forward(self.model, self.data)
         mujoco.mj_jacSite(self.model, self.data, self.jacobian[:3], self.jacobian[3:], self.site)
         here, there = self.pose(), self.wanted(seconds)
@@ -108,13 +108,13 @@ class Arm:
 
 
 def twist(here: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Way (6,) m, rad from a pose (4, 4) to another, in the axes of the frame that both are in."""
+    """Return the way (6,) m, rad from a pose (4, 4) to another, in the axes of the frame that both are in."""
     turn = se3.log(se3.make(there[:3, :3] @ here[:3, :3].T, np.zeros(3)))[3:]
     return np.concatenate([there[:3, 3] - here[:3, 3], turn])
 
 
 def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
-    """Poses T_obj_gel (N, 4, 4) below the upper side of the tool's grip, to and fro between pommel and collar."""
+    """Return poses T_obj_gel (N, 4, 4) below the upper side of the tool's grip, to and fro from pommel to collar."""
     t = np.arange(0, length, STEP)
     x, y = -0.035 - 0.032 * np.cos(t / 0.032), 0.003 * np.sin(20 * t)
     points = np.stack([x, y, height_of(mesh)(x, y)], axis=1)

@@ -16,7 +16,7 @@ from midastouch_perception import ObjectMesh, SensorModel, TouchPipeline, build_
 
 
 class ThumbnailNet:
-    """A touch's code is its penetration map in small. Two touches are alike when their maps overlap.
+    """Network whose code of a touch is its penetration map in small. Two touches are alike if their maps overlap.
 
     Attributes: network_id, which codebooks are checked against; dim, of a code; calibration, the sharpness of the
     likelihood: `temperature` of the similarity, and `outlier`, the fraction of touches that match nothing.
@@ -27,7 +27,7 @@ class ThumbnailNet:
         self.calibration = {"temperature": 0.06, "outlier": 0.05}
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:
-        """Unit codes (D,) or (N, D) float32 of maps (160, 120) or (N, 160, 120) m."""
+        """Return unit codes (D,) or (N, D) float32 of maps (160, 120) or (N, 160, 120) m."""
         maps = penetration.reshape(-1, *penetration.shape[-2:])
         small = [cv2.resize(cv2.GaussianBlur(each, (0, 0), 6), (15, 20), interpolation=cv2.INTER_AREA) for each in maps]
         codes = np.reshape(small, (*penetration.shape[:-2], self.dim)).astype(np.float32)

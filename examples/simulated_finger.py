@@ -32,11 +32,11 @@ SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; 
 
 
 class Engine(Node):
-    """Says on TF where gel and object are, and prints how well the filter knows where the gel is.
+    """Node that publishes the poses of gel and object on TF, and prints how well the filter knows the gel's pose.
 
-    motion: the gel's pose T_obj_gel (4, 4) so many seconds after the start, asked in order of time; it lasts `seconds`.
-    It starts once the filter sees that nothing touches; with `start_given` it then sends the filter the pose, to a few
-    millimetres. An engine's time is its own: this one waits for the filter, however slow the computer is.
+    motion: returns the gel's pose T_obj_gel (4, 4) at a number of seconds after the start, for ascending times; it
+    lasts `seconds`. It starts once the filter sees that nothing touches; with `start_given` the node then sends the
+    filter the pose, to a few millimetres. An engine's time is its own: this one waits for a slow filter.
     """
 
     def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, start_given: bool):
@@ -53,7 +53,7 @@ class Engine(Node):
         self.create_timer(1.0, self.tell)
 
     def move(self) -> None:
-        """Go on by one tick, unless the filter is behind."""
+        """Advance by one tick, unless the filter is behind."""
         if self.began is None or self.now - self.answered < TIMEOUT:
             self.now += TICK
             elapsed = 0.0 if self.began is None else (self.now - self.began) / SECOND
@@ -88,7 +88,7 @@ class Engine(Node):
 
 
 def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
-    """A start for the filter, known to 3 mm and 3 deg."""
+    """Return a start for the filter, known to 3 mm and 3 deg."""
     message = PoseWithCovarianceStamped(header=Header(frame_id="object"))
     message.pose.pose = pose_to_msg(T_obj_gel)
     message.pose.covariance = np.diag(np.repeat([0.003, np.radians(3)], 3) ** 2).ravel()
@@ -105,7 +105,7 @@ def run(motion: Callable[[float], np.ndarray], seconds: float, start_given: bool
 
 
 def along(path: np.ndarray, lifted: float = LIFTED) -> Callable[[float], np.ndarray]:
-    """Motion along poses T_obj_gel (N, 4, 4), onto the first from `lifted` m above."""
+    """Return a motion along poses T_obj_gel (N, 4, 4), onto the first from `lifted` m above."""
 
     def motion(seconds: float) -> np.ndarray:
         gone = seconds * SPEED

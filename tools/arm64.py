@@ -1,9 +1,9 @@
 """Make an arm64 Python with our kernels, cross-compiled, that runs on this machine under qemu: out/arm64/python.
 
-Wants Debian with its cross compiler and emulator: sudo apt install g++-aarch64-linux-gnu qemu-user
+It needs Debian with its cross compiler and emulator: sudo apt install g++-aarch64-linux-gnu qemu-user
 
-The Python is Debian's own for arm64, unpacked and not installed; NumPy and what tests need come from the lock. Nothing
-outside the folder is changed, so it needs no rights.
+The Python is Debian's own for arm64, unpacked and not installed; NumPy and the libraries of tests come from the lock.
+Nothing outside the folder is changed, so it needs no privileges.
 """
 
 import os
@@ -32,13 +32,13 @@ Dir::Cache "{0}/cache";
 
 
 class NotHereError(RuntimeError):
-    """What this machine lacks, and how to get it."""
+    """Error that names what this machine lacks, and how to get it."""
 
 
 def make(folder: Path) -> Path:
     """Make the Python in a folder that does not exist yet, and return its path.
 
-    Raises NotHereError where this machine cannot do it, and RuntimeError where something fails.
+    Raises NotHereError if this machine cannot do it, and RuntimeError if something fails.
     """
     missing = [program for program in (COMPILER, EMULATOR, "apt-get", "dpkg", "cmake") if not shutil.which(program)]
     if missing:
@@ -64,7 +64,7 @@ exec {EMULATOR} -L {system} {system}/usr/bin/python3 "$@"
 
 
 def unpacked_debian(folder: Path) -> Path:
-    """The root of a system with no more than Python."""
+    """Unpack a system that holds only Python, and return its root."""
     for name in ("state/lists/partial", "cache/archives/partial"):
         (folder / "apt" / name).mkdir(parents=True)
     (folder / "apt" / "status").touch()
@@ -82,7 +82,7 @@ def unpacked_debian(folder: Path) -> Path:
 
 
 def install_libraries(version: str, requirements: Path, site: Path) -> None:
-    """Install what the lock has for a Python version on arm64, checked by its sums."""
+    """Install the lock's libraries for a Python version on arm64, checked by their hashes."""
     pins = []
     for line in LOCK.read_text().splitlines():
         pin, _, sums = line.partition(" --hash=")
@@ -115,7 +115,7 @@ def compile_kernels(python: Path, system: Path, build: Path, prefix: Path) -> No
 
 
 def run(command: list, **environment: str) -> str:
-    """What a command says. Raises RuntimeError with the end of that if it fails."""
+    """Run a command and return its output; raises RuntimeError with the end of the output if it fails."""
     words = [str(word) for word in command]
     done = subprocess.run(words, env={**os.environ, **environment}, capture_output=True, text=True)
     if done.returncode:

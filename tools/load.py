@@ -15,7 +15,7 @@ def keep_busy(parent):
 
 
 def main(command):
-    """Run the command beside one process per core."""
+    """Run the command while one process per core computes."""
     if not command:
         sys.exit("usage: tools/load.py COMMAND [ARGUMENT...]")
     parent = os.getpid()

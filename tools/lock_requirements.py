@@ -24,14 +24,14 @@ HEADER = f"""\
 {" ".join(FILES[:2])}
 {" ".join(FILES[2:])}
 """
-# The oldest glibc that all libraries have wheels for, and what runs there, too.
+# The oldest glibc that all libraries have wheels for, and older ones, whose wheels run there, too.
 ARM64 = [option for glibc in ("2_28", "2_27", "2_17") for option in ("--platform", f"manylinux_{glibc}_aarch64")]
-# What has wheels for x86-64 only, by the beginnings of names: ROS, and a library that only tests of ours ask for.
+# Packages with wheels for x86-64 only, by the beginnings of their names: ROS, and a library that only our tests need.
 ONLY_X86_64 = ("ros-", "ur_rtde")
 
 
 def ask_pip(interpreter: str, options: list[str], requirements: list[str]) -> tuple[str, dict[str, tuple[str, str]]]:
-    """What pip would install: the Python version "3.x" and {package: (version, SHA-256)}."""
+    """Return what pip would install: the Python version "3.x" and {package: (version, SHA-256)}."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         named = Path(folder) / "requirements.txt"
@@ -51,13 +51,13 @@ def ask_pip(interpreter: str, options: list[str], requirements: list[str]) -> tu
 
 
 def lock(distribution: Path, interpreters: list[str]) -> str:
-    """The lines of the lock of one ROS distribution."""
+    """Return the lines of the lock of one ROS distribution."""
     versions: dict[str, dict[str, list[str]]] = {}
     sums: dict[tuple[str, str], set[str]] = {}
     newest: list[str] = []
     sources = [option for source in (distribution, *LIBRARIES) for option in ("--requirement", str(source))]
     for interpreter in interpreters:
-        # Later versions get what Python 3.11 gets: fewer combinations to test.
+        # Later versions get the packages of Python 3.11: fewer combinations to test.
         # Python 3.10 is the exception, as several packages have dropped it.
         python, packages = ask_pip(interpreter, [*sources, "--constraint"], newest)
         exact = [f"{name}=={version}" for name, (version, _) in packages.items()]

@@ -1,12 +1,12 @@
 """Make an environment ready: ROS 2 from PyPI wheels, the pinned packages, our messages, our Python packages.
 
 Every target of the Makefile calls it. The variable ROS names the distribution: jazzy, which lives in .venv, or another
-one, which gets an environment of its own beside it. Each step that succeeds writes a stamp with a hash of its inputs. A
-step whose stamp is right is skipped, so a second call takes a fraction of a second. A set-up that was interrupted while
-installed packages starts again from an empty environment, as its state is unknown; pip's cache makes that quick. Steps
-that do not need each other run at the same time.
+one, which gets an environment of its own next to it. Each step that succeeds writes a stamp with a hash of its inputs.
+A step whose stamp is right is skipped, so a second call takes a fraction of a second. If a set-up was interrupted while
+it installed packages, the next one starts from an empty environment, because the state is unknown; pip's cache makes
+that quick. Steps that do not need each other run at the same time.
 
-It uses nothing but the standard library of any Python 3, so that an old Python, too, can report that 3.10 is needed.
+It uses only the standard library of any Python 3, so that even an old Python can report that 3.10 is needed.
 """
 
 import argparse
@@ -50,7 +50,7 @@ os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
 
 
 def content_hash(paths, *extra):
-    """SHA-256 over names and contents of files (folders: all files below), and over extra strings."""
+    """Return the SHA-256 over names and contents of files (folders: all files below), and over extra strings."""
     digest = hashlib.sha256()
     for path in paths:
         files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
@@ -63,7 +63,7 @@ def content_hash(paths, *extra):
 
 
 class Command:
-    """A command of a step: its words, variables added to its environment, and what to do if it fails."""
+    """A command of a step: its words, variables added to its environment, and the fix to show if it fails."""
 
     def __init__(self, words, fix, **environment):
         self.words = list(map(str, words))
@@ -72,7 +72,7 @@ class Command:
 
 
 class Clock:
-    """What is being done and for how long: over itself on a terminal, otherwise as a line every few seconds."""
+    """Progress of the steps with the time: one line that a terminal overwrites, otherwise a line every few seconds."""
 
     _LINE_EVERY_S = 5
 
@@ -108,7 +108,7 @@ class Task:
         self._process = None
 
     def goes_on(self):
-        """Start the next command if the last one has ended; whether there is one. SetupError if the last has failed."""
+        """Start the next command if the last one has ended; return whether one runs. SetupError if the last failed."""
         if self._process is not None and self._process.poll() is None:
             return True
         if self._process is not None and self._process.returncode:
@@ -136,7 +136,7 @@ class Task:
         return True
 
     def end(self):
-        """Break off the command."""
+        """Terminate the command."""
         if self._process is not None:
             self._process.terminate()
             self._process.wait()
@@ -257,7 +257,7 @@ def set_up(lock):
             ("interfaces", content_hash([*INTERFACES, PYTHON_ONLY], dependencies_key), build_interfaces, "messages"),
             ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
         ],
-        # after them: pip reads what is installed, and fails over what another step is just writing
+        # after them: pip reads what is installed, and fails if another step is writing there
         [("packages", content_hash(described_by, dependencies_key), install_packages, "packages of the workspace")],
     ]
     stages = [[step for step in stage if not is_done(*step[:2])] for stage in stages]
@@ -274,7 +274,7 @@ def set_up(lock):
 
 
 def take(steps, clock, lock):
-    """Take steps at the same time, and stamp each that is done. If one fails, the others are broken off."""
+    """Take steps at the same time, and stamp each that is done. If one fails, the others are terminated."""
     tasks = {}
     try:
         for name, key, action, title in steps:

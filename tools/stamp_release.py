@@ -1,6 +1,6 @@
 """Write the version and the maintainer that pyproject.toml names into every package.xml and the tags of the images.
 
-ROS tools want both in each package.xml. What pip and `midastouch --version` say is read from there.
+ROS tools want both in each package.xml; pip and `midastouch --version` read the version from there.
 
     .venv/bin/python tools/stamp_release.py
 """
@@ -18,7 +18,7 @@ STAMPED = [
 
 
 def stamped(text: str, project: str) -> str:
-    """The text of such a file with the version and the maintainer of the text of a pyproject.toml."""
+    """Return the text of such a file with the version and the maintainer in the text of a pyproject.toml."""
     version = re.search(r'^version = "(.+)"$', project, flags=re.M)[1]
     name, email = re.search(r'^maintainers = \[{ name = "(.+)", email = "(.+)" }\]$', project, flags=re.M).groups()
     maintainer = f"<maintainer email={quoteattr(email)}>{escape(name)}</maintainer>"

@@ -1,4 +1,4 @@
-"""What the set-up needs from a machine and cannot install."""
+"""Check of what the set-up needs from a machine and cannot install."""
 
 import os
 import platform
@@ -12,7 +12,7 @@ OLDEST, NEWEST = (3, 10), (3, 13)
 
 
 class SetupError(Exception):
-    """What went wrong and how to fix it, in words for the user."""
+    """Error whose message tells the user what went wrong and how to fix it."""
 
 
 def check_machine():
@@ -46,7 +46,7 @@ def check_machine():
 
 
 def use_supported_python():
-    """If this Python is too old or too new, continue in another one that is installed."""
+    """Continue in another installed Python if this one is too old or too new."""
     if OLDEST <= sys.version_info[:2] <= NEWEST:
         return
     for minor in (12, 13, 11, 10):

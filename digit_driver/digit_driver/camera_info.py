@@ -1,4 +1,4 @@
-"""Reads a camera's intrinsics in the YAML format that ROS camera tools write."""
+"""Intrinsics of a camera, in the YAML format that ROS camera tools write."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Intrinsics:
 
 
 def load_intrinsics(url: str, size: tuple[int, int]) -> Intrinsics:
-    """Reads ``file:///path/to.yaml`` or a plain path; an empty ``url`` means uncalibrated.
+    """Read ``file:///path/to.yaml`` or a plain path; an empty ``url`` means uncalibrated.
 
     Args:
-        url: where it is.
-        size: width and height of the images it must be for, pixels.
+        url: of the file.
+        size: width and height of the images that it must be for, pixels.
 
     Raises:
         InputError: it cannot be read, is not camera info, or is for images of another size.

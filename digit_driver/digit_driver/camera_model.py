@@ -1,6 +1,6 @@
-"""One kind of tactile camera as data: how to find it, how to open it, how its image becomes the published one.
+"""One kind of tactile camera as data: its USB identity, its modes, and the way from its image to the published one.
 
-Any USB camera that the kernel's driver for UVC knows can be one: write a YAML file like those in `cameras/`.
+Any USB camera that the kernel's driver for UVC supports can be one: write a YAML file like those in `cameras/`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REDUCTION_FLAGS = {
     8: cv2.IMREAD_REDUCED_COLOR_8,
 }
 _KEYS = {"label", "usb_ids", "product", "rotation", "leds", "modes"}
-_ASPECT_TOLERANCE = 0.02  # by which a pixel's sides may differ: the sensor model's scale is one for both
+_ASPECT_TOLERANCE = 0.02  # by which a pixel's sides may differ: the sensor model has the same scale for both
 _MODE_KEYS = {"width", "height", "fps", "format", "crop", "output"}
 
 
@@ -42,7 +42,7 @@ class CameraMode:
     Attributes:
         width, height: of the camera's image, pixels.
         fps: frame rates, the default first.
-        pixel_format: to ask for, ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``; the other one is taken if the camera insists.
+        pixel_format: requested, ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``; the other one is used if the camera insists.
         crop: column, row, width, height of the part that is used, pixels of the camera's image.
         output: width and height of the published image, pixels: the part that is used, turned and scaled.
     """
@@ -56,20 +56,22 @@ class CameraMode:
 
     @property
     def reduction(self) -> int:
-        """By how much (1, 2, 4, 8) a JPEG may be reduced while it is decoded without losing what is published."""
+        """Factor (1, 2, 4, 8) by which a JPEG may be reduced in decoding, without loss in the published image."""
         across = min(self.crop[2:]) / min(self.output), max(self.crop[2:]) / max(self.output)
         return max(factor for factor in (1, 2, 4, 8) if factor == 1 or factor <= min(across))
 
 
 @dataclass(frozen=True)
 class CameraModel:
-    """Attributes:
-    label: what to call such a sensor.
-    usb_ids: (vendor, product) of its USB device, four hexadecimal digits each.
-    product: how the USB device's product name begins; empty where ``usb_ids`` identify the camera.
-    rotation: degrees counter-clockwise from the camera's image to the published one.
-    leds: whether their brightness is set as on a DIGIT.
-    modes: by name, the default first.
+    """One kind of tactile camera.
+
+    Attributes:
+        label: name of such a sensor in messages.
+        usb_ids: (vendor, product) of its USB device, four hexadecimal digits each.
+        product: beginning of the USB device's product name; empty if ``usb_ids`` identify the camera.
+        rotation: degrees counter-clockwise from the camera's image to the published one.
+        leds: whether their brightness is set as on a DIGIT.
+        modes: by name, the default first.
     """
 
     label: str
@@ -81,10 +83,10 @@ class CameraModel:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> CameraModel:
-        """A shipped model by name (`digit`, `gelsight_mini`) or a YAML file of the same form by path.
+        """Load a shipped model by name (`digit`, `gelsight_mini`) or a YAML file of the same form by path.
 
         Raises:
-            InputError: there is none, or it is not one; says which line is missing or wrong.
+            InputError: there is no such model, or a line of the file, which is named, is missing or wrong.
         """
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
@@ -102,19 +104,19 @@ class CameraModel:
 
     @property
     def usb(self) -> str:
-        """How it is known on USB, for messages."""
+        """Identity on USB, for messages."""
         ids = ", ".join(":".join(pair) for pair in self.usb_ids)
         return " or ".join(filter(None, (ids and f"id {ids}", self.product and f"name '{self.product} ...'")))
 
     def mode(self, name: str) -> CameraMode:
-        """The mode of that name, the default for an empty one. Raises InputError if there is none."""
+        """Return the mode of that name, the default for an empty one. Raises InputError if there is none."""
         name = name or next(iter(self.modes))
         if name not in self.modes:
             raise InputError(f"resolution: a {self.label} has {', '.join(self.modes)}, got {name!r}")
         return self.modes[name]
 
     def upright(self, image: np.ndarray, mode: CameraMode) -> np.ndarray:
-        """The published image of a camera image (H, W, 3) uint8 that may be reduced: cropped, turned, scaled."""
+        """Return the published image of a camera image (H, W, 3) uint8 that may be reduced: crop, turn, scale it."""
         scale = image.shape[1] / mode.width
         column, row, width, height = (round(value * scale) for value in mode.crop)
         part = image[row : row + height, column : column + width]
@@ -126,7 +128,7 @@ class CameraModel:
 
 
 def decode(data: bytes, pixel_format: int, width: int, height: int, reduction: int = 1) -> np.ndarray:
-    """(height, width, 3) uint8 RGB image of one buffer; a JPEG's sides divided by ``reduction`` (rounded up).
+    """Decode one buffer to a (height, width, 3) uint8 RGB image, a JPEG's sides divided by ``reduction`` (rounded up).
 
     Args:
         data: the used part of the buffer.

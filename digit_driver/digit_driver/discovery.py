@@ -1,4 +1,4 @@
-"""Finds the plugged-in sensors of one camera model by reading sysfs, without udev and without opening a device.
+"""Discovery of the plugged-in sensors of one camera model in sysfs, without udev and without opening a device.
 
 ``python -m digit_driver.discovery [MODEL]`` lists them.
 """
@@ -42,7 +42,7 @@ class UsbCamera:
 
 
 def find_cameras(model: CameraModel, sysfs: Path = SYSFS_VIDEO, dev: Path = DEV) -> list[UsbCamera]:
-    """All sensors of a model present, sorted by serial and bus address."""
+    """Return all sensors of a model that are present, sorted by serial and bus address."""
     nodes_of: dict[Path, list[Path]] = {}
     for entry in sysfs.glob("video*"):
         usb = _usb_device(entry)
@@ -53,11 +53,11 @@ def find_cameras(model: CameraModel, sysfs: Path = SYSFS_VIDEO, dev: Path = DEV)
 
 
 def select_camera(model: CameraModel, cameras: list[UsbCamera], serial: str) -> UsbCamera:
-    """The one sensor meant by ``serial``; an empty serial means the only one present.
+    """Return the sensor meant by ``serial``; an empty serial means the only one present.
 
     Raises:
         DeviceError: it is not plugged in (it may be later).
-        InputError: several sensors answer to the request, so the user must say which.
+        InputError: several sensors match, so the user must choose one.
     """
     matching = [camera for camera in cameras if not serial or camera.serial == serial]
     if len(matching) == 1:
@@ -76,13 +76,13 @@ def select_camera(model: CameraModel, cameras: list[UsbCamera], serial: str) -> 
 
 
 def find_by_node(node: Path, cameras: list[UsbCamera]) -> UsbCamera | None:
-    """The sensor that owns the given device node (links are followed), None if it is not one of those."""
+    """Return the sensor that owns a device node (links are followed); None if none of them does."""
     resolved = node.resolve()
     return next((camera for camera in cameras if resolved in [path.resolve() for path in camera.nodes]), None)
 
 
 def _usb_device(entry: Path) -> Path | None:
-    """The USB device above a video4linux entry: the nearest ancestor that has a vendor id."""
+    """Return the USB device above a video4linux entry: the nearest ancestor that has a vendor id."""
     try:
         start = (entry / "device").resolve(strict=True)
     except OSError:
@@ -119,8 +119,8 @@ def _number(node: Path) -> int:
 
 
 def main() -> int:
-    """Prints one line per sensor of the model that the argument names (default digit); exit code 1 without any, 2 for
-    an argument that names none."""
+    """Print one line per sensor of the model that the argument names (default digit); exit code 1 without any, 2 for
+    an argument that names no model."""
     try:
         model = CameraModel.load(sys.argv[1] if len(sys.argv) > 1 else "digit")
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Frames on their way from a camera to whoever wants the newest one: their types, and what can go wrong."""
+"""Frames on their way from a camera to the user of the newest one: their types and errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Frame:
     """One tactile image.
 
     Attributes:
-        image: (H, W, 3) uint8, RGB, upright as the camera model says; a DIGIT's at QVGA is (320, 240, 3).
+        image: (H, W, 3) uint8, RGB, upright as the camera model defines it; a DIGIT's at QVGA is (320, 240, 3).
         stamp_monotonic_ns: time of acquisition on ``CLOCK_MONOTONIC``, nanoseconds.
         sequence: number given by the camera; a gap means frames were lost before they could be read.
     """
@@ -34,7 +34,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """What is known about an open camera.
+    """Description of an open camera.
 
     Attributes:
         name: its device node.
@@ -57,7 +57,7 @@ class SourceInfo:
 
 
 class ReaderState(Enum):
-    """What the reader is doing."""
+    """State of the reader."""
 
     STOPPED = "stopped"
     CONNECTING = "connecting"
@@ -74,11 +74,11 @@ class ReaderStatus:
         state: see ReaderState.
         info: the camera, once it has been open.
         frames: good frames read.
-        lost: frames that the camera produced and nobody could read (gaps in its numbering).
+        lost: frames that the camera produced but that were never read (gaps in its numbering).
         corrupt: damaged frames, not passed on.
         overwritten: good frames replaced by a newer one before they were taken.
         reconnects: times the camera came back.
-        last_error: why it failed last; kept after it came back.
+        last_error: reason of the camera's last failure; kept after it came back.
         silent_s: time since the thread last gave a sign of life; more than a second means that a call hangs.
     """
 
@@ -94,7 +94,7 @@ class ReaderStatus:
 
 
 class FrameSlot:
-    """One frame, replaced by every newer one, and the counters; written by one thread and read by others."""
+    """Slot for one frame, replaced by every newer one, and the counters; one thread writes it, others read it."""
 
     def __init__(self, state: ReaderState) -> None:
         self._lock = threading.Lock()
@@ -103,12 +103,12 @@ class FrameSlot:
 
     @property
     def status(self) -> ReaderStatus:
-        """The counters now, without ``silent_s``, which the reader knows."""
+        """Counters at present, without ``silent_s``, which the reader adds."""
         with self._lock:
             return self._status
 
     def put(self, frame: Frame, lost: int) -> None:
-        """Takes a good frame, before which ``lost`` others were lost."""
+        """Store a good frame, before which ``lost`` others were lost."""
         with self._lock:
             status, overwritten = self._status, self._newest is not None
             self._newest = frame
@@ -120,17 +120,17 @@ class FrameSlot:
             )
 
     def take(self) -> Frame | None:
-        """The newest frame that was not taken yet."""
+        """Return the newest frame that was not taken yet; None without one."""
         with self._lock:
             frame, self._newest = self._newest, None
         return frame
 
     def count_corrupt(self, reason: str) -> None:
-        """Counts a damaged frame."""
+        """Count a damaged frame."""
         with self._lock:
             self._status = replace(self._status, corrupt=self._status.corrupt + 1, last_error=reason)
 
     def update(self, **changes: object) -> None:
-        """Sets fields of the status."""
+        """Set fields of the status."""
         with self._lock:
             self._status = replace(self._status, **changes)

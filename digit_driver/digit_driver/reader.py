@@ -1,4 +1,4 @@
-"""Reads a camera in a thread of its own, keeps the newest frame, and brings the camera back when it fails."""
+"""Reader of a camera in a thread of its own: it keeps the newest frame, and reopens the camera when it fails."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .frames import (
 )
 from .v4l2_device import V4l2Camera
 
-_POLL_S = 0.1  # how often the thread looks whether it is to stop
+_POLL_S = 0.1  # period at which the thread checks whether it must stop
 _STALL_FRAMES = 5
 
 
 @dataclass(frozen=True)
 class ReaderTiming:
-    """Seconds.
+    """Times of the reader, seconds.
 
     Attributes:
-        wait_for_device: how long to wait for a camera that is not there at the start; negative: for ever.
+        wait_for_device: longest wait for a camera that is not there at the start; negative: for ever.
         reconnect: pause between attempts to open it.
-        stall: without a good frame for so long (or five frame periods, if longer) the camera is opened again.
+        stall: time without a good frame (at least five frame periods) after which the camera is opened again.
     """
 
     wait_for_device: float = -1.0
@@ -40,12 +40,12 @@ class ReaderTiming:
 
 
 class FrameReader:
-    """Owns ``camera`` and the thread that reads it.
+    """Owner of ``camera`` and of the thread that reads it.
 
     Args:
         camera: used by the thread alone, except for ``set_leds``.
         on_event: called in the thread after every frame and every change of state; must return quickly.
-        timing: see there.
+        timing: by default that of `ReaderTiming`.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class FrameReader:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begins reading; a no-op if it already does.
+        """Begin to read; a no-op if it already reads.
 
         Raises:
             DeviceError: a thread that was stopped earlier still hangs in the device driver.
@@ -81,7 +81,7 @@ class FrameReader:
         self._thread.start()
 
     def stop(self, timeout: float = 2.0) -> bool:
-        """Ends reading and closes the camera. False if the thread did not end within ``timeout`` seconds.
+        """End reading and close the camera. Return False if the thread did not end within ``timeout`` seconds.
 
         Such a thread hangs in the kernel. It is left alone, closes the camera once its call returns, and does not
         keep the process from ending.
@@ -95,15 +95,15 @@ class FrameReader:
         return True
 
     def wait_settled(self, timeout: float) -> bool:
-        """Waits until the first attempt to open the camera has ended, well or badly."""
+        """Wait until the first attempt to open the camera has ended; return False if ``timeout`` seconds pass first."""
         return self._settled.wait(timeout)
 
     def take(self) -> Frame | None:
-        """The newest frame that was not taken yet."""
+        """Return the newest frame that was not taken yet; None without one."""
         return self._slot.take()
 
     def status(self) -> ReaderStatus:
-        """The counters now."""
+        """Return the counters at present."""
         running = self._thread is not None and self._thread.is_alive()
         silent_s = (time.monotonic_ns() - self._alive_ns) * 1e-9 if running else 0.0
         return replace(self._slot.status, silent_s=silent_s)
@@ -113,9 +113,7 @@ class FrameReader:
             self._connect_and_stream()
             # set here, too: the call of a hanging thread may return only after ``stop`` has left it alone
             self._slot.update(state=ReaderState.STOPPED)
-        except InputError as error:
-            self._settle(ReaderState.FAILED, str(error))
-        except DeviceError as error:
+        except (InputError, DeviceError) as error:
             self._settle(ReaderState.FAILED, str(error))
         except Exception as error:
             self._settle(ReaderState.FAILED, f"internal error: {error!r}")
@@ -124,7 +122,7 @@ class FrameReader:
             self._camera.close()
 
     def _connect_and_stream(self) -> None:
-        """Opens the camera, reads until that fails, closes it, waits and begins again, until stopped.
+        """Open the camera, read until that fails, close it, wait and begin again, until stopped.
 
         Raises:
             InputError: the camera can never be opened with these settings.
@@ -140,7 +138,7 @@ class FrameReader:
                 opened_before = True
                 self._stream(info)
             except (DeviceError, InputError) as error:
-                # What worked once may work again, whatever fails now: another camera may have got our number.
+                # A camera that worked once may work again, whatever fails now: another may have got our number.
                 if isinstance(error, InputError) and not opened_before:
                     raise
                 self._camera.close()
@@ -151,7 +149,7 @@ class FrameReader:
                 self._pause()
 
     def _stream(self, info: SourceInfo) -> None:
-        """Reads until stopped. Raises what ``read`` raises, and DeviceError when good frames cease."""
+        """Read until stopped. Raises the errors of ``read`` and, if good frames cease, DeviceError."""
         stall = max(self._timing.stall, _STALL_FRAMES / info.fps)
         last_good_ns = time.monotonic_ns()
         previous: int | None = None
@@ -178,7 +176,7 @@ class FrameReader:
         return 0.0 <= limit <= (time.monotonic_ns() - started_ns) * 1e-9
 
     def _pause(self) -> None:
-        """Sleeps before the next attempt, waking up often enough to show that the thread lives."""
+        """Sleep before the next attempt, but wake up often enough to show that the thread lives."""
         remaining = self._timing.reconnect
         while remaining > 0.0 and not self._stopping.wait(min(_POLL_S, remaining)):
             remaining -= _POLL_S
@@ -192,8 +190,8 @@ class FrameReader:
         self._settled.set()
         self._notify()
 
-    def _settle(self, state: ReaderState, error: str | None = None) -> None:
-        self._slot.update(state=state, last_error=self._slot.status.last_error if error is None else error)
+    def _settle(self, state: ReaderState, error: str) -> None:
+        self._slot.update(state=state, last_error=error)
         self._settled.set()
         self._notify()
 

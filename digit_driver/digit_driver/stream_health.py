@@ -1,4 +1,4 @@
-"""The verdict on a stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
+"""Verdict on a stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class HealthReport:
-    """What to publish.
+    """Verdict to publish.
 
     Attributes:
         level: the worst of all findings.
         message: the findings, worst first.
         values: figures by name, as text.
-        uneven: the finding about stamps that are not evenly spaced, which no image shows; empty without one.
+        uneven: the finding that stamps are not evenly spaced, which no image shows; empty without it.
     """
 
     level: Level
@@ -48,11 +48,11 @@ class StreamEvidence:
 
     Attributes:
         reader: the reader's counters.
-        rate: measured frames per second, None while that is not known.
+        rate: measured frames per second, None while unknown.
         backward: stamps that did not advance.
         image: state of the newest image, None before the first.
-        jitter: by how much stamps deviate from even spacing, seconds; None while that is not known.
-        jitter_limit: by how much they may, seconds.
+        jitter: deviation of stamps from even spacing, seconds; None while unknown.
+        jitter_limit: largest deviation that is allowed, seconds.
     """
 
     reader: ReaderStatus
@@ -64,7 +64,7 @@ class StreamEvidence:
 
 
 def assess(evidence: StreamEvidence, clock: ClockOffset) -> HealthReport:
-    """The verdict on one moment."""
+    """Return the verdict on one moment."""
     findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
     level = findings[0][0] if findings else Level.OK
     message = "; ".join(text for _, text in findings) or _quiet_message(evidence.reader.state)
@@ -136,11 +136,11 @@ def _values(evidence: StreamEvidence, clock: ClockOffset) -> dict[str, str]:
 
 
 class StreamMonitor:
-    """Watches one stream; used by one thread.
+    """Monitor of one stream; used by one thread.
 
     Args:
         monotonic_ns: the host's monotonic clock.
-        offset: its distance to wall time.
+        offset: from it to wall time.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns, offset: ClockOffset | None = None) -> None:
@@ -153,18 +153,18 @@ class StreamMonitor:
 
     @property
     def frozen(self) -> bool:
-        """Whether the camera repeats one image."""
+        """True while the camera repeats one image."""
         return self._health is not None and self._health.frozen
 
     def opened(self, info: SourceInfo) -> None:
-        """The camera was opened (again): what was measured before is forgotten."""
+        """Forget all measurements, because the camera was opened (again)."""
         self._rate = RateMonitor(info.fps, self._monotonic_ns())
         self._health = ImageHealth(round(_FROZEN_AFTER_S * info.fps))
         self._image = None
         self._jitter = JitterMonitor()
 
     def stamp(self, frame: Frame) -> int:
-        """Takes note of a frame and returns its acquisition in wall time, nanoseconds."""
+        """Note a frame and return its time of acquisition in wall time, nanoseconds."""
         self._rate.add(frame.stamp_monotonic_ns)
         self._image = self._health.update(frame.image)
         self._offset.update()
@@ -173,7 +173,7 @@ class StreamMonitor:
         return stamp_ns
 
     def report(self, reader: ReaderStatus, jitter_limit: float) -> HealthReport:
-        """The verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
+        """Return the verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
         rate = self._rate.rate(self._monotonic_ns()) if self._rate else None
         backward = self._rate.backward if self._rate else 0
         evidence = StreamEvidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)

@@ -1,4 +1,4 @@
-"""What is measured of a stream: its rate, how even its time stamps are, whether its images can be right."""
+"""Monitors of a stream: its rate, the evenness of its time stamps, and faults that its images show."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _SATURATED_FRACTION = 0.25
 
 
 class RateMonitor:
-    """Counts stamps within a sliding window: one second, longer for slow sources.
+    """Counter of stamps within a sliding window: one second, longer for slow sources.
 
     Args:
         fps: expected frames per second.
-        now_ns: the time of beginning, nanoseconds on the stamps' clock.
+        now_ns: the time at the start, nanoseconds on the stamps' clock.
     """
 
     def __init__(self, fps: float, now_ns: int) -> None:
@@ -33,7 +33,7 @@ class RateMonitor:
         self._stamps: deque[int] = deque()
 
     def add(self, stamp_ns: int) -> None:
-        """Counts one frame."""
+        """Count one frame."""
         self._stamps.append(stamp_ns)
         self._forget(stamp_ns)
 
@@ -43,7 +43,7 @@ class RateMonitor:
         return sum(later <= earlier for earlier, later in pairwise(self._stamps))
 
     def rate(self, now_ns: int) -> float | None:
-        """Frames per second in the window that ends now; None before one whole window has passed."""
+        """Return the frames per second in the window that ends now; None before one whole window has passed."""
         if now_ns - self._start_ns < self._window_ns:
             return None
         self._forget(now_ns)
@@ -55,7 +55,7 @@ class RateMonitor:
 
 
 class JitterMonitor:
-    """Looks at the stamps of the last 120 frames.
+    """Monitor of the stamps of the last 120 frames.
 
     A camera exposes by a clock of its own, so its stamps lie on an even grid, from which lost frames are missing. A
     stamp off that grid is late: it was taken at reading instead of acquisition, or on a busy host. The image is then
@@ -66,11 +66,11 @@ class JitterMonitor:
         self._stamps: deque[tuple[int, int]] = deque(maxlen=_JITTER_FRAMES)
 
     def add(self, stamp_ns: int, sequence: int) -> None:
-        """Takes note of one frame: its stamp and the number that the source gave it."""
+        """Note one frame: its stamp and the number that the source gave it."""
         self._stamps.append((stamp_ns, sequence))
 
     def jitter(self) -> float | None:
-        """95th percentile of how far intervals deviate from the median one, seconds; None for too few frames."""
+        """Return the 95th percentile of intervals' deviation from the median one, seconds; None for too few frames."""
         if len(self._stamps) < _FEWEST_JITTER_FRAMES:
             return None
         stamps, sequences = np.diff(np.array(self._stamps, dtype=np.int64), axis=0).T
@@ -87,7 +87,7 @@ class ImageReport:
         mean: mean level of all channels, 0...255.
         saturated: fraction of pixels with at least one channel at its limit.
         repeats: how many times in a row the image came again unchanged.
-        problem: what is wrong, in words with the fix; empty when nothing is.
+        problem: a fault and its fix; empty if there is none.
     """
 
     mean: float
@@ -97,7 +97,7 @@ class ImageReport:
 
 
 class ImageHealth:
-    """Looks at every sixteenth pixel of each image.
+    """Check of every sixteenth pixel of each image.
 
     Args:
         frozen_after: this many equal images in a row mean a frozen stream. A sensor's noise makes two equal images all
@@ -111,11 +111,11 @@ class ImageHealth:
 
     @property
     def frozen(self) -> bool:
-        """Whether the last images were equal."""
+        """True while the last images are equal."""
         return self._repeats >= self._frozen_after
 
     def update(self, image: np.ndarray) -> ImageReport:
-        """Judges one (H, W, 3) uint8 image."""
+        """Judge one (H, W, 3) uint8 image."""
         sample = np.ascontiguousarray(image[::_PIXEL_STRIDE, ::_PIXEL_STRIDE])
         equal = self._previous is not None and np.array_equal(sample, self._previous)
         self._repeats = self._repeats + 1 if equal else 0

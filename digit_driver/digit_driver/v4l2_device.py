@@ -16,14 +16,14 @@ from .frames import CorruptFrameError, DeviceError, Frame, SourceInfo
 from .v4l2_stream import FilledBuffer, V4l2Stream
 
 MAX_LED_LEVEL = 15
-"""The DIGIT's three LEDs have four bits each, packed into one control, which its firmware calls zoom."""
+"""Largest brightness of an LED: a DIGIT's three have four bits each, packed into one control, its firmware's zoom."""
 FIRST_FIRMWARE_WITH_RGB = 200
 _OLDEST_CREDIBLE_STAMP_NS = 2_000_000_000
 
 
 @dataclass(frozen=True)
 class V4l2Settings:
-    """How to open the sensor.
+    """Settings with which to open the sensor.
 
     Attributes:
         camera: the kind of sensor.
@@ -32,7 +32,7 @@ class V4l2Settings:
         resolution: name of one of the camera's modes; empty for the first.
         fps: one of that mode's rates; 0 for the first.
         leds: brightness of red, green and blue, 0...15.
-        use_buffer_timestamps: take the kernel's time of a frame; else the time of fetching it.
+        use_buffer_timestamps: take the kernel's time of a frame; otherwise the time of fetching it.
 
     Raises:
         InputError: resolution and frame rate do not exist together.
@@ -55,15 +55,15 @@ class V4l2Settings:
 
     @property
     def mode(self) -> CameraMode:
-        """The mode of that resolution."""
+        """Mode of that resolution."""
         return self.camera.mode(self.resolution)
 
 
 class V4l2Camera:
-    """The sensor itself. One thread opens, reads and closes it; ``set_leds`` may come from any thread.
+    """The sensor itself. One thread opens, reads and closes it; any thread may call ``set_leds``.
 
     Args:
-        settings: see there.
+        settings: with which to open it.
         system: the kernel.
         find: lists the sensors of a model present. Every ``open`` calls it, since replugging renumbers the nodes.
     """
@@ -88,7 +88,7 @@ class V4l2Camera:
         self._lock = threading.Lock()
 
     def open(self) -> SourceInfo:
-        """Acquires the sensor; afterwards ``read`` gives frames.
+        """Acquire the sensor; afterwards ``read`` gives frames.
 
         Raises:
             InputError: it can never be opened with these settings.
@@ -117,7 +117,7 @@ class V4l2Camera:
         return SourceInfo(stream.name, serial, *self._mode.output, fps, tuple(warnings))
 
     def read(self, timeout: float) -> Frame | None:
-        """Waits at most ``timeout`` seconds for the next frame; None when none came.
+        """Wait at most ``timeout`` seconds for the next frame and return it; None if none came.
 
         Raises:
             CorruptFrameError: a frame came, but damaged, or too late.
@@ -136,14 +136,14 @@ class V4l2Camera:
         return Frame(self._camera.upright(image, mode), self._stamp(filled), filled.sequence)
 
     def close(self) -> None:
-        """Gives the sensor back. May be called at any time and more than once."""
+        """Release the sensor. May be called at any time and more than once."""
         with self._lock:
             stream, self._stream = self._stream, None
         if stream is not None:
             stream.close()
 
     def set_leds(self, rgb: tuple[int, int, int]) -> None:
-        """Sets the LEDs' brightness, 0...15 each, now and after every later ``open``; ignored by cameras without LEDs.
+        """Set the LEDs' brightness, 0...15 each, now and after every later ``open``; ignored by cameras without LEDs.
 
         Raises:
             DeviceError: the camera is there but refuses.
@@ -154,7 +154,7 @@ class V4l2Camera:
             self._leds = rgb
             # While it is unplugged this does nothing: ``open`` lights it when it is back.
             if self._stream is not None:
-                # Old firmware knows one brightness for all three.
+                # Old firmware has one brightness for all three.
                 value = max(rgb) if self._has_old_firmware else rgb[0] << 8 | rgb[1] << 4 | rgb[2]
                 self._stream.set_control(v4l2.CID_ZOOM_ABSOLUTE, value, "setting the LEDs")
 
@@ -162,14 +162,14 @@ class V4l2Camera:
         if self._settings.video_device:
             node = Path(self._settings.video_device)
             digit = find_by_node(node, self._find(self._camera))
-            # A link of udev's keeps naming the same sensor. A number goes to another one once ours is unplugged.
+            # A udev link keeps naming the same sensor. A number goes to another sensor once ours is unplugged.
             if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
                 return digit, (node,)
         digit = select_camera(self._camera, self._find(self._camera), self._serial)
         return digit, digit.nodes
 
     def _agree_on_format(self, stream: V4l2Stream) -> int:
-        """The pixel format; InputError if the camera has not the size and the formats of the model."""
+        """Return the pixel format; raises InputError if the camera lacks the size and the formats of the model."""
         wanted = self._mode.width, self._mode.height
         width, height, pixel_format = stream.set_format(self._mode)
         if (width, height) != wanted:
@@ -186,7 +186,7 @@ class V4l2Camera:
         return self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB
 
     def _light_up(self) -> list[str]:
-        """Sets the LEDs; a sensor that refuses still gives images, so this only warns."""
+        """Set the LEDs and return warnings: a sensor that refuses still gives images."""
         try:
             self.set_leds(self._leds)
         except DeviceError as error:
@@ -196,10 +196,10 @@ class V4l2Camera:
         return []
 
     def _stamp(self, filled: FilledBuffer) -> int:
-        """Monotonic time of the frame; the time of fetching it where the kernel's is of no use.
+        """Return the monotonic time of the frame; the time of fetching it if the kernel's cannot be used.
 
         Raises:
-            CorruptFrameError: it waited too long to be fetched: this process was halted.
+            CorruptFrameError: it waited too long to be fetched, because this process was halted.
         """
         if not self._settings.use_buffer_timestamps or filled.stamp_ns is None:
             return filled.fetched_ns

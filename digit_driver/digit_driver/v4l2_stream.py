@@ -1,6 +1,6 @@
 """An open capture node of Video4Linux2: its format and rate, and the buffers that the camera fills in turn.
 
-The driver calls the kernel directly, because capture libraries hide what a robot needs: which node gives images, the
+The driver calls the kernel directly, because capture libraries hide what a robot needs: the node with the images, the
 acquisition time of a buffer, the flag of a damaged buffer, and a wait with a time limit.
 """
 
@@ -28,7 +28,7 @@ class FilledBuffer:
     """One frame as the camera has sent it.
 
     Attributes:
-        data: of the pixel format.
+        data: the image in the pixel format.
         sequence: number given by the camera.
         damaged: whether the transfer damaged the frame.
         stamp_ns: the kernel's monotonic time of acquisition; None if the kernel stamps with another clock.
@@ -46,14 +46,14 @@ class V4l2Stream:
     """The first of a camera's device nodes that gives images; the others carry metadata.
 
     Args:
-        nodes: of the camera.
+        nodes: the camera's device nodes.
         system: the kernel.
 
     Attributes:
         name: the node that is open.
 
     Raises:
-        DeviceError: none can be opened or gives images; from the methods: what failed and why.
+        DeviceError: none can be opened or gives images; the methods raise it with the call that failed and the reason.
     """
 
     def __init__(self, nodes: Sequence[Path], system: v4l2.SystemCalls) -> None:
@@ -75,7 +75,7 @@ class V4l2Stream:
         raise DeviceError("cannot open the sensor: " + "; ".join(refusals))
 
     def set_format(self, mode: CameraMode) -> tuple[int, int, int]:
-        """Asks for the size and pixel format of a mode; returns the width, height and format that the camera grants."""
+        """Request the size and pixel format of a mode; return the width, height and format that the camera grants."""
         request = v4l2.Format(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
         pix = request.fmt.pix
         pix.width, pix.height = mode.width, mode.height
@@ -84,7 +84,7 @@ class V4l2Stream:
         return pix.width, pix.height, pix.pixelformat
 
     def set_rate(self, fps: int) -> float:
-        """Asks for frames per second; returns those that the camera grants."""
+        """Request a number of frames per second; return the one that the camera grants."""
         request = v4l2.StreamParm(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
         period = request.parm.capture.timeperframe
         period.numerator, period.denominator = 1, fps
@@ -94,7 +94,7 @@ class V4l2Stream:
         return period.denominator / period.numerator
 
     def set_control(self, control: int, value: int, doing: str) -> None:
-        """Sets a control of the camera; a no-op if it was unplugged."""
+        """Set a control of the camera; a no-op if it was unplugged."""
         try:
             self._system.ioctl(self._fd, v4l2.VIDIOC_S_CTRL, v4l2.Control(control, value))
         except OSError as error:
@@ -102,7 +102,7 @@ class V4l2Stream:
                 raise self._failure(doing, error) from error
 
     def start(self) -> None:
-        """Maps the buffers and lets the camera fill them."""
+        """Map the buffers and let the camera fill them."""
         request = v4l2.RequestBuffers(_BUFFERS, v4l2.BUF_TYPE_VIDEO_CAPTURE, v4l2.MEMORY_MMAP)
         self._ioctl(v4l2.VIDIOC_REQBUFS, request, "requesting buffers")
         for index in range(request.count):
@@ -116,7 +116,7 @@ class V4l2Stream:
         self._ioctl(v4l2.VIDIOC_STREAMON, ctypes.c_int(v4l2.BUF_TYPE_VIDEO_CAPTURE), "starting the stream")
 
     def fetch(self, timeout: float) -> FilledBuffer | None:
-        """The next frame; None after ``timeout`` seconds without one."""
+        """Return the next frame; None after ``timeout`` seconds without one."""
         buffer = _buffer()
         try:
             if not self._system.wait_readable(self._fd, timeout):
@@ -138,8 +138,8 @@ class V4l2Stream:
         return filled
 
     def close(self) -> None:
-        """Ends the stream and gives everything back."""
-        # An unplugged camera cannot be stopped, but its descriptor must be given back all the same.
+        """End the stream and release everything."""
+        # An unplugged camera cannot be stopped, but its descriptor must still be released.
         with contextlib.suppress(OSError):
             self._system.ioctl(self._fd, v4l2.VIDIOC_STREAMOFF, ctypes.c_int(v4l2.BUF_TYPE_VIDEO_CAPTURE))
         for buffer in self._buffers:
@@ -159,7 +159,7 @@ class V4l2Stream:
 
 
 def _refusal(system: v4l2.SystemCalls, fd: int) -> str:
-    """Why an open node cannot be streamed from; empty if it can."""
+    """Return why an open node cannot be streamed from; empty if it can."""
     capability = v4l2.Capability()
     try:
         system.ioctl(fd, v4l2.VIDIOC_QUERYCAP, capability)

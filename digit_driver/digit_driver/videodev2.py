@@ -1,7 +1,7 @@
-"""The part of the kernel's Video4Linux2 interface that capturing needs: ctypes structures and system calls.
+"""Part of the kernel's Video4Linux2 interface that capturing needs: ctypes structures and system calls.
 
 Field order and numbers follow the kernel's documentation ("Video for Linux API", 64-bit systems); a test
-compares every size and request number with the system's own header where a compiler is at hand.
+compares every size and request number with the system's own header if there is a compiler.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CID_ZOOM_ABSOLUTE = 0x009A090D
 
 
 def fourcc(code: str) -> int:
-    """Pixel format number of a four-letter code."""
+    """Return the pixel format number of a four-letter code."""
     return int.from_bytes(code.encode("ascii"), "little")
 
 
@@ -167,27 +167,27 @@ VIDIOC_S_CTRL = _request(_READ | _WRITE, 28, Control)
 
 
 class SystemCalls:
-    """The system calls through which the driver touches a camera; here tests put a fake kernel.
+    """System calls through which the driver uses a camera; tests replace them by a fake kernel.
 
-    All methods raise OSError as the calls they wrap.
+    All methods raise OSError as the calls that they wrap do.
     """
 
     def open(self, path: str) -> int:
-        """Opens a device for reading and writing without ever blocking on it; returns the descriptor."""
+        """Open a device for reading and writing without ever blocking on it; return the descriptor."""
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self, fd: int) -> None:
         os.close(fd)
 
     def ioctl(self, fd: int, request: int, argument: c.Structure | c._SimpleCData) -> None:
-        """The kernel reads and fills ``argument`` in place."""
+        """Let the kernel read and fill ``argument`` in place."""
         fcntl.ioctl(fd, request, argument)
 
     def mmap(self, fd: int, length: int, offset: int) -> mmap.mmap:
         return mmap.mmap(fd, length, mmap.MAP_SHARED, mmap.PROT_READ | mmap.PROT_WRITE, offset=offset)
 
     def wait_readable(self, fd: int, timeout: float) -> bool:
-        """True when a buffer (or an error) is there to be fetched, False after ``timeout`` seconds."""
+        """Return True once a buffer (or an error) can be fetched, False after ``timeout`` seconds."""
         poller = select.poll()
         poller.register(fd, select.POLLIN | select.POLLPRI)
         return bool(poller.poll(max(0.0, timeout) * 1000.0))

@@ -1,1 +1,1 @@
-"""What measures MidasTouch; nothing that runs on a robot imports it."""
+"""Measurements of MidasTouch; nothing that runs on a robot imports them."""

@@ -1,6 +1,6 @@
 """A simulated slide over a bundled object, played like a recording. No hardware, no data to download.
 
-Slide and codebook are made by the first run, under out/ of the present folder, and kept.
+The first run makes the slide and the codebook under out/ of the current folder; later runs reuse them.
 """
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
@@ -22,7 +22,7 @@ ARGUMENTS = declared(SETUPS["demo"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Make what is missing, then replay.launch.py, which gets these arguments by their names."""
+    """Make the slide and the codebook if they are missing, then include replay.launch.py with these arguments."""
     return LaunchDescription(
         [
             to_ourselves(),
@@ -35,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def play(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The replay of the slide."""
+    """Include the replay of the slide."""
     return [
         SetLaunchConfiguration("bag", str(demo_slide(context.launch_configurations["object"]))),
         included("replay"),

@@ -10,7 +10,7 @@ ARGUMENTS = declared(SETUPS["digit_sim"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Node `digit_sim`, moved by TF."""
+    """Start node `digit_sim`, which TF moves."""
     return LaunchDescription(
         [
             *ARGUMENTS,

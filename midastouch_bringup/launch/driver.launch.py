@@ -10,7 +10,7 @@ ARGUMENTS = declared(SETUPS["driver"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Node `digit_driver`."""
+    """Start node `digit_driver`."""
     return LaunchDescription(
         [
             *ARGUMENTS,

@@ -1,7 +1,7 @@
 """A simulated finger or arm explores an object by itself, until the filter knows its pose. No hardware, no data.
 
-The codebooks are made by the first run, under out/ of the present folder, and kept. `midastouch run explore` does the
-same, takes keys, and ends with a page.
+The first run makes the codebooks under out/ of the current folder; later runs reuse them. `midastouch run explore` does
+the same, and also takes keys and ends with a page of results.
 """
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
@@ -28,7 +28,7 @@ ARGUMENTS = declared(SETUPS["explore"].values(), SETUPS["explore"].choices)
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Make what is missing, then `digit_sim`, the localisation, what moves the gel and `explorer`."""
+    """Make missing codebooks, then start `digit_sim`, the localisation, the simulated finger or arm, and `explorer`."""
     return LaunchDescription(
         [
             to_ourselves(),
@@ -41,9 +41,9 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The nodes. Launch files that are included get the arguments of this one by their names."""
+    """Start the nodes. Included launch files receive the arguments of this one by name."""
     return [
-        # mesh, codebook and objects: those that were just made
+        # mesh, codebook and objects, as they were just made
         *(SetLaunchConfiguration(name, path) for name, path in explored(context.launch_configurations).items()),
         included("digit_sim"),
         included("localization"),
@@ -58,5 +58,5 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def _simulated_arm(package: str, executable: str, name: str) -> Node:
-    """What moves the gel, started for arm:=`name`."""
+    """Start the node that moves the gel if arm:=`name`."""
     return lasting_node(package, executable, ["mesh", "seed", "tf_prefix", "sensor_prefix"], condition=arm_is(name))

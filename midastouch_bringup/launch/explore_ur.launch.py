@@ -22,9 +22,9 @@ ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What `live_ur` starts, `slider`, with arm:=rtde `ur_speed`, `recorder` and `explorer`.
+    """Start the nodes of `live_ur`, `slider`, `recorder` and `explorer`, and with arm:=rtde also `ur_speed`.
 
-    Launch files that are included get these arguments by their names.
+    Included launch files receive these arguments by name.
     """
     return LaunchDescription(
         [

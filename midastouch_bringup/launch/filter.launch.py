@@ -1,4 +1,4 @@
-"""From codes and transforms to the pose of the sensor on the object."""
+"""The filter: from codes and transforms to the pose of the sensor on the object."""
 
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
@@ -11,7 +11,7 @@ ARGUMENTS = declared(SETUPS["filter"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Node `particle_filter`, which hears `tactile/code`, `tactile/points` and `/tf`."""
+    """Start node `particle_filter`, which subscribes to `tactile/code`, `tactile/points` and `/tf`."""
     return LaunchDescription(
         [
             *ARGUMENTS,

@@ -23,9 +23,9 @@ ARGUMENTS = declared(SETUPS["live_ur"].values(), SETUPS["live_ur"].choices)
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Everything but the arm's own driver, unless `arm` asks for that too.
+    """Start everything; the arm's own driver only with arm:=ur_driver.
 
-    Launch files that are included get these arguments by their names.
+    Included launch files receive these arguments by name.
     """
     return LaunchDescription(
         [
@@ -49,7 +49,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def ur_driver(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The arm's driver, with the calibration of this very arm if there is one."""
+    """Include the arm's driver, with the calibration of this particular arm if it is given."""
     given = context.launch_configurations
     arguments = {name: given[name] for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")}
     arguments["launch_rviz"] = "false"

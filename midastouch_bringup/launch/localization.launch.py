@@ -1,4 +1,4 @@
-"""Perception and filter: in processes of their own, or in one."""
+"""Perception and filter: each node in its own process, or all in one."""
 
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
@@ -20,7 +20,7 @@ ARGUMENTS = declared(SETUPS["localization"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Nodes `tdn`, `tcn`, `particle_filter`. Launch files that are included get these arguments by their names."""
+    """Start nodes `tdn`, `tcn`, `particle_filter`. Included launch files receive these arguments by name."""
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -28,7 +28,7 @@ def generate_launch_description() -> LaunchDescription:
             included("perception", condition=UnlessCondition(LaunchConfiguration("composed"))),
             included("filter", condition=UnlessCondition(LaunchConfiguration("composed"))),
             OpaqueFunction(function=say_if_no_object, condition=wanted("composed")),
-            # a name given to this process would be the name of all three nodes
+            # no name: a name given to this process would rename all three nodes
             lasting_node(
                 "midastouch_bringup",
                 "all_in_one",

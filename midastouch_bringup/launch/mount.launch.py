@@ -12,7 +12,7 @@ ARGUMENTS = declared(SETUPS["mount"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """A robot_state_publisher of its own: the arm's description stays untouched."""
+    """Start a robot_state_publisher for the mount alone, so that the arm's description stays untouched."""
     use_respawn = UseRespawn()
     return LaunchDescription(
         [
@@ -22,7 +22,7 @@ def generate_launch_description() -> LaunchDescription:
                 executable="robot_state_publisher",
                 name="digit_mount_publisher",
                 namespace=LaunchConfiguration("namespace"),
-                # what xacro makes of urdf/digit_mount.urdf.xacro with frames_file, tool_frame and the prefixes
+                # urdf/digit_mount.urdf.xacro, expanded by xacro with frames_file, tool_frame and the prefixes
                 parameters=[{"robot_description": ParameterValue(mount_description(), value_type=str)}],
                 remappings=[("robot_description", "digit_description")],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],

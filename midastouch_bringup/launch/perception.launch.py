@@ -1,4 +1,4 @@
-"""From tactile images to codes."""
+"""Perception: from tactile images to codes."""
 
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
@@ -10,7 +10,7 @@ ARGUMENTS = declared(SETUPS["perception"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Nodes `tdn`, from `image_raw` to `tactile/points`, and `tcn`, from there to `tactile/code`."""
+    """Start node `tdn` (`image_raw` to `tactile/points`) and node `tcn` (`tactile/points` to `tactile/code`)."""
     return LaunchDescription(
         [
             *ARGUMENTS,

@@ -1,4 +1,4 @@
-"""A recording through perception and filter, in its own time, without losing a frame."""
+"""Replay of a recording through perception and filter, in the recording's own time, without losing a frame."""
 
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
@@ -10,7 +10,7 @@ ARGUMENTS = declared(SETUPS["replay"].values())
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Node `replay`, the localisation and RViz. Launch files that are included get these arguments by their names."""
+    """Start node `replay`, the localisation and RViz. Included launch files receive these arguments by name."""
     return LaunchDescription(
         [
             *ARGUMENTS,

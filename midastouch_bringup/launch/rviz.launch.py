@@ -13,7 +13,7 @@ TAKEN = declared({name: ARGUMENTS[name].default for name in ("namespace", "use_s
 
 
 def generate_launch_description() -> LaunchDescription:
-    """RViz in the namespace, so that the relative topics of the configuration are the namespace's."""
+    """Start RViz in the namespace, so that the relative topics of its configuration resolve there."""
     return LaunchDescription(
         [
             *TAKEN,
@@ -32,5 +32,5 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _close(_event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    # a second event of that type fails in launch_ros, whose ROS node is gone by then
+    # a second Shutdown event fails in launch_ros, whose ROS node is gone by then
     return None if context.is_shutdown else Shutdown(reason="RViz was closed")

@@ -1,4 +1,4 @@
-"""The `midastouch` command: the demo, recordings, calibration, training, and what other packages add."""
+"""The `midastouch` command: the demo, recordings, calibration, training, and commands of other packages."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def add_commands(parser: argparse.ArgumentParser) -> list[Section]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit status: 0 success, 1 the command found a failure, 2 bad input."""
+    """Run one command; return the exit status: 0 success, 1 the command found a failure, 2 bad input, 130 Ctrl-C."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in OF_BENCHMARK and not commands_of_others():
         print(
@@ -128,7 +128,7 @@ _WHERE = ("--json", "--out", "--cluster")
 
 
 def _what(arguments: list[str]) -> list[str]:
-    """Arguments without those that say where on this machine something is kept or run."""
+    """Drop the options that only name a place on this machine or a cluster: they do not change the result."""
     out, rest = [], iter(arguments)
     for argument in rest:
         if argument in _WHERE:

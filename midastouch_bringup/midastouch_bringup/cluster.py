@@ -1,7 +1,7 @@
-"""Work shared out to processes of this machine, or to a lab's cluster, by Dask.
+"""Work distributed by Dask over processes of this machine or over a lab's cluster.
 
-A task is a function of its arguments alone, so that it does not matter where it runs or how often it is started: what a
-dead worker had in hand goes to another, and each result is handed out once.
+A task depends on its arguments alone, so it does not matter where it runs or how many times it is started: the tasks of
+a dead worker go to another one, and each result is returned once.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ R = TypeVar("R")
 _AHEAD = 2  # tasks per worker that are handed over before they are needed
 CONNECT_S = 10.0
 _TRIM = "MALLOC_TRIM_THRESHOLD_"
-"""Dask has its workers give memory back to the system at each chance: arrays of images then took half of their time."""
+"""Dask sets this in its workers, so that they return memory at once; with image arrays that took half of their time."""
 
 
 class Cluster(Protocol):
-    """Where tasks run."""
+    """Executor of tasks."""
 
     def map(self, function: Callable[..., R], arguments: list[tuple], deadline: float = float("inf")) -> Iterator[R]:
-        """Results of the function for each of the arguments, in any order; nothing is started after the deadline, in
+        """Yield the results of the function for all arguments, in any order; no task is started after the deadline, in
         seconds of `time.monotonic`."""
 
 
 @contextlib.contextmanager
 def open_cluster(jobs: int = 1, address: str | None = None) -> Iterator[Cluster]:
-    """This very process for one job, `jobs` processes of this machine, or the workers of the Dask scheduler at an
-    address, such as tcp://10.0.0.1:8786.
+    """Open a cluster: this process for one job, `jobs` processes of this machine, or the workers of the Dask scheduler
+    at an address such as tcp://10.0.0.1:8786.
 
-    The local one listens on the loop-back device only and has no dashboard. Raises InputError if no scheduler answers.
+    Local workers listen on the loop-back device only and have no dashboard. Raises InputError if no scheduler answers.
     """
     if address is None and jobs == 1:
         yield _ThisProcess()
         return
-    # imported here: it takes a second, and most commands share nothing out
+    # imported here: it takes a second, and most commands distribute nothing
     from distributed import Client, LocalCluster
     from distributed.config import config
 
@@ -52,7 +52,7 @@ def open_cluster(jobs: int = 1, address: str | None = None) -> Iterator[Cluster]
                 n_workers=jobs,
                 threads_per_worker=1,
                 host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",  # of its health check: None would take the port 8787
+                dashboard_address="127.0.0.1:0",  # of its health check; None would take port 8787
                 scheduler_kwargs={"dashboard": False},
                 memory_limit=0,
                 local_directory=folder,
@@ -88,7 +88,7 @@ class _Dask:
         def hand_over(n: int) -> None:
             if time.monotonic() < deadline:
                 for one in islice(left, n):
-                    # not pure: the same arguments are another task the next time
+                    # not pure: Dask would reuse the result of an earlier task with the same arguments
                     running.add(self._client.submit(function, *one, pure=False))
 
         hand_over(_AHEAD * max(len(self._client.nthreads()), 1))

@@ -1,4 +1,4 @@
-"""Codebooks built with a progress bar and kept for the next time."""
+"""Building of codebooks with a progress bar, and reuse of those that exist."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .cluster import Cluster
 from .output_paths import CACHED_CODEBOOKS, cached_codebook_path, codebook_path
 from .progress import Bars
 
-SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
+SAVE_INTERVAL_S = 30.0  # work that a kill or a power cut may cost
 
 
 def build_and_save(
@@ -35,10 +35,10 @@ def build_and_save(
     jobs: int | None,
     symmetry: Symmetry | None = None,
 ) -> tuple[Codebook, float]:
-    """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took.
+    """Build a codebook of `size` poses and write it to `path`; return it and the seconds it took.
 
-    symmetry of the object, None: it is found. `jobs` chunks are encoded at a time, None: one per core. An interrupted
-    build leaves what it has done beside `path`, where the next call for the same codebook goes on.
+    symmetry: of the object; None: it is searched for. jobs: chunks encoded at a time; None: one per core. An
+    interrupted build keeps its progress next to `path`, and the next call for the same codebook continues there.
     """
     start = time.perf_counter()
     build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed, symmetry), unfinished_path(path)
@@ -84,7 +84,7 @@ def build_and_save(
 
 
 def unfinished_path(path: str | os.PathLike) -> Path:
-    """Where an interrupted build of the codebook `path` keeps what it has done."""
+    """Path where an interrupted build of the codebook `path` keeps its progress."""
     return Path(path).with_suffix(".unfinished.npz")
 
 
@@ -96,7 +96,7 @@ def cached_codebook(
     folder: Path = CACHED_CODEBOOKS,
     jobs: int | None = None,
 ) -> Codebook:
-    """The codebook of `size` poses of an object from an earlier call, built if there is none that fits."""
+    """Return the codebook of `size` poses of an object from an earlier call; build it if none fits."""
     return ensure_codebook(cached_codebook_path(mesh.name, size, folder), mesh, tcn, sensor, size, jobs)
 
 
@@ -108,7 +108,7 @@ def ensure_codebook(
     size: int,
     jobs: int | None = None,
 ) -> Codebook:
-    """The codebook at `path`; one of `size` poses is built there if there is none of this mesh, network and sensor."""
+    """Return the codebook at `path`; build one of `size` poses there if it is not of this mesh, network and sensor."""
     if (book := _fitting(path, mesh, tcn, sensor)) is not None:
         return book
     return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
@@ -123,7 +123,7 @@ def is_up_to_date(
     seed: int,
     symmetry: Symmetry | None = None,
 ) -> bool:
-    """Whether the codebook that `build_and_save` makes of these is at `path` already."""
+    """Return whether `path` already holds the codebook that `build_and_save` would make of these arguments."""
     book = _fitting(path, mesh, tcn, sensor)
     if book is None or (book.meta["size"], book.meta["seed"]) != (size, seed) or book.symmetry is None:
         return False
@@ -144,10 +144,10 @@ def _fitting(path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sen
 def build_catalogue(
     meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster, force: bool
 ) -> Iterator[str]:
-    """Build the codebook of each mesh file, named as `codebook_path` does, in a folder that every worker sees; yields a
-    line about each.
+    """Build the codebook of each mesh file in a folder that every worker sees; yield a line about each.
 
-    Codebooks that are up to date are kept, unless `force`. tcn, sensor: names, or files that the workers can read.
+    Files are named as by `codebook_path`. Codebooks that are up to date are kept, unless `force`. tcn, sensor: names,
+    or files that the workers can read.
     """
     yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder, force) for mesh in meshes])
 

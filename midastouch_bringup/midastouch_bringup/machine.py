@@ -1,4 +1,4 @@
-"""What a measurement was taken on: machine, versions and code, for the `machine` key of the JSON files."""
+"""Description of a measurement's machine, versions and code, for the `machine` key of the JSON files."""
 
 from __future__ import annotations
 

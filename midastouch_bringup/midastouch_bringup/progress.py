@@ -14,7 +14,7 @@ _bars: weakref.WeakSet[tqdm] = weakref.WeakSet()
 
 
 def progress_bar(**options) -> tqdm:
-    """A `tqdm` bar with its options; where stderr is no terminal it is a line every five seconds."""
+    """Return a `tqdm` bar with its options; if stderr is no terminal, it prints a line every five seconds."""
     if sys.stderr.isatty():
         bar = tqdm(mininterval=_LIVE_INTERVAL_S, maxinterval=_LOG_INTERVAL_S, **options)
     else:
@@ -24,32 +24,32 @@ def progress_bar(**options) -> tqdm:
 
 
 class Bars:
-    """A progress bar for each step of a work: that of a new step takes the place of the one before."""
+    """Progress bars for the steps of a job: the bar of a new step replaces the one before."""
 
     def __init__(self) -> None:
         self._step, self._bar = "", None
 
     def of(self, step: str, unit: str, total: int | None = None) -> tqdm:
-        """The bar of the step in hand; total: None where nobody knows it."""
+        """Return the bar of the current step; total: None if it is not known."""
         if step != self._step:
             self.close()
             self._step, self._bar = step, progress_bar(desc=step, unit=unit, total=total)
         return self._bar
 
     def close(self) -> None:
-        """End the last step."""
+        """Close the bar of the last step."""
         if self._bar is not None:
             self._bar.close()
 
 
 def close_bars() -> None:
-    """Close the bars that an error has left open, so that what is printed about it begins a line."""
+    """Close the bars that an error has left open, so that its message begins a line."""
     for bar in list(_bars):
         bar.close()
 
 
 class _Lines(io.TextIOBase):
-    """Lines for a log of what a bar writes over itself: who reads a log by lines would see nothing before its end."""
+    """Stream that writes each state of a bar as a line: in a log read by lines, a bar would show only at its end."""
 
     def __init__(self, out: TextIO):
         self._out = out

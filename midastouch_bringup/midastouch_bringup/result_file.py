@@ -31,7 +31,7 @@ def to_json(value: object) -> object:
 
 
 def write_json(path: str | os.PathLike, value: object) -> None:
-    """Write `value` to `path`; a failure leaves what was there before."""
+    """Write `value` to `path`; a failure leaves the former file."""
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(to_json(value), indent=1, allow_nan=False) + "\n")
 
@@ -61,7 +61,7 @@ def _rounded(value: object) -> object:
 
 
 def read_json(path: str | os.PathLike) -> dict:
-    """The object in a result file; InputError when it is not one."""
+    """Return the object in a result file; InputError if it is not one."""
     path = require_file(path, "result")
     try:
         value = json.loads(Path(path).read_text())

@@ -1,10 +1,10 @@
-"""Which ROS 2 this is, and whether it was tried here. docs/platforms.md has more of each."""
+"""The installed ROS 2 distribution, and whether it is tested. docs/platforms.md has more about each."""
 
 from __future__ import annotations
 
 from .machine import package_version
 
-# Distribution, and what is known of it, by the beginning of the version of its rclpy.
+# Distribution and its state here, by the beginning of the version of its rclpy.
 KNOWN = {
     "3.3.": ("Humble", "not supported: it lacks functions that the nodes call"),
     "7.1.": ("Jazzy", "tested"),
@@ -14,7 +14,7 @@ KNOWN = {
 
 
 def ros_distribution() -> str | None:
-    """One line on the installed ROS 2, None without one."""
+    """Return one line about the installed ROS 2; None without one."""
     version = package_version("ros-rclpy") or package_version("rclpy")  # the wheel's name, or that of a system ROS
     if version is None:
         return None

@@ -11,7 +11,7 @@ _NARROWEST = 20  # characters of a column that is wrapped
 def text_table(header: list[str], rows: list[list[object]], left: int = 1) -> str:
     """Rows under a header, columns padded; the first `left` columns are aligned left, the others right.
 
-    What does not fit into the terminal is wrapped in the last column, which is then aligned left.
+    If a row does not fit into the terminal, the last column is wrapped, and all columns are aligned left.
     """
     cells = [[str(cell) for cell in row] for row in [header, *rows]]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
@@ -34,5 +34,5 @@ def _padded(cells: list[str], widths: list[int], left: int) -> str:
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """`value` with `digits` decimals, a dash for None or nan."""
+    """Format `value` with `digits` decimals; a dash for None or nan."""
     return "-" if value is None or value != value else f"{value:.{digits}f}"

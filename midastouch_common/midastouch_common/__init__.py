@@ -1,1 +1,1 @@
-"""What every package of the workspace shares: errors, poses, meshes, files, and the base of its nodes."""
+"""Common code of every package of the workspace: errors, poses, meshes, files, and the base of its nodes."""

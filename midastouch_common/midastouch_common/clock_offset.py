@@ -1,8 +1,8 @@
-"""Maps the kernel's monotonic clock to wall (ROS) time by an offset that is measured continually.
+"""Conversion of the kernel's monotonic clock to wall (ROS) time, by an offset that is measured continually.
 
-Camera buffers carry ``CLOCK_MONOTONIC``; TF and everything else on the robot carry wall time. The distance
-between the two is not constant: NTP slews it by up to 500 ppm and sometimes steps it. An error of 0.15 s, as
-seen in drivers that measure it once or badly, is 4.5 mm of travel at 30 mm/s.
+Camera buffers carry ``CLOCK_MONOTONIC``; TF and all other data on the robot carry wall time. The offset between
+the two is not constant: NTP slews it by up to 500 ppm and sometimes steps it. An error of 0.15 s, as seen in
+drivers that measure the offset once or badly, is 4.5 mm of travel at 30 mm/s.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from collections.abc import Callable
 
 PAIRS = 5
 TIME_CONSTANT_NS = 2e9
-"""Of the low-pass. Under a slew of 500 ppm the estimate lags by 1 ms, which must stay below `STEP_NS`."""
+"""Time constant of the low-pass. Under a slew of 500 ppm the estimate lags by 1 ms, which must be below `STEP_NS`."""
 STEP_NS = 5_000_000
-"""Smallest deviation, beyond the measurement's own uncertainty, that is taken for a step."""
+"""A deviation larger than this, plus the measurement's own uncertainty, counts as a step of the wall clock."""
 
 
 class ClockOffset:
     """Running estimate of wall time minus monotonic time, nanoseconds.
 
     One measurement reads the wall clock between two readings of the monotonic clock, ``PAIRS`` times, and
-    keeps the tightest: its error is at most half the bracket. Measurements are low-passed, as a preempted
-    process measures badly; a distance beyond ``STEP_NS`` is a step of the wall clock and is adopted at once.
+    keeps the tightest pair: its error is at most half the time between its two readings. Measurements are
+    low-passed, because a preempted process measures badly; a step (see ``STEP_NS``) is adopted at once.
 
     Args:
         monotonic_ns, wall_ns: the two clocks.
@@ -42,11 +42,11 @@ class ClockOffset:
 
     @property
     def offset_ns(self) -> int:
-        """Wall time minus monotonic time."""
+        """Wall time minus monotonic time [ns]."""
         return self._offset_ns
 
     def update(self) -> None:
-        """Takes one measurement; cheap enough (a few microseconds) for every frame."""
+        """Take one measurement; cheap enough (a few microseconds) for every frame."""
         measured, uncertainty, now = self._measure()
         deviation = measured - self._offset_ns
         if abs(deviation) > STEP_NS + uncertainty:
@@ -59,11 +59,11 @@ class ClockOffset:
         self._updated_ns = now
 
     def to_wall_ns(self, monotonic_ns: int) -> int:
-        """Wall time of a moment on the monotonic clock."""
+        """Return the wall time of a moment on the monotonic clock."""
         return monotonic_ns + self._offset_ns
 
     def _measure(self) -> tuple[int, int, int]:
-        """From the tightest of ``PAIRS`` readings: offset, its greatest possible error, monotonic time."""
+        """Return offset, its greatest possible error, and monotonic time of the tightest of ``PAIRS`` readings [ns]."""
         readings = []
         for _ in range(PAIRS):
             before = self._monotonic_ns()

@@ -1,6 +1,6 @@
-"""Executables of a package. Importing what a node needs takes a second, in which a signal may already stop it.
+"""Executables of a package. A signal may stop one while it is still importing its modules, which takes a second.
 
-What is not installed ends the executable as bad input does, with one line that says how to install it.
+If a module is not installed, the executable ends as with bad input: with one line that names the command to install it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .stop_signals import end_at_once
 
 
 def executable(module: str) -> Callable[[], int]:
-    """The function of an executable: ``main`` of the module of that name, which is imported only then."""
+    """Return the function of an executable: when called, it imports the module of that name and runs its ``main``."""
 
     def main() -> int:
         end_at_once()

@@ -19,7 +19,7 @@ from .errors import InputError
 
 
 def expanded(path: str | Path, parameter: str) -> Path:
-    """The path with `~` as the home directory; InputError naming the parameter where there is none."""
+    """Return the path with `~` expanded; InputError naming the parameter if the home directory is unknown."""
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -27,7 +27,7 @@ def expanded(path: str | Path, parameter: str) -> Path:
 
 
 def sha256(path: str | os.PathLike) -> str:
-    """SHA-256 of a file's content, hexadecimal."""
+    """Return the SHA-256 of a file's content, hexadecimal."""
     digest = hashlib.sha256()
     with Path(path).open("rb") as stream:
         while block := stream.read(1 << 20):
@@ -36,7 +36,7 @@ def sha256(path: str | os.PathLike) -> str:
 
 
 def require_file(path: str | os.PathLike, what: str) -> Path:
-    """`path` as a `Path` if it is a readable file; InputError naming `what` (such as "mesh") otherwise."""
+    """Return `path` as a `Path` if it is a file; InputError naming `what` (such as "mesh") otherwise."""
     path = Path(path)
     try:
         found = path.is_file()
@@ -48,7 +48,7 @@ def require_file(path: str | os.PathLike, what: str) -> Path:
 
 
 def read_yaml(path: str | os.PathLike, what: str) -> Any:
-    """What a YAML file holds; InputError naming `what` (such as "sensor model") if there is none or it is not YAML."""
+    """Return the content of a YAML file; InputError naming `what` (such as "sensor model") if missing or not YAML."""
     path = require_file(path, what)
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -59,7 +59,7 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
 
 
 def require_new_folder(path: str | os.PathLike) -> Path:
-    """`path`, absolute, if a folder can be written there and nothing is lost by it; InputError otherwise."""
+    """Return `path`, absolute, if it does not exist or is an empty folder; InputError otherwise."""
     path = Path(path).absolute()
     if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
         raise InputError(f"{path}: exists already; name another folder, or remove it")
@@ -67,7 +67,7 @@ def require_new_folder(path: str | os.PathLike) -> Path:
 
 
 def next_new_folder(path: str | os.PathLike) -> Path:
-    """`path`, or the first of PATH_2, PATH_3, ... that holds nothing yet; OSError if it cannot be read."""
+    """Return the first of PATH, PATH_2, PATH_3, ..., absolute, that is missing or empty; OSError if unreadable."""
     path = Path(path).absolute()
     numbered = (path.with_name(f"{path.name}_{number}") for number in itertools.count(2))
     return next(folder for folder in itertools.chain([path], numbered) if _holds_nothing(folder))
@@ -83,7 +83,7 @@ def _holds_nothing(folder: Path) -> bool:
 
 
 def require_place(path: str | os.PathLike) -> Path:
-    """`path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
+    """Return `path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
     path = expanded(path, "file")
     above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
@@ -93,9 +93,9 @@ def require_place(path: str | os.PathLike) -> Path:
 
 @contextlib.contextmanager
 def sole_use(folder: str | os.PathLike) -> Iterator[None]:
-    """Make `folder`, and have it to oneself among the processes that ask for that; InputError while another has it.
+    """Make `folder` and lock it against other processes that call this; InputError while another one has it locked.
 
-    However a process ends, the folder is free again: the lock on the file `.lock`, which stays, is gone with it.
+    The lock is on the file `.lock`, which stays. It ends with the process, even one that crashes.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ def sole_use(folder: str | os.PathLike) -> Iterator[None]:
 
 @contextlib.contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
-    """Make an OSError raised inside name `path` if it names no file, as that of a full disk."""
+    """Name `path` in an OSError raised inside that names no file, such as that of a full disk."""
     try:
         yield
     except OSError as error:
@@ -122,7 +122,7 @@ def naming(path: str | os.PathLike) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _called(temporary: Path, path: Path) -> Iterator[None]:
-    """Let errors raised inside name `path` where they name `temporary`, which nobody has asked for."""
+    """Replace the name of `temporary`, which the user does not know, with that of `path` in errors raised inside."""
     try:
         yield
     except OSError as error:
@@ -138,11 +138,11 @@ def _called(temporary: Path, path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
+    """Yield a temporary path next to `path`; rename it to `path` on success, remove it on any failure.
 
     The temporary name keeps the suffix (writers choose their format by it). Works for files and folders;
-    an existing folder at `path` is replaced. An OSError without a file's name gets that of `path`, and so
-    does an error that names the temporary path.
+    an existing folder at `path` is replaced. An OSError that names no file, or an error that names the
+    temporary path, is raised with the name of `path`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

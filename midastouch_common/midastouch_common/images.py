@@ -1,6 +1,6 @@
-"""Image files and compressed images: whole, or refused.
+"""Reading of image files and compressed images; incomplete ones are refused.
 
-OpenCV fills the missing part of a cut-off JPEG with grey and does not say so; a network takes that for a touch.
+OpenCV silently fills the missing part of a cut-off JPEG with grey, which a network takes for a touch.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from .files import require_file
 
 SUFFIXES = ".png", ".jpg", ".jpeg"
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", 0xD9
-# Within the compressed pixels 0xff is followed by 0 or by the number of a restart, which are no markers of a segment.
+# 0xff followed by 0 or by a restart number (0xd0 to 0xd7) is part of the compressed pixels and starts no segment.
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 
 
 class BrokenImageError(InputError):
-    """The data are no image, or not all of one."""
+    """The data are not an image, or only a part of one."""
 
 
 def decode_image(data: bytes | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.ndarray:
-    """Pixels (H, W, 3) uint8 BGR of a JPEG, PNG or BMP; `flags` as of OpenCV's imdecode, for grey or reduced ones.
+    """Return the pixels (H, W, 3) uint8 BGR of a JPEG, PNG or BMP, given as bytes or uint8 (N,).
 
-    data: bytes, or uint8 (N,). Raises BrokenImageError, which does not name the source: no image, or cut off.
+    `flags` are those of OpenCV's imdecode, for grey or reduced images. Raises BrokenImageError if the data are no image
+    or cut off; the message does not name the source.
     """
     content = bytes(data)
     if content.startswith(_JPEG_BEGIN) and not _has_end(content):
@@ -41,7 +42,7 @@ def decode_image(data: bytes | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.
 
 
 def read_image_file(path: str | os.PathLike, flags: int = cv2.IMREAD_COLOR) -> np.ndarray:
-    """Pixels of an image file, as `decode_image`. Raises InputError, naming it, if it is missing or no whole image."""
+    """Return the pixels of an image file as `decode_image` does; InputError naming it if it is missing or broken."""
     path = require_file(path, "image")
     try:
         return decode_image(path.read_bytes(), flags)
@@ -52,14 +53,15 @@ def read_image_file(path: str | os.PathLike, flags: int = cv2.IMREAD_COLOR) -> n
 
 
 def image_files(folder: str | os.PathLike, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
-    """The images of a folder, by their names; hidden files are none: what a Mac adds, what is being written. No such
-    folder has none."""
+    """Return the images of a folder, sorted by name; an empty list if there is no such folder.
+
+    Hidden files are left out: those that macOS adds, and those that are still being written."""
     files = sorted(Path(folder).glob("*"))
     return [file for file in files if file.suffix.lower() in suffixes and not file.name.startswith(".")]
 
 
 def _has_end(jpeg: bytes) -> bool:
-    """Whether the segments of a JPEG lead to its end; a small picture inside of them has an end of its own."""
+    """Return whether the segments of a JPEG lead to its end marker; that of a thumbnail inside a segment is skipped."""
     at = len(_JPEG_BEGIN)
     while marker := _MARKER.search(jpeg, at):
         if marker[1][0] == _JPEG_END:

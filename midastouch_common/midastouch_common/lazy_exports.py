@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first used, so that importing it costs nothing."""
+"""Public names of a package that are imported only when they are first used, so that importing the package is quick."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 
 
 def lazy_exports(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], list[str]]:
-    """`__getattr__` and `__all__` of a package (PEP 562).
+    """Return `__getattr__` and `__all__` of a package (PEP 562).
 
-    homes: the module of each public name, absolute or, with a leading dot, in the package.
+    homes: the module of each public name; absolute, or relative to the package if it begins with a dot.
     """
 
     def get(name: str) -> object:

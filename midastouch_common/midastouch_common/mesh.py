@@ -1,6 +1,6 @@
-"""A known object: its triangles, surface sampling and exact closest-point queries.
+"""Mesh of a known object: its triangles, surface sampling and exact closest-point queries.
 
-Non-manifold, open or self-touching scans work: nothing here needs more than a list of oriented triangles.
+Non-manifold, open or self-touching scans work: all the code here needs is a list of oriented triangles.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .mesh_units import conversion
 from .surface_search import ClosestPointSearch
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
-_SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
+_SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which a smaller object cannot cause
 FEWEST_THREADED_QUERIES = 8
-"""Fewer queries for nearest points are answered sooner than threads are woken, on a busy machine by milliseconds."""
+"""Fewer nearest-point queries than this run in one thread: waking others can cost milliseconds on a busy machine."""
 
 _CREASE_COSINE = np.cos(np.radians(40))
 _SMALL_FACE = 6e-3  # m, longest side: the faces of scans of household objects are 2 to 6 mm wide
@@ -35,17 +35,17 @@ _NO_AREA = 1e-14  # m^2, twice the area
 
 
 def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) and faces (F, 3) of a file; what trimesh raises, and InputError for an STL that is cut off."""
+    """Return vertices (V, 3) and faces (F, 3) of a file; raises as trimesh does, and InputError for a cut-off STL."""
     try:
         loaded = trimesh.load(path, process=False, force="mesh")
     except (UnicodeDecodeError, ImportError):
-        # names and comments in another encoding than UTF-8, for which trimesh asks for a library; they do not matter
+        # The file has names or comments that are not UTF-8, for which trimesh wants another library. Drop them.
         loaded = trimesh.load(io.BytesIO(_in_ascii(path)), file_type=path.suffix[1:], process=False, force="mesh")
     return np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
 
 
 def _in_ascii(path: Path) -> bytes:
-    """The file, `?` for what is not ASCII in its text."""
+    """Return the file's content with `?` for every character of its text that is not ASCII."""
     content, binary = path.read_bytes(), b""
     if path.suffix.lower() == ".ply":
         content, end, binary = content.partition(b"end_header")
@@ -56,26 +56,26 @@ def _in_ascii(path: Path) -> bytes:
 
 
 def _same_position(vertices: np.ndarray) -> np.ndarray:
-    """(V,) the same number for vertices (V, 3) at the same position."""
+    """Return (V,) numbers that are equal for vertices (V, 3) at the same position."""
     return np.unique(vertices.round(7), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _crosses(corners: np.ndarray) -> np.ndarray:
-    """Normals (F, 3) of faces with corners (F, 3, 3), twice as long as their areas."""
+    """Return normals (F, 3) of faces with corners (F, 3, 3), twice as long as their areas."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _weld_slivers(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces (F, 3) of the same surface, the neighbours of those without area joined where that is possible.
+    """Return faces (F, 3) of the same surface in which, as far as possible, no face is without area.
 
-    Such a face lies along its longest edge, and without it the neighbours would not meet there. So it and the neighbour
-    at that edge exchange the diagonal of their quadrilateral: each becomes one half of that neighbour. The longest go
-    first: their neighbour has an area, or their edges become shorter.
+    A face without area lies along its longest edge; if it were left out, its neighbours would not meet there. Instead,
+    the diagonal of the quadrilateral of this face and its neighbour at that edge is flipped, which splits the neighbour
+    in two. The longest faces go first: their neighbour has an area, or their edges become shorter.
     """
     if (np.linalg.norm(_crosses(vertices[faces]), axis=1) > _NO_AREA).all():
         return faces
     faces, same = faces.copy(), _same_position(vertices)
-    # the neighbours of faces with two corners at one position meet without them
+    # a face with two corners at one position can simply be left out: its neighbours meet without it
     whole = np.flatnonzero((same[faces] != np.roll(same[faces], 1, axis=1)).all(axis=1))
     of_edge = {tuple(edge): f for f in whole.tolist() for edge in same[faces[f][_EDGES]].tolist()}
 
@@ -91,7 +91,7 @@ def _weld_slivers(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         length, sliver = heapq.heappop(slivers)
         a, b, middle = np.roll(faces[sliver], -lengths(faces[sliver]).argmax())
         other = of_edge.get((same[b], same[a]))
-        if without_area(np.array([sliver])) != [(length, sliver)] or other is None:  # changed since, or beside a hole
+        if without_area(np.array([sliver])) != [(length, sliver)] or other is None:  # changed since, or next to a hole
             continue
         apex = faces[other][~np.isin(same[faces[other]], same[[a, b]])]
         if len(apex) != 1:
@@ -107,9 +107,9 @@ def _weld_slivers(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 class ObjectMesh:
     """Triangles of one object in its own frame, metres.
 
-    Attributes: vertices (V, 3) float64; faces (F, 3) int32, those of no area welded into their neighbours, all turned
-    round if the enclosed volume is negative (inverted mesh); face_normals (F, 3), outward; face_areas (F,) m^2; name;
-    sha256, of the file it came from (of the arrays, if it came from none); path.
+    Attributes: vertices (V, 3) float64; faces (F, 3) int32; face_normals (F, 3), outward; face_areas (F,) m^2; name;
+    sha256 of the file, or of the arrays if there is no file; path of the file or None. Faces without area are welded
+    into their neighbours. If the enclosed volume is negative (inverted mesh), all faces are turned round.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, name: str, content: str, path: Path | None = None):
@@ -129,7 +129,8 @@ class ObjectMesh:
     def load(cls, path: str | Path) -> ObjectMesh:
         """Read a PLY, STL, OBJ or other mesh that trimesh knows, with its own vertex indexing.
 
-        Raises InputError: no such file, not a mesh, no faces, non-finite vertices, larger than 2 m, smaller than 1 mm.
+        Raises InputError if there is no such file, if it is no mesh, or if the mesh has no faces, has non-finite
+        vertices, is larger than 2 m or is smaller than 1 mm.
         """
         path = require_file(path, "mesh")
         if path.suffix.lower() in (".step", ".stp"):
@@ -147,7 +148,7 @@ class ObjectMesh:
 
     @classmethod
     def from_arrays(cls, vertices: np.ndarray, faces: np.ndarray, name: str, path: Path | None = None) -> ObjectMesh:
-        """A mesh from vertices (V, 3) m and faces (F, 3); raises InputError as `load` does, naming the file `path`."""
+        """Make a mesh from vertices (V, 3) m and faces (F, 3); InputError as in `load`, naming `path` if given."""
         source = path or name
         vertices, faces = np.asarray(vertices, float), np.asarray(faces)
         if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
@@ -171,18 +172,18 @@ class ObjectMesh:
         return mesh
 
     def save(self, path: str | Path) -> None:
-        """Write vertices, in single precision, and faces in the format of the path's ending."""
+        """Write vertices (in single precision) and faces in the format of the path's suffix."""
         with atomic_path(path) as temporary:
             trimesh.Trimesh(self.vertices.astype(np.float32), self.faces, process=False).export(temporary)
 
     def refined(self, edge: float) -> ObjectMesh:
-        """The same surface in faces without an edge longer than `edge` [m]."""
+        """Return the same surface with its faces subdivided until no edge is longer than `edge` [m]."""
         vertices, faces = trimesh.remesh.subdivide_to_size(self.vertices, self.faces, edge, max_iter=20)
         return ObjectMesh(vertices, faces, self.name, self.sha256)
 
     @cached_property
     def _welded(self) -> np.ndarray:
-        """(V,) the same number for vertices at the same position."""
+        """(V,) numbers that are equal for vertices at the same position."""
         return _same_position(self.vertices)
 
     @cached_property
@@ -203,9 +204,9 @@ class ObjectMesh:
 
     @cached_property
     def corner_normals(self) -> np.ndarray:
-        """(F, 3, 3) unit normals of the surface that the triangles stand for, one for each corner of a face.
+        """(F, 3, 3) unit normals of the surface that the triangles approximate, one for each corner of a face.
 
-        Faces that meet at less than 40 deg are one smooth surface there; wider angles are edges, as CAD parts have.
+        Where faces meet at less than 40 deg, the surface is smooth; a wider angle is an edge, as on CAD parts.
         Small faces are smooth at any angle: an edge of a scan is as round as its faces are wide.
         """
         corners = self._welded[self.faces].astype(np.int32)
@@ -235,7 +236,7 @@ class ObjectMesh:
 
     def sample_surface(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Draw n points uniformly by area: points (n, 3) m, face normals (n, 3), face indices (n,)."""
-        # systematic over the faces: even coverage at the same cost as independent draws
+        # systematic sampling over the faces: even coverage at the same cost as independent draws
         steps = (rng.permutation(n) + rng.random(n)) / n
         cumulative = np.cumsum(self.face_areas)
         index = np.minimum(np.searchsorted(cumulative, steps * cumulative[-1]), len(self.faces) - 1)
@@ -247,15 +248,15 @@ class ObjectMesh:
 
     @property
     def face_edges(self) -> np.ndarray:
-        """(F, 3, 2) ends of each face's edges, the same number for corners at the same position.
+        """(F, 3, 2) numbers of both ends of each face's edges.
 
-        Corners are matched by position, so scans split along seams keep their edges.
+        Corners at the same position have the same number, so scans split along seams keep their edges.
         """
         return self._welded[self.faces][:, _EDGES]
 
     @cached_property
     def _shared_edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges of two faces: the same edge once as part of each, (E,) and (E,) into the faces' edges."""
+        """Edges that two faces have in common: indices (E,) and (E,) of the edge in each, into all faces' edges."""
         ends = np.sort(self.face_edges.reshape(-1, 2), axis=1)
         order = np.lexsort(ends.T)
         same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
@@ -263,7 +264,7 @@ class ObjectMesh:
 
     @cached_property
     def feature_edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges where two faces meet at more than 10 deg: ends (E, 2, 3) m, mean normals (E, 3).
+        """Edges at which two faces meet at more than 10 deg: ends (E, 2, 3) m, mean normals (E, 3).
 
         Source: paper appendix A.
         """
@@ -282,9 +283,9 @@ class ObjectMesh:
         return NearestPoints(points), normals
 
     def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
-        """Outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
+        """Return outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
 
-        A finger pad of finite size turns as gradually over an edge.
+        The mean turns gradually over an edge, as a finger pad of finite size does.
         """
         tree, normals = self._normal_samples
         count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))
@@ -300,9 +301,9 @@ class ObjectMesh:
         return ClosestPointSearch(self.vertices, self.faces)
 
     def closest_points(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Exact nearest surface points of points (N, 3): closest (N, 3), distance (N,) m, face (N,).
+        """Return the exact nearest surface points of points (N, 3): closest (N, 3), distance (N,) m, face (N,).
 
-        NaN, and face 0, for points that are not finite.
+        For a point that is not finite the results are NaN and face 0.
         """
         return self._search.query(np.ascontiguousarray(points, float))
 
@@ -319,6 +320,6 @@ class NearestPoints:
         return cKDTree(self._points)
 
     def query(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Distances and indices of the k nearest points of queries (N, D), nearest first: (N, k), or (N,) for k = 1."""
+        """Return distances and indices (N, k) of the k points nearest to queries (N, D), in order; (N,) for k = 1."""
         tree = self._unthreaded if len(queries) < FEWEST_THREADED_QUERIES else self._threaded
         return tree.query(np.ascontiguousarray(queries, float), k=k)

@@ -1,4 +1,4 @@
-"""Meshes in millimetres: how to make one in metres of them, which everything else can then use."""
+"""Advice for meshes in millimetres: the command that converts one to metres, the unit of all other code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CONVERSION = (
 
 
 def conversion(path: Path | None) -> str:
-    """What to do with a mesh in millimetres: of a file, the line for a shell that writes it in metres beside it."""
+    """Return advice for a mesh in millimetres: for a file, a shell command that writes it in metres next to it."""
     if path is None:
         return "scale it by 0.001 to metres"
     command = [sys.executable, "-c", _CONVERSION, str(path), str(path.with_name(f"{path.stem}_metres.ply"))]

@@ -1,8 +1,8 @@
-"""ROS messages -> NumPy arrays.
+"""Conversion of ROS messages to NumPy arrays, without ROS.
 
-A message is any object with its attributes: rclpy's messages and those that rosbags reads from a bag are treated alike,
-without ROS. Arrays are read-only views of the message where that is possible. The functions raise InputError when the
-content of a message contradicts its header.
+A message is any object with the attributes of its type, such as those of rclpy or those that rosbags reads from a bag.
+Arrays are read-only views of the message where that is possible. The functions raise InputError when the content of a
+message contradicts its header.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from . import se3
 from .errors import InputError
 
 SECOND = 1_000_000_000
-"""ns"""
+"""One second [ns]."""
 
 _LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's points are larger
-_ROUNDING = 1e-6  # of a probability
+_ROUNDING = 1e-6  # tolerance for a probability outside of 0 to 1
 _FLOAT32 = 7  # sensor_msgs/PointField
 # encoding -> element type, channels
 ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
 
 
 def stamp_ns(stamp: Any) -> int:
-    """A message's time stamp in nanoseconds."""
+    """Return a message's time stamp in nanoseconds."""
     return stamp.sec * SECOND + stamp.nanosec
 
 
 def image_from_msg(msg: Any) -> np.ndarray:
-    """Pixels (H, W) or (H, W, C) of an image message, read-only; rgb8, bgr8, mono8 and 32FC1 are known."""
+    """Return the pixels (H, W) or (H, W, C) of an image message, read-only. Encodings: rgb8, bgr8, mono8 and 32FC1."""
     if msg.encoding not in ENCODINGS:
         raise InputError(f"image encoding '{msg.encoding}' is not one of {', '.join(ENCODINGS)}")
     kind, channels = ENCODINGS[msg.encoding]
@@ -53,7 +53,7 @@ def image_from_msg(msg: Any) -> np.ndarray:
 
 
 def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
-    """Colour image (height, width, 3) uint8 RGB, contiguous, from an rgb8 or bgr8 message of that size."""
+    """Return a colour image (height, width, 3) uint8 RGB, contiguous, from an rgb8 or bgr8 message of that size."""
     if msg.encoding not in ("rgb8", "bgr8"):
         raise InputError(f"image encoding '{msg.encoding}' is neither rgb8 nor bgr8; publish one of these")
     pixels = image_from_msg(msg)
@@ -64,7 +64,7 @@ def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
 
 
 def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:
-    """Points (K, 3), or what else `names` asks for (K, F), of a cloud's float32 fields; others are passed over."""
+    """Return the points (K, 3) of a cloud, or the float32 fields (K, F) in `names`; other fields are ignored."""
     if not 0 < msg.point_step <= _LARGEST_POINT or msg.row_step < msg.width * msg.point_step:
         raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
     if len(msg.data) != msg.row_step * msg.height:
@@ -91,28 +91,28 @@ def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndar
 
 
 def point_from_msg(point: Any) -> np.ndarray:
-    """[x y z] (3,) m of a point message, as they are."""
+    """Return [x y z] (3,) m of a point message, unchecked."""
     return np.array((point.x, point.y, point.z))
 
 
 def poses_from_msgs(poses: Sequence[Any]) -> np.ndarray:
-    """Transforms (N, 4, 4) of pose messages; InputError on a zero quaternion or a non-finite value."""
+    """Return the transforms (N, 4, 4) of pose messages; InputError on a zero quaternion or a non-finite value."""
     rows = [_xyzquat(pose.position, pose.orientation) for pose in poses]
     return se3.from_xyzquat(np.array(rows).reshape(-1, 7))
 
 
 def pose_from_msg(pose: Any) -> np.ndarray:
-    """Transform (4, 4) of a pose message; InputError as `poses_from_msgs`."""
+    """Return the transform (4, 4) of a pose message; InputError as in `poses_from_msgs`."""
     return poses_from_msgs([pose])[0]
 
 
 def xyzquat_from_msg(transform: Any) -> np.ndarray:
-    """[x y z qx qy qz qw] (7,) m of a transform message, as they are."""
+    """Return [x y z qx qy qz qw] (7,) of a transform message, position in m, unchecked."""
     return np.array(_xyzquat(transform.translation, transform.rotation))
 
 
 def transform_from_msg(transform: Any) -> np.ndarray:
-    """Transform (4, 4) of a transform message; InputError as `poses_from_msgs`."""
+    """Return the transform (4, 4) of a transform message; InputError as in `poses_from_msgs`."""
     return se3.from_xyzquat(xyzquat_from_msg(transform))
 
 
@@ -121,7 +121,7 @@ def _xyzquat(p: Any, q: Any) -> tuple[float, ...]:
 
 
 def covariance_from_msg(covariance: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6), REP 103 order, of its field; InputError if not finite or a variance is negative."""
+    """Return a field as covariance (6, 6), REP 103 order; InputError if not finite or if a variance is negative."""
     matrix = np.asarray(covariance, float).reshape(6, 6)
     if not np.isfinite(matrix).all() or (np.diagonal(matrix) < 0).any():
         raise InputError("covariance with a non-finite value or a negative variance")
@@ -129,8 +129,9 @@ def covariance_from_msg(covariance: np.ndarray) -> np.ndarray:
 
 
 def probabilities_from_msg(msg: Any) -> dict[str, float]:
-    """Probability of each object, by its name, of a `Detection3DArray`; InputError for one without a hypothesis, or for
-    what is no probability."""
+    """Return the probability of each object of a `Detection3DArray`, by the object's name.
+
+    Raises InputError for a detection without a hypothesis, or with a score that is no probability."""
     if not all(each.results for each in msg.detections):
         raise InputError("a detection has no hypothesis: results is empty")
     found = [each.results[0].hypothesis for each in msg.detections]

@@ -1,4 +1,4 @@
-"""What to say where an import finds no module: who brings it, and by which command."""
+"""Advice for an import that finds no module: the distribution that has it, and the command that installs it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DISTRIBUTIONS = {
     "rosbags": "rosbags",
     "trimesh": "trimesh",
 }
-"""Module: distribution on PyPI, of what neither Ubuntu nor ROS packages, so that no Debian package can depend on it."""
+"""Distribution on PyPI by module, for modules that neither Ubuntu nor ROS has a package of, to depend on."""
 EXTRAS = {
     "export": ("h5py", "pyarrow"),
     "mujoco": ("mujoco",),
@@ -24,27 +24,27 @@ EXTRAS = {
     "train": ("onnx", "onnxscript", "safetensors", "torch"),
     "view": ("rerun-sdk",),
 }
-"""Distributions on PyPI of what few users need, by name."""
+"""Distributions on PyPI that few users need, by the name of the extra."""
 CLONE = Path(__file__).resolve().parents[2]
-"""Where the repository is, if this is one."""
+"""Root of the repository, if this code runs in a clone."""
 _OF_ROS = re.compile(
     r"(rclpy|ament_index_python|launch|launch_\w+|\w+_(msgs|srvs|interfaces)|midastouch_\w+\.(nodes|ros))(\..*)?"
 )
 
 
 def pip_install(*arguments: str) -> str:
-    """The command that has the pip of this Python install what they name."""
+    """Return the command that makes the pip of this Python install its arguments."""
     return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
 
 
 def install_extra(name: str) -> str:
-    """The command that installs one of `EXTRAS`: of tested versions where this is a clone of the repository."""
+    """Return the command that installs one of `EXTRAS`; in a clone of the repository, in tested versions."""
     requirements = CLONE / "tools" / "requirements" / f"{name}.txt"
     return pip_install(*(["-r", str(requirements)] if requirements.is_file() else EXTRAS[name]))
 
 
 def how_to_install(error: ImportError) -> str:
-    """One line: what the import did not find, and the command or page that brings it."""
+    """Return one line that names the missing module and the command that installs it or finds out more."""
     name = error.name or ""
     if name in DISTRIBUTIONS:
         return f"there is no module {name}; install it: {pip_install(DISTRIBUTIONS[name])}"

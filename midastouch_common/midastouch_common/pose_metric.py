@@ -1,9 +1,8 @@
-"""How far poses are apart, and distributions of poses from the truth: in position, in rotation (geodesic on SO(3)), and
-both in one distance.
+"""Distances between poses, and of sets of poses from the truth: position, rotation (geodesic on SO(3)), or both in one.
 
-Poses are `T_obj_gel` (..., 4, 4); results are in metres and radians and broadcast. Where an index or a closed form
-needs a Euclidean distance (the filter's look-up, symmetries) the chord 2 sin(angle / 2) stands for the angle; no error
-that is reported is one.
+Poses are `T_obj_gel` (..., 4, 4); results are in metres and radians and broadcast. Code that needs a Euclidean distance
+for an index or a closed form (the filter's look-up, symmetries) uses the chord 2 sin(angle / 2) in place of the angle;
+reported errors never do.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ ROTATION_SCALE = 0.01
 
 
 def pose_errors(poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (...) [m] and geodesic angles (...) [rad] between poses (..., 4, 4), as far as they broadcast."""
+    """Return distances (...) [m] and geodesic angles (...) [rad] between poses (..., 4, 4), which broadcast."""
     poses, truth = np.asarray(poses, float), np.asarray(truth, float)
     distance = np.linalg.norm(poses[..., :3, 3] - truth[..., :3, 3], axis=-1)
     relative = np.swapaxes(poses[..., :3, :3], -1, -2) @ truth[..., :3, :3]
@@ -25,16 +24,16 @@ def pose_errors(poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def geodesic_distances(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Distances [m] in which an angle counts alpha times: continuous over SO(3)."""
+    """Return distances [m] of position and angle combined, 1 rad counting as alpha metres; continuous over SO(3)."""
     distance, angle = pose_errors(poses, truth)
     return np.hypot(distance, ROTATION_SCALE * angle)
 
 
 def six_vectors(poses: np.ndarray) -> np.ndarray:
-    """The paper's 6-vectors (N, 6) of poses (N, 4, 4): translation [m] and alpha times the log of rotation.
+    """Return the paper's 6-vectors (N, 6) of poses (N, 4, 4): translation [m] and alpha times the log of rotation.
 
-    They jump where the rotation angle passes pi: use them to compare with the paper, `geodesic_distances`
-    for everything else.
+    They jump where the rotation angle passes pi: use them only to compare with the paper, and otherwise
+    `geodesic_distances`.
     """
     poses = np.asarray(poses, float)
     rotation_only = se3.make(poses[:, :3, :3], np.zeros(3))
@@ -42,10 +41,10 @@ def six_vectors(poses: np.ndarray) -> np.ndarray:
 
 
 def particle_rmse(poses: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> tuple[float, float]:
-    """Root mean square error of a particle set, [m] and [rad]: paper Eq. 3, rotation as geodesic angle.
+    """Return the root mean square error of a particle set, [m] and [rad]: paper Eq. 3, rotation as geodesic angle.
 
-    The paper resamples at every step, so its particles weigh the same. Ours need not; `weights` (N,) then
-    replace 1/N, which is the expectation of Eq. 3 over the resampled set.
+    The paper resamples at every step, so all its particles have weight 1/N. If yours have other `weights` (N,), the
+    result is the expectation of Eq. 3 over the resampled set.
     """
     distance, angle = pose_errors(poses, truth)
     if weights is None:
@@ -55,9 +54,9 @@ def particle_rmse(poses: np.ndarray, truth: np.ndarray, weights: np.ndarray | No
 
 
 def min_cluster_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    """Smallest distance [m] and smallest angle [rad] over the modes (H, 4, 4): paper Eq. 4.
+    """Return the smallest distance [m] and smallest angle [rad] over the modes (H, 4, 4): paper Eq. 4.
 
-    The two minima are taken apart, as the equation has it; `closest_mode_error` keeps them together.
+    The two minima may belong to different modes, as in the equation; `closest_mode_error` takes both from one.
     Both are nan when there is no mode.
     """
     if len(modes) == 0:
@@ -67,8 +66,9 @@ def min_cluster_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, floa
 
 
 def closest_mode_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    """Distance [m] and angle [rad] to the truth (4, 4) of the nearest of modes (K, 4, 4) in the 6-D sense; nan without
-    modes."""
+    """Return distance [m] and angle [rad] from the truth (4, 4) to the mode that is nearest by `geodesic_distances`.
+
+    modes: (K, 4, 4); without any, both results are nan."""
     if len(modes) == 0:
         return float("nan"), float("nan")
     distance, angle = pose_errors(modes, truth)

@@ -1,4 +1,4 @@
-"""Rigid transforms in batches.
+"""Batches of rigid transforms.
 
 A transform `T_a_b` is a (..., 4, 4) float64 array that maps coordinates of frame b into frame a. Quaternions
 are xyzw (ROS, SciPy). Tangent vectors are [rho, omega]: translation part first, metres and radians, in the
@@ -18,7 +18,7 @@ from .errors import InputError
 
 
 def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) from rotation matrices (..., 3, 3) and translations (..., 3), broadcast."""
+    """Return transforms (..., 4, 4) from rotation matrices (..., 3, 3) and translations (..., 3), broadcast."""
     rotation, translation = np.asarray(rotation, float), np.asarray(translation, float)
     shape = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
     out = np.zeros((*shape, 4, 4))
@@ -29,12 +29,12 @@ def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
 
 
 def translation(vector: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) that shift by vectors (..., 3) m; `T @ translation(v)` is T moved along its own axes."""
+    """Return transforms (..., 4, 4) that shift by vectors (..., 3) m; `T @ translation(v)` moves T along T's axes."""
     return make(np.eye(3), vector)
 
 
 def from_xyzquat(vector: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) from rows [x y z qx qy qz qw] (..., 7); quaternions need not be unit.
+    """Return transforms (..., 4, 4) from rows [x y z qx qy qz qw] (..., 7); quaternions need not be unit.
 
     Raises InputError on non-finite values and on quaternions shorter than 1e-6.
     """
@@ -50,32 +50,32 @@ def from_xyzquat(vector: np.ndarray) -> np.ndarray:
 
 
 def to_xyzquat(transform: np.ndarray) -> np.ndarray:
-    """Rows [x y z qx qy qz qw] (..., 7) of transforms (..., 4, 4)."""
+    """Return rows [x y z qx qy qz qw] (..., 7) of transforms (..., 4, 4)."""
     transform = np.asarray(transform, float)
     flat = np.ascontiguousarray(transform.reshape(-1, 4, 4))
     return np.concatenate([flat[:, :3, 3], kernels.quaternions(flat)], axis=1).reshape((*transform.shape[:-2], 7))
 
 
 def inverse(transform: np.ndarray) -> np.ndarray:
-    """Inverse transforms (..., 4, 4), by transposition of the rotation."""
+    """Return inverse transforms (..., 4, 4), by transposition of the rotation."""
     transform = np.asarray(transform, float)
     return kernels.inverses(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape(transform.shape)
 
 
 def exp(xi: np.ndarray) -> np.ndarray:
-    """Exponential map: tangent vectors (..., 6) [rho, omega] to transforms (..., 4, 4)."""
+    """Apply the exponential map: tangent vectors (..., 6) [rho, omega] to transforms (..., 4, 4)."""
     xi = np.asarray(xi, float)
     return kernels.exponentials(np.ascontiguousarray(xi.reshape(-1, 6))).reshape((*xi.shape[:-1], 4, 4))
 
 
 def log(transform: np.ndarray) -> np.ndarray:
-    """Logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
+    """Apply the logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
     transform = np.asarray(transform, float)
     return kernels.logarithms(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape((*transform.shape[:-2], 6))
 
 
 def odometry(poses: Iterable[np.ndarray]) -> Iterator[np.ndarray | None]:
-    """Of each pose (4, 4) the motion (4, 4) since the one before it, `inv(T_before) T_now`; None for the first."""
+    """Yield the motion (4, 4) of each pose (4, 4) since the last one, `inv(T_before) T_now`; None for the first."""
     before = None
     for pose in poses:
         yield None if before is None else inverse(before) @ pose
@@ -83,14 +83,14 @@ def odometry(poses: Iterable[np.ndarray]) -> Iterator[np.ndarray | None]:
 
 
 def turn(rotation: np.ndarray) -> np.ndarray:
-    """(6, 6) that turns both parts of a tangent vector by a rotation (3, 3)."""
+    """Return the matrix (6, 6) that rotates both parts of a tangent vector by a rotation (3, 3)."""
     out = np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = rotation
     return out
 
 
 def rotation_angle(rotation: np.ndarray) -> np.ndarray:
-    """Geodesic angle (...) in [0, pi] radians of rotation matrices (..., 3, 3), accurate at both ends."""
+    """Return the geodesic angle (...) [rad] of rotation matrices (..., 3, 3), in [0, pi] and accurate at both ends."""
     rotation = np.asarray(rotation, float)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
     axis = np.stack(
@@ -105,19 +105,19 @@ def rotation_angle(rotation: np.ndarray) -> np.ndarray:
 
 
 def random_rotations(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotation matrices (n, 3, 3), uniform over SO(3)."""
+    """Draw rotation matrices (n, 3, 3), uniform over SO(3)."""
     return _matrices(rng.standard_normal((n, 4)))
 
 
 def _matrices(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (N, 3, 3) of quaternions (N, 4) of any length."""
-    if not len(quaternions):  # which SciPy of Ubuntu 24.04 (1.11) refuses
+    """Return rotation matrices (N, 3, 3) of quaternions (N, 4) of any length."""
+    if not len(quaternions):  # SciPy of Ubuntu 24.04 (1.11) refuses an empty array
         return np.empty((0, 3, 3))
     return Rotation.from_quat(quaternions).as_matrix()
 
 
 def frame_from_normal(normals: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Rotations (N, 3, 3) whose z axis is the unit normal (N, 3), turned by yaw (N,) rad about it.
+    """Return rotations (N, 3, 3) whose z axis is the unit normal (N, 3), turned by yaw (N,) rad about it.
 
     The frame before the yaw is the branch-free construction of Duff et al. 2017, which has no singular
     direction (the official code's fallback near the poles tilts poses by up to 26 degrees).

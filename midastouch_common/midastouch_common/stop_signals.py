@@ -1,8 +1,8 @@
-"""Signals that ask a process to end, taken as an event: whatever runs is finished first, but for `interruptible` work.
+"""Stop signals as events: the current work is finished before the process ends, except for `interruptible` work.
 
-Python's own handler raises KeyboardInterrupt between any two instructions, rclpy's shuts the context down under
-whatever the nodes do at that moment. Both leave nodes half made or half destroyed and threads running; a thread that
-is inside C++ (OpenCV, say) when Python ends aborts the process: "terminate called without an active exception".
+Python's own handler raises KeyboardInterrupt between any two instructions; rclpy's shuts the context down while nodes
+are using it. Both leave nodes half made or half destroyed and threads running; a thread that is inside C++ (OpenCV,
+say) when Python ends aborts the process: "terminate called without an active exception".
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Stopped(BaseException):
-    """A signal to stop has cut `interruptible` work short. No Exception: nobody is to take it for a failure."""
+    """A signal to stop has cut `interruptible` work short. Not an Exception, so no code handles it as a failure."""
 
 
 class _Arrivals:
-    """What the handler of a `stop_event` and the work that it may cut short know of each other."""
+    """State that the handler of a `stop_event` has in common with the work that it may cut short."""
 
     def __init__(self) -> None:
         self.any = self.cut_short = False
@@ -30,25 +30,25 @@ class _Arrivals:
         """Handler of a signal."""
         self.any = True
         if self.cut_short:
-            self.cut_short = False  # once: what cleans up after the work is finished
+            self.cut_short = False  # only once: a second signal must not break off the clean-up
             raise Stopped
 
 
-_arrivals = _Arrivals()  # of the process, as its signals are
+_arrivals = _Arrivals()  # one for the process, because signals belong to the process
 
 
 def end_at_once() -> None:
-    """From now on a signal to stop ends the process with exit code 0: there is nothing to clean up yet."""
+    """Make a signal to stop end the process at once with exit code 0, while there is nothing to clean up yet."""
     for number in _handled():
         signal.signal(number, lambda *_: os._exit(0))
 
 
 @contextlib.contextmanager
 def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
-    """An event that every signal to stop sets. Use it in the main thread.
+    """Yield an event that every signal to stop sets. Use it in the main thread.
 
-    ``wake`` is called in another thread each time, until the context is left. After that, signals to stop are ignored,
-    because the process is ending.
+    Each signal also calls ``wake``, in another thread. Once the context is left, signals to stop are ignored, because
+    the process is ending.
     """
     global _arrivals
     stopping, _arrivals = threading.Event(), _Arrivals()
@@ -57,7 +57,7 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
     os.set_blocking(writing, False)
 
     def watch() -> None:
-        while arrived := os.read(reading, 64):  # nothing: closed
+        while arrived := os.read(reading, 64):  # empty once the pipe is closed
             if any(number in numbers for number in arrived):
                 stopping.set()
                 wake()
@@ -82,11 +82,11 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Work that a signal to stop ends between any two instructions of Python, by `Stopped`.
+    """Let a signal to stop end the work inside between any two instructions of Python, by raising `Stopped`.
 
-    For work that only computes and reads, inside a `stop_event` and in its thread; elsewhere it changes nothing. A
-    signal that has come before ends it at once. What the work raises after a signal is taken for `Stopped`: a library
-    written in C that is being imported makes an ImportError of it.
+    Use it for work that only computes and reads, inside a `stop_event` and in its thread; elsewhere it has no effect.
+    A signal that came earlier ends the work at once. After a signal any Exception becomes `Stopped`, because a library
+    in C that is being imported turns `Stopped` into an ImportError.
     """
     arrivals = _arrivals
     try:
@@ -103,9 +103,9 @@ def interruptible() -> Iterator[None]:
 
 
 def _handled() -> list[signal.Signals]:
-    """The signals to handle. One that is ignored (SIGHUP under nohup) stays ignored.
+    """Return the signals to handle: all but those that are ignored already (SIGHUP under nohup).
 
-    SIGINT is the exception: shells without job control ignore it for background processes, but whoever sends it to one
-    means it.
+    SIGINT is always handled: shells without job control ignore it for background processes, but a SIGINT that is sent
+    to one is meant for it.
     """
     return [n for n in _NUMBERS if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]

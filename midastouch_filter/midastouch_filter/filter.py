@@ -2,8 +2,8 @@
 
 Each frame, odometry moves all hypotheses, and those that could be published are aligned to the frame's maps: that gives
 the answer. Each keyframe, a few millimetres of path later, every hypothesis that can still matter is compared with the
-touch (`core/comparison.py`), most of it after the answer is out, in `deferred_update`. What may have been moved is a
-birth of hypotheses (`core/births.py`); what the answer says of the belief is in `core/answer.py`.
+touch (`core/keyframes.py`, `core/comparison.py`), most of it after the answer is out, in `deferred_update`. If the
+object may have been moved, hypotheses are born (`core/births.py`). `core/answer.py` turns the belief into the answer.
 """
 
 from __future__ import annotations
@@ -17,22 +17,20 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import pose_errors
 
 from .core.alignment import Sighting, transform_covariance
 from .core.answer import Group, covariance_of, draws, grouped, modes_of
 from .core.belief import Belief
 from .core.births import Births
-from .core.comparison import Comparison
 from .core.config import FilterConfig
 from .core.estimate import Estimate, Mode
 from .core.fingers import Fingers, by_name
-from .core.free_space import refute
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
-from .core.measurement_model import log_ratios
+from .core.keyframes import Keyframes
 from .core.motion_model import Odometry
-from .core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, REGION_WIDTH, NoiseModel
+from .core.noise_model import REGION_WIDTH, NoiseModel
+from .core.novelty import Novelty
 from .core.object_model import ObjectModel
 from .core.pace import InTime, always
 from .core.pose_hypothesis import Prior
@@ -44,23 +42,17 @@ from .core.workers import Workers
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
-_LEAST_FOLLOWED = 0.01  # weight of a mode, relative to the first, from which on it is followed in every frame
-_SLICE = 32  # hypotheses aligned in one call
-_DRAWS = 1000  # poses that stand for the belief where it is looked at
-_LONGEST = 0.05  # s: frames farther apart count as that
-_AT_ONCE = 0.25  # of a frame's work, done even on a machine that has no time left: else nothing would ever be sure
-_NEGLIGIBLE = 3e-3  # of the weight: so much may be on poses that no touch was compared with
-_UNTESTED_BEHIND = -16.3  # nats behind the heaviest, from which on untested poses go: many together may matter
-_RENEWED = 0.1  # of what is usual, by each keyframe
+_LEAST_FOLLOWED = 0.01  # weight, relative to the heaviest mode's, that a mode needs to be aligned in every frame
+_DRAWS = 1000  # poses that show the belief to viewers
 
 
 class ParticleFilter:
     """Distribution of the sensor pose `T_obj_gel` on a known object, or on one of several.
 
-    Args: mesh; codebook of that mesh; config; seed of what is drawn; clock: function returning seconds, for the
-    milliseconds per stage in `Status` (default: none are measured); open_gates: names of gates, as in `Status.skipped`,
-    that let everything pass, to see what they are worth. The same input on the same machine gives a bit-equal result,
-    with any number of threads.
+    Args: mesh; codebook of that mesh; config; seed of the draws; clock, which returns seconds, for the milliseconds per
+    stage in `Status` (default: none are measured); open_gates, names of gates, as in `Status.skipped`, that skip
+    nothing, to measure what they save. The same input on the same machine gives a bit-equal result, with any number of
+    threads.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -85,7 +77,7 @@ class ParticleFilter:
         seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> ParticleFilter:
-        """A filter that does not know which of these objects is touched; all of one code network and sensor."""
+        """Return a filter that does not know which of these objects, all of one network and sensor, is touched."""
         self = cls.__new__(cls)
         self._set_up(list(objects), config, seed, clock, ())
         return self
@@ -100,56 +92,60 @@ class ParticleFilter:
     ) -> None:
         self.config, self.objects = config, objects
         self._noise, self._watch, self._open_gates = NoiseModel.of(config), Stopwatch(clock), tuple(open_gates)
-        self._births = Births(self._noise, config.max_particles)
         self._track = Track(config.keyframe_spacing, self._noise.touch_correlation)
         kernels.set_threads(config.threads)
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Forget everything but objects and settings: the filter is then as if made anew with this seed."""
+        """Forget everything except objects and settings, as if the filter had just been made with this seed."""
         self._seed, self._gates = seed, Gates(self._open_gates)
         self._fingers = Fingers(self.objects[0], self._gates)
         self._state = StateMachine(self.config)
+        self._novelty = Novelty(self.config, self._gates)
         self._belief: Belief | None = None
+        self._keyframes: Keyframes | None = None
         self._forget()
 
     def _forget(self) -> None:
         self._track.restart()
-        self._comparison: Comparison | None = None
-        self._granted = 0
+        self._novelty.forget()
         self._sightings: dict[int, Sighting] = {}
         self._groups: list[Group] = []
-        self._trend, self._usual, self._untouched, self._held, self._seen = 0.0, None, False, False, None
+        self._trend, self._untouched, self._held = 0.0, False, False
         self.modes: list[Mode] = []
 
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:
-        """Start over the whole surface, with uniform yaw: nothing is known."""
+        """Start over the whole surface, with uniform yaw, because nothing is known."""
         self._start(None)
         self._untouched = True
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis.
 
-        Raises InputError as `initialisation.checked_prior`.
+        Raises InputError as `initialisation.checked_prior` does.
         """
         self._start(Prior(checked_prior(prior, sigma_t, sigma_r), max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
     def _start(self, prior: Prior | None) -> None:
         self._forget()
-        self._state.update(StateEvidence())  # what the state was before says nothing of this start
+        self._state.update(StateEvidence())  # the state does not depend on anything before this start
         self._belief = Belief(self.objects)
-        self._births.anywhere(self._belief, 0.0, prior)
+        births = Births(self._noise, self.config.max_particles)
+        births.anywhere(self._belief, 0.0, prior)
+        self._keyframes = Keyframes(
+            self._belief, self._track, births, self.config, self._noise, self._gates, self._watch
+        )
         self._groups = grouped(self._belief)
 
     def force_update(self) -> None:
-        """Count the next touch in full, even if the arm rests or the code is the last one again."""
+        """Count the next touch in full, even if the arm rests or the code has not changed."""
         self._track.force()
-        self._seen = None
+        self._novelty.forget()
 
     def take(self, prepared: ObjectModel) -> None:
-        """Go on by another codebook of the object, between two steps: what is believed stays."""
+        """Switch to another codebook of the object, between two steps, and keep the belief."""
         model = self.objects[0]
         before, coarse = model.lookup.poses, len(model.lookup)
         now = prepared.lookup.exact(before)
@@ -170,15 +166,15 @@ class ParticleFilter:
         others: Mapping[str, Measurement] | None = None,
         elapsed: float | None = None,
     ) -> Estimate:
-        """One step of the filter; returns its estimate.
+        """Process one frame and return its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        others: what further fingers on the same object measure, by name, also while this one is in the air; any of them
-        may be missing in any frame.
-        elapsed: seconds since the last step, to which the deferred work is limited in proportion; None: unknown.
-        Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the reason is in the
-        status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
-        the codebook's. Without a start the state stays `uninitialised`.
+        others: measurements of further fingers on the same object, by name, also while this one is in the air; any of
+        them may be missing in any frame.
+        elapsed: seconds since the last step, None if unknown; the deferred work is limited in proportion to them.
+        Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the status gives the
+        reason, `Status.skipped` the number of times. Raises InputError if a code comes from another network than the
+        codebook's. Without a start the state stays `uninitialised`.
         Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
         same.
         """
@@ -195,24 +191,21 @@ class ParticleFilter:
             motion = self._checked(odometry)
             self._track.moved(motion, in_contact)
             if self._untouched:
-                # wherever the sensor is, it will touch the surface somewhere; the way there tells where it is not
+                # wherever the sensor is, it will touch the surface somewhere; the way there only shows free space
                 self._untouched = not in_contact
             elif motion is not None:
                 self._belief.since = self._belief.since @ motion.transform
         usable, self._held = self._fingers.usable(touches), False
         self._sightings = {} if not in_contact or motion is not None else self._sightings
-        gels = gels_of(usable)
-        if usable and self._track.is_due(gels):
-            self._keyframe(usable, gels, [touch for touch in touches.values() if not touch.in_contact])
-        elif usable and not self._repeats(usable, gels):
-            self._sharpen(usable)
-        self._granted += self._allowance(elapsed)
+        if usable:
+            self._compare(usable, [touch for touch in touches.values() if not touch.in_contact])
+        self._keyframes.grant(elapsed)
         estimate = self._estimate(in_contact)
         self._watch.restart()
         return estimate
 
     def _checked(self, odometry: np.ndarray | None) -> Odometry | None:
-        """Odometry that can be used; a jump starts again over the whole surface."""
+        """Return odometry that can be used, or None; after a jump, start again over the whole surface."""
         if odometry is None:
             return None
         try:
@@ -227,112 +220,36 @@ class ParticleFilter:
             return None
         return motion
 
-    def _repeats(self, touches: list[Measurement], gels: np.ndarray) -> bool:
-        """Whether nothing new is seen: all gels (F, 4, 4) rest, or the very same images came again."""
-        now, c = self._track.motion @ gels, self.config
-        if self._seen is None or len(self._seen[1]) != len(touches):
-            self._seen = now, touches
-            return False
-        at, before = self._seen
-        distance, angle = pose_errors(at, now)
-        resting = bool((distance <= c.update_min_d).all() and (angle <= c.update_min_a).all())
-        self._held = resting
-        if self._gates.skips("at_rest", resting):
-            return True
-        again = all(
-            np.array_equal(a.penetration, b.penetration) and np.array_equal(a.code, b.code)
-            for a, b in zip(before, touches, strict=True)
-        )
-        if self._gates.skips("unchanged_code", again):
-            return True
-        self._seen = now, touches
-        return False
-
-    def _allowance(self, elapsed: float | None) -> int:
-        rate = self.config.alignments_per_second
-        if not rate:
-            return 2**31
-        return max(round(rate * min(_LONGEST if elapsed is None else max(elapsed, 0.0), _LONGEST)), 1)
-
-    # ------------------------------------------------------------------ keyframes
-
-    def _keyframe(self, touches: list[Measurement], gels: np.ndarray, in_air: list[Measurement]) -> None:
-        belief, noise, track = self._belief, self._noise, self._track
-        self._finish()
-        with self._watch.stage("codes"):
-            belief.come_up(track.odometer, noise.drift)
-            if track.lifted and noise.change_lifted > 0:
-                self._gates.count("born", self._births.after_change(belief, noise.change_lifted))
-            scored = [log_ratios([model.measurement for model in self.objects], touch.code) for touch in touches]
-            if not len(belief.hypotheses):
-                self._births.of_finger(belief, gels[int(np.argmax([_information(each) for each in scored]))])
-            beside = [each.T_gel_finger for each in in_air if each.T_gel_finger is not None]
-            refute(belief, np.concatenate([track.free_space(), np.reshape(beside, (-1, 4, 4))]), noise)
-            lifted, weights = track.lifted, track.keep(gels)
-            most = self.config.tested_poses if self.config.alignments_per_second else None
-            negligible = _NEGLIGIBLE if most else 0.0
-            self._comparison = Comparison(
-                belief, touches, scored, weights, negligible, most, track.odometer, lifted, noise, self._gates
-            )
-            self._gates.count("keyframes", 1)
-        self._seen = track.motion @ gels, touches
-        with self._watch.stage("align"):
-            if len(belief.hypotheses):
-                self._comparison.work(min(self.config.refined_modes, len(belief.hypotheses)))
-            self._groups, self._sightings = grouped(belief), self._comparison.seen
-
-    def _finish(self) -> None:
-        """End the comparison under way: what was not reached keeps what its code says."""
-        if self._comparison is None:
+    def _compare(self, touches: list[Measurement], in_air: list[Measurement]) -> None:
+        """Make this frame a keyframe if one is due; otherwise align what could be published to it."""
+        gels = gels_of(touches)
+        at = self._track.motion @ gels
+        if self._track.is_due(gels):
+            self._novelty.take(at, touches)
+            self._sightings = self._keyframes.begin(touches, gels, in_air)
+            self._groups = grouped(self._belief)
             return
-        belief, noise = self._belief, self._noise
-        self._learn_of_objects(self._comparison)
-        self._comparison, self._granted = None, 0
-        belief.settle(_UNTESTED_BEHIND)
-        if len(belief.hypotheses) and noise.change > 0 and self._contradicted():
-            self._births.after_push(belief)
-            self._gates.count("pushed", 1)
-            self._gates.count("born", self._births.after_change(belief, noise.change))
-        self._groups, self._sightings = grouped(belief), {}
-
-    def _contradicted(self) -> bool:
-        """Whether the last keyframe speaks for a change: a pose that explains as much of it as the leading hypothesis
-        explained of those before would be as probable as that one, in spite of the change that leads to it."""
-        hypotheses = self._belief.hypotheses
-        fit = float(hypotheses.fit[int(np.argmax(hypotheses.log_weights))])
-        evidence = float(self._noise.residual_evidence(1.0 - fit))
-        usual = evidence if self._usual is None else self._usual
-        if fit < self._noise.explained or evidence < usual + np.log(self._noise.change):
-            return True
-        self._usual = usual + (evidence - usual) * _RENEWED
-        return False
+        if self._novelty.is_new(at, touches):
+            self._sharpen(touches)
+        self._held = self._novelty.resting
 
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
 
-        What it takes is limited by the time since the last frame; by `in_time`, too, where a machine may be too slow:
-        estimates then depend on that.
+        The time since the last frame limits the amount of work. `in_time` ends it earlier on a machine that is too
+        slow: estimates then depend on the machine.
         """
-        if self._comparison is None or not self._granted:
+        if self._keyframes is None or not self._keyframes.waiting:
             return
         with self._watch.stage("compare"):
-            comparison, at_once = self._comparison, self._granted * (1.0 - _AT_ONCE)
-            if self._held:
-                comparison.extend(self._granted)
-            while self._granted > 0 and (self._granted > at_once or in_time()):
-                self._granted -= max(comparison.work(min(_SLICE, self._granted)), 1)
-                if comparison.done or comparison.paused:
-                    break
-            self._granted = 0
-            if self._comparison.done:
-                self._finish()
-            else:
-                self._groups = grouped(self._belief)
+            if self._keyframes.go_on(self._held, in_time):
+                self._sightings = {}
+            self._groups = grouped(self._belief)
 
     # ------------------------------------------------------------------ every frame
 
     def _sharpen(self, touches: list[Measurement]) -> None:
-        """Align what could be published to this frame's maps."""
+        """Align the modes that could be published to this frame's maps."""
         belief, least = self._belief, _LEAST_FOLLOWED * self._groups[0].weight if self._groups else 0.0
         groups = [group for group in self._groups[: self.config.refined_modes] if group.weight >= least]
         if not groups or self.objects[0].alignment is None:
@@ -358,17 +275,9 @@ class ParticleFilter:
 
     # ------------------------------------------------------------------ answers
 
-    def _learn_of_objects(self, comparison: Comparison) -> None:
-        """Remember what the touches speak for each object (docs/internals.md)."""
-        support = self._belief.support + [comparison.support(number) for number in range(len(self.objects))]
-        # what earlier touches said may be taken back: none of the objects stays as probable, or improbable, as this
-        odds = max(self.config.unknown_prior / (1.0 - self.config.unknown_prior), 1e-3)
-        least, most = (np.log(odds * (1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
-        self._belief.support = np.clip(support, least, most)
-
     @property
     def identity(self) -> tuple[np.ndarray, float]:
-        """Probabilities (O,) of the objects, sums of weights, and that of none of them, by the leading hypothesis."""
+        """Probabilities (O,) of the objects, from their weights, and of none of them, from the leading hypothesis."""
         prior, belief = self.config.unknown_prior, self._belief
         if belief is None or not self._groups:
             return np.full(len(self.objects), (1 - prior) / len(self.objects)), prior
@@ -410,7 +319,7 @@ class ParticleFilter:
         return Estimate(self.modes, self._status(self.modes), covariance)
 
     def _guess(self) -> Mode:
-        """The heaviest untested pose, while nothing was compared."""
+        """Return the heaviest untested pose as a mode, for the time before anything was compared."""
         belief = self._belief
         tops = [some.log_weights.max(initial=-np.inf) for some in belief.untested]
         number = int(np.argmax(tops))
@@ -446,7 +355,7 @@ class ParticleFilter:
 
     @property
     def poses(self) -> np.ndarray:
-        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at this very frame.
+        """Draws `T_obj_gel` (N, 4, 4) from the belief about the object that the estimate is on, at the present frame.
 
         N = 0 while uninitialised.
         """
@@ -461,7 +370,7 @@ class ParticleFilter:
 
     @property
     def object(self) -> ObjectModel:
-        """The object that the estimate is on."""
+        """Object that the estimate is on."""
         return self.objects[self._leading_object]
 
     @property
@@ -470,28 +379,22 @@ class ParticleFilter:
 
     @property
     def belief(self) -> Belief | None:
-        """Hypotheses and untested poses as the last step left them, to be read; None while uninitialised."""
+        """Hypotheses and untested poses after the last step, for reading only; None while uninitialised."""
         return self._belief
 
     @property
     def groups(self) -> list[Group]:
-        """The modes of the belief by their hypotheses, heaviest first."""
+        """Modes of the belief, as groups of hypotheses, heaviest first."""
         return self._groups
 
     @property
     def measured_gels(self) -> np.ndarray:
-        """(F, 4, 4) of the gels that have touched since the last lift, in the frame of the present first one."""
+        """Poses (F, 4, 4) of the gels that have touched since the last lift, in the present frame of the first gel."""
         return self._track.touched
 
 
-def _information(log_ratios: Sequence[np.ndarray]) -> float:
-    """Nats that a code says of where it was felt, by its log-ratios at the entries of each object."""
-    ratios = np.concatenate(log_ratios)
-    return float((np.exp(ratios) * ratios).sum() / np.exp(ratios).sum())
-
-
 def _effective(belief: Belief) -> float:
-    """Effective number of hypotheses and untested poses, 1 / sum(w^2)."""
+    """Return the effective number of hypotheses and untested poses, 1 / sum(w^2)."""
     total = belief.total()
     squares = [np.exp(2 * (part.log_weights - total)).sum() for part in (belief.hypotheses, *belief.untested)]
     return float(1.0 / max(sum(squares), 1e-300))

@@ -1,7 +1,7 @@
 """An object to localise on: the filter on its mesh and codebook, read from files or built on the spot.
 
-An object that comes without a codebook gets a coarse one in seconds, and a dense one while the filter already runs on
-that.
+An object that comes without a codebook gets a coarse one in seconds. A dense one follows, while the filter already runs
+on the coarse one.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 RunningFilter = ParticleFilter | PaperFilter
 
 SIZE = 5_000
-"""Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
+"""Poses of a coarse codebook, built in seconds: a tenth of those that `midastouch build-codebook` takes."""
 DENSE = 50_000
-"""Poses that it grows to, as many as `midastouch build-codebook` takes."""
+"""Poses of a dense codebook, as many as `midastouch build-codebook` takes."""
 
 _NICENESS = 10
 
@@ -43,10 +43,10 @@ class _Stopped(Exception):
 
 
 class Growth:
-    """Makes a codebook and what a filter needs of it, in a thread of low priority.
+    """Thread of low priority that makes a codebook and what a filter needs of it.
 
-    Args: build(pause): makes the codebook, and calls `pause` now and then; prepare: as `ObjectModel.with_codebook`.
-    Attributes: failure: why there is no denser one, in words.
+    Args: build(pause), which makes the codebook and calls `pause` at times; prepare, as `ObjectModel.with_codebook`.
+    Attributes: failure, why there is no denser codebook, "" as long as nothing failed.
     """
 
     def __init__(
@@ -62,28 +62,28 @@ class Growth:
         self.failure = ""
 
     def start(self) -> None:
-        """Begin; `close` must follow."""
+        """Start the thread; `close` must follow."""
         self._thread.start()
 
     @property
     def done(self) -> bool:
-        """Whether nothing is to come any more."""
+        """True once the thread has ended and its result was taken."""
         return not self._thread.is_alive() and self._ready is None
 
     def take(self) -> ObjectModel | PaperObject | None:
-        """What was made, once."""
+        """Return the result once, when it is ready; otherwise None."""
         with self._exchange:
             ready, self._ready = self._ready, None
         return ready
 
     def close(self) -> None:
-        """Stop, within a second."""
+        """Stop the thread, within a second."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def _run(self) -> None:
-        # of this thread alone, and of those that it starts
+        # on Linux this sets the niceness of this thread alone, and of those that it starts
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
         try:
             prepared = self._prepare(self._build(self._pause))
@@ -91,7 +91,7 @@ class Growth:
                 self._ready = prepared
         except _Stopped:
             pass
-        except Exception as error:  # said in the status; the filter goes on with what it has
+        except Exception as error:  # shown in the status; the filter keeps the codebook it has
             self.failure = f"{type(error).__name__}: {error}"
 
     def _pause(self) -> None:
@@ -101,9 +101,9 @@ class Growth:
 
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
-    """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next, None
-    if the filter cannot be asked. growth: makes the codebook denser meanwhile; None: it is whole."""
+    """The filter on one object, the object's diagonal [m] and name, and the sensor (at map resolution) of its
+    codebook, None if unknown. network_id: of the codebook's codes, "" if unknown. advisor: suggests where to touch
+    next, None if the filter cannot. growth: builds a denser codebook meanwhile, None if the codebook is complete."""
 
     filter: RunningFilter
     diagonal: float
@@ -115,12 +115,12 @@ class LoadedObject:
 
     @property
     def density(self) -> str:
-        """How dense the codebook is, and what that allows, in words."""
+        """Density of the codebook, and the precision that it allows, as a phrase."""
         return self.filter.object.density
 
     @property
     def coarse(self) -> str:
-        """That the codebook grows, or why it does not, in words; empty for a whole one."""
+        """Note that the codebook grows, or why it does not; empty for a complete one."""
         if self.growth is None or not (self.growth.failure or not self.growth.done):
             return ""
         return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
@@ -131,7 +131,7 @@ class LoadedObject:
             self.filter.take(prepared)
 
     def close(self) -> None:
-        """Stop building denser codebooks."""
+        """Stop building a denser codebook."""
         if self.growth is not None:
             self.growth.close()
 
@@ -139,7 +139,7 @@ class LoadedObject:
 def load_object(
     mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
-    """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
+    """Load mesh and codebook; raises InputError on files that cannot be used or do not belong together."""
     mesh = ObjectMesh.load(mesh_path)
     return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed, paper)
 
@@ -147,7 +147,7 @@ def load_object(
 def object_of(
     mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
-    """The filter, or the paper's, on a mesh and its codebook; InputError on a codebook that cannot be used."""
+    """Return the filter, or the paper's, on a mesh and its codebook; raises InputError on an unusable codebook."""
     if paper:
         running = PaperFilter(mesh, codebook, clock=time.perf_counter, threads=config.threads, limits=config)
         running.reset(seed)
@@ -162,7 +162,7 @@ def object_of(
 def build_object(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
-    """The filter on a mesh and a codebook of `SIZE` poses that is built here, and one of `DENSE` while the filter runs.
+    """Build a codebook of `SIZE` poses and return the filter on it, with the `growth` that builds one of `DENSE` poses.
 
     network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for an
     unknown name, a missing file, a mesh that cannot be used, and a mesh without reachable surface.
@@ -176,7 +176,7 @@ def build_object(
 def coarse_codebook(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
 ) -> tuple[ObjectMesh, Codebook]:
-    """A mesh and a codebook of `SIZE` poses that is built here; arguments and errors as of `build_object`."""
+    """Return a mesh and build its codebook of `SIZE` poses; arguments and errors as for `build_object`."""
     mesh, _, _, codebook = _built(mesh_path, network, sensor_model, config)
     return mesh, codebook
 
@@ -184,7 +184,7 @@ def coarse_codebook(
 def _built(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
 ) -> tuple[ObjectMesh, TactileCodeNet, SensorModel, Codebook]:
-    # the runtime of networks is needed for this alone
+    # imported here, because nothing else needs the runtime of networks
     from midastouch_perception.codebook_build import CodebookBuild
     from midastouch_perception.tcn import load_tcn
 
@@ -196,8 +196,8 @@ def _built(
 def dense_codebook(
     mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, pause: Callable[[], None] = lambda: None
 ) -> Codebook:
-    """The codebook of `DENSE` poses; `pause` is called now and then, and what it raises ends the work."""
-    # the runtime of networks is needed for this alone
+    """Build the codebook of `DENSE` poses; `pause` is called now and then, and an exception from it ends the work."""
+    # imported here, because nothing else needs the runtime of networks
     from midastouch_perception.codebook_build import CodebookBuild
 
     return CodebookBuild(mesh, tcn, sensor, DENSE).run(pause=pause, tried=pause)

@@ -1,4 +1,4 @@
-"""Where the filter starts, and what it does between two messages of a node."""
+"""Start of the filter, and its steps from one frame of a node to the next."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .loaded_object import LoadedObject, RunningFilter
 
 # Widest start: the paper's, appendix C (sigma_t = diagonal / 3, sigma_r = 60 degrees at beta = 1)
 _WIDEST_ROTATION = math.radians(60.0)
-# No pose that is given is known better than one that an arm measures.
+# A given pose is at best as precise as one that an arm measures.
 _SHARPEST_TRANSLATION = FilterConfig.jitter_translation
 _SHARPEST_ROTATION = FilterConfig.jitter_rotation
 
@@ -31,7 +31,7 @@ _SHARPEST_ROTATION = FilterConfig.jitter_rotation
 class Start:
     """A Gaussian start: T_obj_gel (4, 4), sigma_t [m], sigma_r [rad].
 
-    Raises InputError if the filter could not start there: it may have to again, long after the pose was given.
+    Raises InputError if the filter cannot start there: a restart may use it long after it was given.
     """
 
     pose: np.ndarray
@@ -44,25 +44,25 @@ class Start:
 
 @dataclasses.dataclass(frozen=True)
 class ObjectPrior:
-    """Where the object is said to be: T_base_obj (4, 4), sigma_t [m], sigma_r [rad]."""
+    """Given pose of the object: T_base_obj (4, 4), sigma_t [m], sigma_r [rad]."""
 
     T_base_obj: np.ndarray
     sigma_t: float
     sigma_r: float
 
     def start(self, T_base_gel: np.ndarray) -> Start:
-        """The start of a sensor at T_base_gel (4, 4); raises InputError as `Start`."""
+        """Return the start of a sensor at T_base_gel (4, 4); raises InputError as `Start` does."""
         T_obj_gel = se3.inverse(self.T_base_obj) @ T_base_gel
         lever = float(np.linalg.norm(T_obj_gel[:3, 3]))
         return Start(T_obj_gel, spread_at_lever(self.sigma_t, self.sigma_r, lever), self.sigma_r)
 
 
 class Localiser:
-    """Owns the filter, the pose of the last frame it saw and the way it starts.
+    """Filter on one object, with the sensor's pose at its last frame and the start that a restart uses.
 
     `first_start` is None for a start that spreads over the whole surface. With `wait` nothing starts before a
-    pose is given. What was said last counts: time that runs backwards starts the filter anew from the last given
-    pose, be it the sensor's on the object or, from where the sensor is then, the object's.
+    pose is given. A restart, as after time ran backwards, begins at the pose that was given last: the sensor's on the
+    object, or the object's in the base frame, which the sensor's pose at the next frame turns into a start.
     """
 
     def __init__(self, first_start: Start | None, wait: bool):
@@ -70,28 +70,28 @@ class Localiser:
         self._object: LoadedObject | None = None
         self._T_base_gel: np.ndarray | None = None
         self._stamp: int | None = None
-        self._prior: ObjectPrior | None = None  # goes over `_start`
-        self._pending_prior: ObjectPrior | None = None  # the same, until a frame says where the sensor is
+        self._prior: ObjectPrior | None = None  # overrides `_start`
+        self._pending_prior: ObjectPrior | None = None  # the same, until a frame brings the sensor's pose
         self._started = False
         self.estimate: Estimate | None = None
 
     @property
     def object(self) -> LoadedObject | None:
-        """The object it localises on."""
+        """Object that the filter localises on; None before there is one."""
         return self._object
 
     @property
     def coarse(self) -> str:
-        """As of the object; empty without one."""
+        """Note of the object's coarse codebook (`LoadedObject.coarse`); empty without an object."""
         return self._object.coarse if self._object is not None else ""
 
     @property
     def sensor(self) -> SensorModel | None:
-        """That codes and maps are of, at map resolution; None if unknown."""
+        """Sensor of the codes and maps, at map resolution; None if unknown."""
         return self._object.sensor if self._object is not None else None
 
     def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was measured. Raises InputError if the filter cannot say it."""
+        """Suggest where to touch next; None before something was measured. Raises InputError if the filter cannot."""
         if self.filter is None:
             return None
         if self._object.advisor is None:
@@ -105,18 +105,18 @@ class Localiser:
 
     @property
     def waiting_for(self) -> str:
-        """Why no filter is running, in words; empty when one is."""
+        """Reason why no filter is running; empty while one is."""
         if self._object is None:
             return "no object: set the parameters mesh and codebook or call set_object"
         return "" if self._started else "waiting for initialpose or object_pose_prior (init_mode is wait)"
 
     @property
     def untouched(self) -> bool:
-        """Whether no frame has reached the filter since its start."""
+        """True while no frame has reached the filter since its start."""
         return self._T_base_gel is None
 
     def set_object(self, loaded: LoadedObject) -> None:
-        """Localise on another object, from scratch: poses on the old one say nothing about it."""
+        """Localise on another object from scratch, because poses on the old one mean nothing there."""
         if self._object is not None:
             self._start = self._prior = None
         self.close()
@@ -126,12 +126,12 @@ class Localiser:
         self.restart()
 
     def close(self) -> None:
-        """End the growth of the codebook."""
+        """Stop building a denser codebook."""
         if self._object is not None:
             self._object.close()
 
     def restart(self) -> None:
-        """Forget all measurements and start as at first, or from the last pose that was given."""
+        """Forget all measurements and start from the last pose that was given, or without one as at first."""
         self._pending_prior = self._prior
         self._begin(self._start)
 
@@ -157,11 +157,11 @@ class Localiser:
         self.restart()
 
     def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start at the next frame, from where the object is said to be in the robot's base frame: as `ObjectPrior`."""
+        """Start at the next frame, from the object's pose in the robot's base frame; arguments as for `ObjectPrior`."""
         self._prior = self._pending_prior = ObjectPrior(T_base_obj, sigma_t, sigma_r)
 
     def T_base_obj(self) -> np.ndarray | None:
-        """The object in the base frame (4, 4), while the filter is sure of it."""
+        """Return the object's pose in the base frame (4, 4), or None unless the state is `converged`."""
         if self._T_base_gel is None or self.estimate is None or self.estimate.status.state != "converged":
             return None
         return self._T_base_gel @ se3.inverse(self.estimate.pose)
@@ -173,14 +173,13 @@ class Localiser:
         others: Mapping[str, Measurement] | None = None,
         stamp: int | None = None,
     ) -> Estimate | None:
-        """One frame: the sensor's pose (4, 4), what it measured, and what further fingers did; stamp [ns], None if
-        unknown.
+        """Process one frame and return its estimate; None while no filter runs.
 
-        None while no filter runs.
-        Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
+        T_base_gel: the sensor's pose (4, 4). others: measurements of further fingers, by name. stamp [ns]: None if
+        unknown. Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
         """
         if self._pending_prior is not None and self._object is not None:
-            # One that cannot be used is forgotten.
+            # Cleared first, so that a prior which cannot be used is forgotten.
             prior, self._prior, self._pending_prior = self._pending_prior, None, None
             self._begin(prior.start(T_base_gel))
             self._prior = prior
@@ -194,22 +193,22 @@ class Localiser:
         return self.estimate
 
     def deferred_update(self, in_time: InTime = always) -> None:
-        """As `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
+        """Run `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
         if self.filter is not None:
             self.filter.deferred_update(in_time)
 
 
 def seconds_between(before: int | None, now: int | None) -> float | None:
-    """Of two stamps [ns]; None if one is unknown, or the first was far ahead by mistake."""
+    """Return the seconds between two stamps [ns]; None if one is unknown, or the first was far ahead by mistake."""
     return 1e-9 * (now - before) if before is not None and now is not None and now > before else None
 
 
 def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:
-    """(sigma_t [m], sigma_r [rad]) for `ParticleFilter.initialise_gaussian`.
+    """Return (sigma_t [m], sigma_r [rad]) for `ParticleFilter.initialise_gaussian`.
 
     covariance (6, 6): REP 103 order. diagonal [m]: of the object. A zero variance means "unknown", not
     "certain": RViz's 2D Pose Estimate leaves z, roll and pitch at zero. The largest variance counts for all
-    axes, and nothing is wider than the object or than 60 degrees (RViz's 0.5 m says nothing about a cup).
+    axes. No sigma exceeds a third of the diagonal or 60 degrees: RViz's 0.5 m is meaningless on a cup.
     """
     variances = np.diagonal(covariance)
     return (
@@ -219,7 +218,7 @@ def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:
 
 
 def spread_at_lever(sigma_t: float, sigma_r: float, lever: float) -> float:
-    """sigma_t [m] at a point `lever` metres from where the pose is given: rotation moves it too."""
+    """Return sigma_t [m] at a point `lever` metres from the pose's origin, which an error of rotation moves, too."""
     return math.hypot(sigma_t, sigma_r * lever)
 
 

@@ -1,7 +1,7 @@
 """The paper's own particle filter (section 4.3 and appendix C), as the baseline of every comparison: preset `paper`.
 
 It follows the text, not the authors' code, where the two differ: systematic resampling at every step, hypotheses at
-every step, the floor of 1000 particles, the 6-vector (t, alpha log R). What the text leaves open is marked below.
+every step, the floor of 1000 particles, the 6-vector (t, alpha log R). Comments mark what the text leaves open.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _CELLS_PER_EPS = 3
 class PaperConfig:
     """Constants of the paper; metres and radians.
 
-    n_start, n_least: particles at the start and at least (appendix C). noise_translation, noise_rotation: sigma of one
-    step's odometry per axis; the text gives none, so it is what two poses with the data's noise of 0.5 mm and 1 deg
-    (section 5) differ by. prune_distance: appendix C. eps: of DBSCAN; not in the text. min_samples: of DBSCAN, twice
-    the dimension as the paper's reference 68 has it.
+    n_start, n_least: number of particles at the start, and the fewest later (appendix C). noise_translation,
+    noise_rotation: sigma of one step's odometry per axis. The text gives none; it is the difference of two poses that
+    each have the data's noise of 0.5 mm and 1 deg (section 5). prune_distance: appendix C. eps, min_samples: of DBSCAN.
+    The text does not give eps; min_samples is twice the dimension, as in the paper's reference 68.
     """
 
     n_start: int = 50_000
@@ -60,7 +60,7 @@ class PaperConfig:
 
 class PaperObject:
     """A codebook as the paper uses it. Attributes: poses (M, 4, 4); codes (M, D) of length 1; tree of 6-vectors;
-    network_id of the codes, "" if unknown; symmetry that the codebook tells of."""
+    network_id of the codes, "" if unknown; symmetry that the codebook states, none by default."""
 
     def __init__(self, codebook: Codebook):
         self.poses = np.asarray(codebook.poses, float)
@@ -70,19 +70,19 @@ class PaperObject:
 
     @property
     def density(self) -> str:
-        """The size of the codebook, in words."""
+        """Size of the codebook, as a phrase."""
         return f"codebook of {len(self.poses):,} poses, for the paper's filter"
 
     def with_codebook(self, codebook: Codebook) -> PaperObject:
-        """The same object by another codebook, for `PaperFilter.take`."""
+        """Return the same object with another codebook, for `PaperFilter.take`."""
         return PaperObject(codebook)
 
 
 class PaperFilter:
-    """Distribution of the sensor pose `T_obj_gel`, with the interface of `ParticleFilter` but for its belief.
+    """Distribution of the sensor pose `T_obj_gel`, with the interface of `ParticleFilter` except for its belief.
 
-    Args: mesh; codebook of that mesh; config; clock: seconds, for the milliseconds per stage in `Status`;
-    threads, of the compiled kernels (0: one per core); limits of the state, which the paper does not have: it is told
+    Args: mesh; codebook of that mesh; config; clock, which returns seconds, for the milliseconds per stage in `Status`;
+    threads, of the compiled kernels (0: one per core); limits of the state. The paper has no state: here it follows
     from mass and spread of the heaviest hypothesis.
     """
 
@@ -100,14 +100,14 @@ class PaperFilter:
         # a turn by w is the quaternion (w / 2, 1), normalised
         self._noise = np.repeat([self.config.noise_translation, 0.5 * self.config.noise_rotation], 3).astype(np.float32)
         self.object = PaperObject(codebook)
-        # the paper prunes by the mesh's vertices, which lie dense on its meshes; on others only the surface serves
+        # the paper prunes by the vertices, which are dense on its meshes; other meshes need points of the surface
         count = int(np.clip(mesh.area / _SURFACE_SPACING**2, 1_000, _MOST_SURFACE_POINTS))
         self._surface = KDTree(mesh.sample_surface(count, np.random.default_rng(0))[0].astype(np.float32))
         self._clock = clock
         self.reset(0)
 
     def reset(self, seed: int) -> None:
-        """Forget everything but object and settings."""
+        """Forget everything except object and settings."""
         self._rng = np.random.default_rng(seed)
         # seeded once, one per range of particles, so that noise does not depend on the number of threads
         self._streams = [kernels.NormalStream(each) for each in self._rng.integers(2**63, size=CHUNKS).tolist()]
@@ -123,8 +123,8 @@ class PaperFilter:
         self._start(Particles.from_poses(self.object.poses[entries], entries))
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start around a prior `T_obj_gel` (4, 4) with sigma_t [m] and sigma_r [rad] per axis, each particle moved to
-        its nearest codebook pose."""
+        """Start around a prior `T_obj_gel` (4, 4) with sigma_t [m] and sigma_r [rad] per axis, and move each particle
+        to its nearest codebook pose."""
         drawn = gaussian_poses(prior, sigma_t, sigma_r, self.config.n_start, self._rng)
         self._start(Particles.from_poses(drawn, np.zeros(len(drawn))))
         self._to_codebook()
@@ -133,14 +133,14 @@ class PaperFilter:
         self._particles, self._spread, self.modes = particles, None, []
 
     def take(self, prepared: PaperObject) -> None:
-        """Go on by another codebook of the object."""
+        """Switch to another codebook of the object."""
         self.object = prepared
 
     def force_update(self) -> None:
-        """Nothing: every touch counts in full."""
+        """Do nothing: every touch counts in full."""
 
     def deferred_update(self, in_time: InTime = always) -> None:
-        """Nothing: a step leaves no work."""
+        """Do nothing: a step leaves no work."""
 
     def step(
         self,
@@ -149,9 +149,9 @@ class PaperFilter:
         others: Mapping[str, Measurement] | None = None,
         elapsed: float | None = None,
     ) -> Estimate:
-        """Motion, measurement update, pruning, clustering, annealing, resampling: one step of section 4.3.
+        """Run one step of section 4.3: motion, measurement update, pruning, clustering, annealing, resampling.
 
-        odometry: `inv(p_prev) p_now` (4, 4), None on the first frame; others and elapsed are of no use to it. Raises
+        odometry: `inv(p_prev) p_now` (4, 4), None on the first frame. others and elapsed are ignored. Raises
         InputError if the code cannot be used.
         """
         watch = Stopwatch(self._clock)
@@ -175,7 +175,7 @@ class PaperFilter:
         return self._report(watch)
 
     def _propagate(self, motion: Odometry) -> None:
-        """Equation 1: every particle moves by the odometry, then by its own noise."""
+        """Move every particle by the odometry, then by its own noise (equation 1)."""
         p = self._particles
         self._workers.run(
             len(p),
@@ -185,7 +185,7 @@ class PaperFilter:
         )
 
     def _code(self, measurement: Measurement) -> np.ndarray:
-        """The measured code (D,); without contact a random one (appendix C)."""
+        """Return the measured code (D,); without contact, a random one (appendix C)."""
         length = self.object.codes.shape[1]
         if not measurement.in_contact or measurement.code is None:
             return self._rng.standard_normal(length, dtype=np.float32)
@@ -196,12 +196,12 @@ class PaperFilter:
         return code
 
     def _weights_of(self, code: np.ndarray) -> np.ndarray:
-        """Equation 2: softmax of the cosines; 0 for particles off the surface (appendix C)."""
+        """Return the softmax of the cosines (equation 2), with 0 for particles off the surface (appendix C)."""
         cosine = (self.object.codes @ (code / np.linalg.norm(code)))[self._particles.entries].astype(float)
         weights = np.exp(cosine - cosine.max())
         distance = self._surface.query(self._particles.positions)[0]
         weights[distance > self.config.prune_distance] = 0.0
-        if not weights.any():  # the text does not say what then; as at the start, the codebook is where touches are
+        if not weights.any():  # the text leaves this open; as at the start, touches are at codebook poses
             self._to_codebook()
             weights[:] = 1.0
         return weights / weights.sum()
@@ -211,12 +211,12 @@ class PaperFilter:
         self._particles = Particles.from_poses(self.object.poses[entries], entries)
 
     def _hypotheses(self, weights: np.ndarray) -> list[Mode]:
-        """DBSCAN over the positions, then mean position and Markley's mean rotation of each cluster.
+        """Cluster the positions by DBSCAN; each mode has a cluster's mean position and Markley's mean rotation.
 
-        Particles in one cell of a third of eps stand for each other: all pairs of particles of a narrow
+        All particles in a cell of a third of eps are one weighted point: all pairs of particles of a narrow
         distribution would not fit into memory.
         """
-        from sklearn.cluster import DBSCAN  # large, and needed for this alone
+        from sklearn.cluster import DBSCAN  # large, and needed only here
 
         p = self._particles
         cells = np.floor(p.positions * (_CELLS_PER_EPS / self.config.eps)).astype(np.int64)
@@ -231,8 +231,8 @@ class PaperFilter:
         return [_mode(p, weights, np.flatnonzero(label == k)) for k in order if mass[k] > 0]
 
     def _anneal(self, weights: np.ndarray) -> np.ndarray:
-        """Particles (n,) to go on with, by their index: fewer of the lightest or more of the heaviest, as the spread of
-        the hypotheses has shrunk or grown (appendix C)."""
+        """Return indices (n,) of the particles to keep: without the lightest, or with copies of the heaviest, as the
+        spread of the hypotheses has shrunk or grown (appendix C)."""
         n = len(weights)
         order = np.argsort(-weights, kind="stable")
         spread = np.mean([np.sqrt(np.diag(m.covariance)[:3]).mean() for m in self.modes]) if self.modes else None
@@ -265,15 +265,15 @@ class PaperFilter:
 
 
 def _six_vectors(particles: Particles) -> np.ndarray:
-    """(N, 6) float32: position and alpha times the log of the rotation (section 4.2)."""
+    """Return (N, 6) float32: position and alpha times the log of the rotation (section 4.2)."""
     log = Rotation.from_quat(particles.quaternions).as_rotvec()
     return np.concatenate([particles.positions, ROTATION_SCALE * log], axis=1).astype(np.float32)
 
 
 def _mode(particles: Particles, weights: np.ndarray, which: np.ndarray) -> Mode:
-    """Mean and covariance of the particles with indices `which` (n,).
+    """Return mean and covariance of the particles with indices `which` (n,).
 
-    The mean rotation is Markley's (2007): the largest eigenvector of the mean of q q^T.
+    The mean rotation is Markley's (2007): the eigenvector of the largest eigenvalue of the mean of q q^T.
     """
     mass = weights[which].sum()
     w = weights[which] / mass
@@ -286,16 +286,16 @@ def _mode(particles: Particles, weights: np.ndarray, which: np.ndarray) -> Mode:
 
 
 def uniform_entries(n_entries: int, n: int, rng: np.random.Generator) -> np.ndarray:
-    """n codebook entries (n,), ascending, over the whole surface, which the codebook covers evenly.
+    """Draw n codebook entries (n,), ascending, over the whole surface, which the codebook covers evenly.
 
-    Stratified: no entry is drawn more than once more than another.
+    Stratified: how often two entries are drawn differs by one at most.
     """
     rounds = -(-n // n_entries)
     return np.sort(np.concatenate([rng.permutation(n_entries) for _ in range(rounds)])[:n])
 
 
 def gaussian_poses(centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, rng: np.random.Generator) -> np.ndarray:
-    """n poses (n, 4, 4) around `centre` (4, 4): sigma_t [m] and sigma_r [rad] per axis (paper section 4.3).
+    """Draw n poses (n, 4, 4) around `centre` (4, 4) with sigma_t [m] and sigma_r [rad] per axis (paper section 4.3).
 
     They lie off the surface; the paper then replaces each by the nearest pose of the codebook.
     """

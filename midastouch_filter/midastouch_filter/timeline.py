@@ -1,9 +1,8 @@
-"""Codes in time: jumps, as of a looped bag, distinguished from wrong stamps and from a second source; codes of further
-fingers.
+"""Times of codes: jumps (a looped bag), wrong stamps and second sources of one sensor; codes of further fingers.
 
-Cameras run free, so that no two images have the same stamp. That costs nothing: the object rests, and each finger is
-where TF says at the stamp of its own image. So the codes of a further finger are kept until frames of the reference ask
-for them.
+Cameras are not synchronised, so no two images have the same stamp. That costs nothing: the object rests, and TF gives
+each finger's pose at the stamp of its own image. So the codes of a further finger are kept until frames of the
+reference sensor ask for them.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ from .core.touch import Measurement
 from .loaded_object import LoadedObject
 from .transforms.queue import Wait
 
-# Stamps that run back by more than this may be a new run; by less, a message out of order.
+# A stamp that is older than the newest by more than this may begin a new run; by less, it is out of order.
 JUMP_NS = 500_000_000
-# While the time that is followed was heard of this lately [s], one that was left or dropped before is another source's.
+# If a code of the time that is followed came within this [s], a code of a time that was left is of another source.
 _SECOND_SOURCE_S = 0.5
 # Live the next image comes within some 30 ms; a slower finger does not hold up the frame.
 CODE_TIMEOUT = 0.25
-"""s that what belongs to one frame is waited for, where messages may be lost."""
+"""Longest wait [s] for the parts of one frame, if messages may be lost."""
 _CODE_TIMEOUT_NS = round(1e9 * CODE_TIMEOUT)
-_KEPT_CODES = 100  # codes
+_KEPT_CODES = 100
 
 
 class Judgement(NamedTuple):
-    """What becomes of codes, by stamp [ns].
+    """Decision on codes, by stamp [ns].
 
-    taken: stamps and payloads to be processed, in order; ran_back: whether time ran back to the first of them;
-    odd: stamps of codes that are dropped, or of a code taken before that turned out wrong; late: whether the new code
-    is dropped because it is older than the newest; held: whether the new code waits until a second one confirms its
+    taken: stamps and payloads to process, in order; ran_back: whether time ran back to the first of them;
+    odd: stamps of codes that are dropped, or of an earlier code that turned out wrong; late: whether the new code
+    is dropped because it is no newer than the newest; held: whether the new code waits until a second one confirms its
     time.
     """
 
@@ -50,14 +49,14 @@ class Judgement(NamedTuple):
 
 
 class Timeline:
-    """The time that the codes of one sensor are of.
+    """Time that the codes of one sensor follow.
 
-    A stamp further back than `JUMP_NS` is believed when a second witness tells of the same: the next code, or the
-    transforms. One far ahead is taken at once, for a camera may have been still, but counts as wrong when the next code
-    goes on from before it.
-    When a time that was left or dropped goes on beside the present one, that is a second source and no jump.
+    A stamp further back than `JUMP_NS` is believed once a second witness confirms it: the next code, or the
+    transforms. A stamp far ahead is taken at once, because a camera may have been still, but counts as wrong if the
+    next code continues from before it.
+    If a time that was left or dropped continues in parallel to the present one, it is a second source and not a jump.
 
-    transforms: the newest stamp [ns] of the moving transforms, None without any. now: seconds.
+    transforms: returns the newest stamp [ns] of the moving transforms, None without any. now: returns seconds.
     """
 
     def __init__(self, transforms: Callable[[], int | None], now: Callable[[], float]):
@@ -70,7 +69,7 @@ class Timeline:
         self._other: int | None = None  # newest stamp of a time that was left or dropped
 
     def judge(self, stamp: int, payload: Any) -> Judgement:
-        """Judge the next code that has arrived, of `stamp` [ns]; payload, returned with the stamp once it is taken."""
+        """Judge a code that has just come, of `stamp` [ns]; once taken, the payload is returned with its stamp."""
         if self._of_another_source(stamp):
             self._other = stamp
             return Judgement(odd=(stamp,))
@@ -87,7 +86,7 @@ class Timeline:
         return self.ask_again()._replace(odd=odd)
 
     def ask_again(self) -> Judgement:
-        """Whether the transforms tell of the jump that a code waits with."""
+        """Judge the held code again: it is taken if the transforms have made the same jump."""
         if self._held is None:
             return Judgement()
         newest = self._transforms()
@@ -96,7 +95,7 @@ class Timeline:
         return self._jump((self._held,))
 
     def give_up(self, seconds: float) -> Judgement:
-        """Drop a code that has waited so long."""
+        """Drop the held code if it has waited for `seconds`."""
         if self._held is None or self._now() - self._held_since < seconds:
             return Judgement()
         return Judgement(odd=self._drop_held())
@@ -110,14 +109,14 @@ class Timeline:
     def _go_on(self, stamp: int, payload: Any) -> Judgement:
         leaps = self._newest is not None and stamp > self._newest + JUMP_NS
         if self._leapt_from is not None and not leaps:
-            self._other = self._leapt_from  # the leap was none by mistake: what it left is over
+            self._other = self._leapt_from  # the leap was no mistake: the time before it is over
         self._leapt_from = self._newest if leaps else None
         odd = self._drop_held()
         self._follow(stamp)
         return Judgement(((stamp, payload),), odd=odd)
 
     def _return(self, stamp: int, payload: Any) -> Judgement:
-        """The newest was far ahead by mistake."""
+        """Take a code from before the newest one, which was far ahead by mistake."""
         odd, self._other = (self._newest, *self._drop_held()), self._newest
         if stamp <= self._leapt_from + JUMP_NS:
             self._leapt_from = None
@@ -140,7 +139,7 @@ class Timeline:
 
 
 class Maps(Protocol):
-    """Where the maps of a finger's codes are: `nodes.finger_topics.MapSource`."""
+    """Source of the maps of a finger's codes: `nodes.finger_topics.MapSource`."""
 
     def awaited(self, stamp: int, waited: float) -> bool: ...
 
@@ -148,11 +147,11 @@ class Maps(Protocol):
 
 
 class FingerMemory:
-    """The last codes of one finger.
+    """Last codes of one finger.
 
-    pose_at: T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: how far the
-    stamp of a code may be from the frame's. maps: None if they are not asked for. now: clock [s] by which
-    silence is measured. on_foreign: called with the network of a code that the codebook was not built with.
+    pose_at: returns T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: most
+    that the stamps of a code and a frame may differ. maps: None if they are not wanted. now: clock [s] that
+    measures silence. on_foreign: called with a reason if a code is of another network than the codebook.
     """
 
     def __init__(
@@ -165,12 +164,12 @@ class FingerMemory:
     ):
         self._pose_at, self._tolerance, self._maps = pose_at, tolerance, maps
         self._now, self._on_foreign = now, on_foreign
-        self._heard: float | None = None  # when its last code came, or its first one was asked for
+        self._heard: float | None = None  # time of its last code, or of the first frame that asked for one
         self._codes: OrderedDict[int, Measurement] = OrderedDict()
         self._newest: int | None = None
         self._asked = 0
         self._given_up = False
-        self._unplaced: int | None = None  # stamp of a code whose transform was waited for in vain
+        self._unplaced: int | None = None  # stamp of a code whose transform did not come in time
 
     @property
     def silence(self) -> float:
@@ -178,20 +177,19 @@ class FingerMemory:
         return 0.0 if self._heard is None else self._now() - self._heard
 
     def clear(self) -> None:
-        """Forget what was measured, and since when nothing was."""
+        """Forget all codes, and how long none has come."""
         self._codes.clear()
         self._newest = self._heard = self._unplaced = None
         self._asked, self._given_up = 0, False
 
     def rewind(self, stamp: int) -> None:
-        """The reference's time ran back to `stamp` [ns]: forget what was measured before, but not what was measured
-        since."""
+        """Follow the reference's time back to `stamp` [ns]: forget codes from before the jump, keep those since."""
         if self._newest is not None and self._newest > stamp + JUMP_NS:
             self.clear()
         self._asked = min(self._asked, stamp)
 
     def add(self, stamp: int, measurement: Measurement) -> bool:
-        """One more code of `stamp` [ns]; False if it or a later one was here before."""
+        """Add a code of `stamp` [ns]; return False if it or a later one has come before."""
         if self._newest is not None and stamp <= self._newest - JUMP_NS:
             self.clear()
         self._heard = self._now()
@@ -205,10 +203,10 @@ class FingerMemory:
         return True
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether a frame at `stamp` [ns] that has waited for `waited` s shall go on waiting for this finger's code, or
-        for its map or transform: at most a quarter of a second.
+        """Return whether a frame at `stamp` [ns] that has waited for `waited` s should wait on for this finger: for its
+        code or transform at most `CODE_TIMEOUT`, for its map as long as `maps` waits.
 
-        After a wait in vain, further frames do not wait for this finger until it has caught up.
+        After a code did not come in time, further frames do not wait for this finger until it has caught up.
         """
         self._asked = stamp
         in_time = waited < CODE_TIMEOUT
@@ -221,7 +219,7 @@ class FingerMemory:
         return found is not None and self._lacks(found, waited)
 
     def _lacks(self, found: int, waited: float) -> bool:
-        """Whether the map or the transform of its code at `found` [ns] is still to come."""
+        """Return whether the map or the transform of its code at `found` [ns] is still to come."""
         if self._codes[found].in_contact and self._maps is not None and self._maps.awaited(found, waited):
             return True
         if self._unplaced is not None and isinstance(self._pose_at(self._unplaced), Wait):
@@ -231,10 +229,10 @@ class FingerMemory:
         return lacks and waited < CODE_TIMEOUT
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
-        """What it measured about `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or in a word what is
-        missing.
+        """Return its measurement near `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or one word for what
+        is missing.
 
-        Each of its codes is given out once.
+        Each code is returned once.
         """
         if self._heard is None:
             self._heard = self._now()
@@ -255,6 +253,6 @@ class FingerMemory:
         return dataclasses.replace(measurement, T_gel_finger=se3.inverse(T_base_gel) @ T_base_finger)
 
     def _nearest(self, stamp: int) -> int | None:
-        """Stamp of the code nearest to `stamp`, if it lies within the tolerance."""
+        """Return the stamp of the code nearest to `stamp`, if it lies within the tolerance."""
         nearest = min(self._codes, key=lambda each: abs(each - stamp), default=None)
         return nearest if nearest is not None and abs(nearest - stamp) <= self._tolerance else None

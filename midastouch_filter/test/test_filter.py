@@ -137,7 +137,7 @@ def test_where_the_gel_was_in_the_air_there_is_no_object(filter_, mapped_slide, 
         way = np.stack([way[0], *way, top])
         go_on(filter_, way, [AIR] * (len(way) - 1) + mapped_slide.touches_at(top[None]), FRAME)
         there = filter_.poses @ se3.inverse(top) @ beside
-        inside.append((filter_.object.surface.distance_of(there[:, :3, 3]) < -4e-3).mean())
+        inside.append((filter_.object.surface.distance(there[:, :3, 3]) < -4e-3).mean())
     assert inside[1] < 0.6 * inside[0]
 
 

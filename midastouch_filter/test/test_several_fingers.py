@@ -165,7 +165,7 @@ def test_where_another_finger_touches_nothing_there_is_no_object(filter_, grippe
         filter_.initialise_uniform()
         filter_.step(None, above[0], others, elapsed=FRAME)
         there = (filter_.poses @ T_gel_finger)[:, :3, 3]
-        inside.append((filter_.object.surface.distance_of(there) < -3e-3).mean())
+        inside.append((filter_.object.surface.distance(there) < -3e-3).mean())
     assert inside[1] < 0.7 * inside[0]
 
 

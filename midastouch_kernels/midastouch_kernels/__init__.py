@@ -1,7 +1,7 @@
-"""Compiled inner loops over NumPy arrays. What each does is said where it is bound, in `src/`.
+"""Compiled inner loops over NumPy arrays. The bindings in `src/` document each of them.
 
-The arrays must have the very type and layout that a kernel asks for (C order, float32 or float64, ...): nothing is
-converted on the way, so that what a kernel writes arrives. Those that take long release the GIL.
+The arrays must have exactly the type and layout that a kernel asks for (C order, float32 or float64, ...): nothing is
+converted, so that a kernel writes to your array and not to a copy. Kernels that take long release the GIL.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import contextlib
 import platform
 from pathlib import Path
 
-# The instructions of the level x86-64-v3 that the compiler may use and that processors are without.
+# Instructions of the level x86-64-v3 that the compiler may use and that some processors lack.
 _V3 = {"avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "abm"}
 
 
 def _knows_v3() -> bool:
-    """Whether this processor runs the faster of the two modules."""
+    """Return whether this processor can run the faster of the two modules."""
     if platform.machine() not in ("x86_64", "AMD64"):
         return False
     with contextlib.suppress(OSError):

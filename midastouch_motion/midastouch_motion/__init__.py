@@ -1,1 +1,1 @@
-"""Touch, slide and lift with an arm that follows twists, by what a tactile sensor measures."""
+"""Touches, slides and lifts of an arm that follows twists, controlled by the measurements of a tactile sensor."""

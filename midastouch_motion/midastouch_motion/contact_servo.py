@@ -1,10 +1,9 @@
-"""Velocity control of a gel on a surface: its depth, its tilt, and the way along.
+"""Velocity control of a gel on a surface: its depth, its tilt, and its motion along the surface.
 
-What an image shows is old when it is there: the camera, the network, the messages and the arm each take their time. So
-the depth and the slope of the last image are carried on by what was commanded since (Smith 1957), and the gains follow
-from the delay: a loop around a delay T that integrates does not overshoot up to a gain of 1 / (e T), even where the
-prediction is of no use. What images change beside that is the surface's doing, which bends away or rises; it is taken
-to go on like that.
+An image is old when it arrives: the camera, the network, the messages and the arm each take time. So the depth and the
+slope of the last image are predicted by the twists commanded since (Smith 1957), and the gains follow from the delay:
+an integrating loop around a delay T does not overshoot up to a gain of 1 / (e T), even if the prediction is useless.
+Any other change between images comes from the surface, which bends away or rises; that change is expected to continue.
 
 Twists (6,) are of the gel, in its own frame: velocity [m/s] of its apex, and angular velocity [rad/s]. Its z axis
 points out of the object.
@@ -23,20 +22,20 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 _STEP = 1e-5  # m, over which the gel's slope is taken
-_TELLING = 2e-3  # m: a contact that extends less far tells little of the surface's slope
-_STEEPEST = 0.5  # slope of a surface that is taken for one
+_TELLING = 2e-3  # m: a contact that extends less is weak evidence of the surface's slope
+_STEEPEST = 0.5  # steepest slope of a surface that is believed
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
-_SLOWEST = 0.1  # of the speed, where the gel is hardly pressed on
-_CENTRAL = 6e-3  # m from the apex: a contact farther out is cut by the image's border, and its depth not trusted
+_SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
+_CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _REMEMBERED = 30  # images whose delay counts
-_COMMANDS = 1024  # kept; some seconds
+_COMMANDS = 1024  # twists that are kept; some seconds
 LONGEST_PERIOD = 0.1
-"""s after a twist that count: an arm that is told nothing for longer stops by itself."""
+"""How long a twist is assumed to act [s]. An arm that receives no new twist for longer stops on its own."""
 
 
 class Measured(NamedTuple):
-    """What one image shows: stamp [s]; depth [m] of the gel's deepest point, 0 where nothing touches; slope (2,) of the
-    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) m of the contact there."""
+    """Contact in one image: stamp [s]; depth [m] of the gel's deepest point, 0 if nothing touches; slope (2,) of the
+    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) [m] of the contact there."""
 
     stamp: float
     depth: float
@@ -46,8 +45,9 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits:
-    """speed in contact and air_speed, m/s; turn_speed, rad/s; acceleration, m/s^2, which turns are free of, as late
-    ones cost depth; depth, m, beyond which the gel is pulled back. Raises InputError for what is not positive."""
+    """Limits of motions: speed in contact and air_speed [m/s]; turn_speed [rad/s]; acceleration [m/s^2], not of turns,
+    because late turns cost depth; depth [m] beyond which the gel is pulled back. Raises InputError for a limit that is
+    not positive."""
 
     speed: float = 0.01
     air_speed: float = 0.02
@@ -62,15 +62,16 @@ class Limits:
 
 
 def centre_of(points: np.ndarray) -> np.ndarray:
-    """Centre (2,) m of contact points (K, 3) m in the gel's frame; the apex without any."""
+    """Return the centre (2,) [m] of contact points (K, 3) [m] in the gel's frame; the apex without any."""
     return points[:, :2].mean(axis=0) if len(points) else np.zeros(2)
 
 
 def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Slope (2,) of the plane through contact points (K, 3) m in the gel's frame: dz/dx and dz/dy.
+    """Return the slope (2,) of the plane through contact points (K, 3) [m] in the gel's frame: dz/dx and dz/dy.
 
-    By least squares, with a prior that weighs as much as a contact that extends 2 mm: the object lies on the gel, and
-    so has the slope of the untouched gel there. By it the gel turns its apex to what is round, whose contact is small.
+    It is a least-squares fit with a prior that weighs as much as a contact that extends 2 mm: the slope of the
+    untouched gel there, on which the object lies. On a round object the contact is small, so the prior dominates and
+    the gel turns until the contact lies at its apex.
     """
     if len(points) < 3:
         return np.zeros(2)
@@ -84,7 +85,7 @@ def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 class ContactServo:
-    """Keeps a gel at a depth and flat on a surface. Args: limits; arm_latency, s from a command to the motion.
+    """Servo that keeps a gel at a depth and flat on a surface. Args: limits; arm_latency [s] from a command to motion.
 
     Attributes: limits; touching, whether the last image shows a contact.
     """
@@ -94,7 +95,7 @@ class ContactServo:
         self._commands: deque[tuple[float, float, np.ndarray]] = deque(maxlen=_COMMANDS)  # from, to, twist
         self._delays: deque[float] = deque([0.1], maxlen=_REMEMBERED)
         self._last = np.zeros(6)
-        self._drift = np.zeros(3)  # of depth and slope, 1 / s: what the surface does
+        self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
         self._now = -math.inf
 
@@ -104,21 +105,21 @@ class ContactServo:
 
     @property
     def stamp(self) -> float:
-        """Of the newest image, s."""
+        """Stamp of the newest image [s]."""
         return self._measured.stamp
 
     @property
     def delay(self) -> float:
-        """Seconds from what an image shows to the arm's answer to it: the longest of late."""
+        """Longest recent time [s] from the stamp of an image to the arm's answer to it."""
         return max(self._delays) + self._arm_latency
 
     @property
     def gain(self) -> float:
-        """1 / s, of depth and slope."""
+        """Gain of depth and slope [1/s]."""
         return 1.0 / (math.e * self.delay)
 
     def measure(self, now: float, measured: Measured) -> None:
-        """An image was understood at `now` [s]."""
+        """Take the measurement of an image, which became known at `now` [s]."""
         before, self._measured = self._measured, measured
         self._delays.append(max(now - measured.stamp, 0.0))
         passed = measured.stamp - before.stamp
@@ -131,39 +132,39 @@ class ContactServo:
 
     @property
     def depth(self) -> float:
-        """Depth [m] when the arm has answered to all that was commanded; 0 where the last image shows no contact."""
+        """Depth [m] once the arm has carried out all commands; 0 if the last image shows no contact."""
         return max(float(self._predicted()[0]), 0.0) if self.touching else 0.0
 
     @property
     def slope(self) -> np.ndarray:
-        """Slope (2,) of the surface then."""
+        """Slope (2,) of the surface once the arm has carried out all commands."""
         return self._predicted()[1:]
 
     @property
     def off_centre(self) -> np.ndarray:
-        """By how much (2,) m the contact lies too far out; zero where all of it is seen."""
+        """Vector (2,) [m] by which the contact lies too far out; zero if all of it is seen."""
         centre = self._measured.centre
         return centre * max(1.0 - _CENTRAL / max(float(np.linalg.norm(centre)), 1e-12), 0.0)
 
     def back(self, depth: float) -> np.ndarray:
-        """Velocity (2,) m/s that brings the contact to where all of it is seen, no faster than at `slide_speed`."""
+        """Return the velocity (2,) [m/s], within `slide_speed`, that brings all of the contact into view."""
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
     def approach_speed(self, depth: float) -> float:
-        """m/s at which the gel gets half as deep as `depth` [m] before the arm has answered to the first contact."""
+        """Return the speed [m/s] at which the gel gets half `depth` [m] deep before the arm answers to a contact."""
         return min(self.limits.speed, 0.5 * depth / self.delay)
 
     def slide_speed(self, depth: float) -> float:
-        """m/s at which the gel can go along the surface: no farther than it is deep [m] before the arm has answered.
+        """Return the speed [m/s] along the surface: the gel slides no further than `depth` [m] before the arm answers.
 
-        Slower where it is not at the depth, or not yet flat.
+        It is slower if the gel is not at the depth, or not yet flat.
         """
         held = min(self._not_deeper(depth), max(self.depth / depth, _SLOWEST))
         turning = self.gain * float(np.linalg.norm(self.slope)) / self.limits.turn_speed
         return min(self.limits.speed, depth / self.delay) * held / max(turning, 1.0)
 
     def pressed(self, depth: float, along: np.ndarray) -> np.ndarray:
-        """Twist that holds a depth [m] and the gel flat, and goes `along` (2,) [m/s] in the gel's plane."""
+        """Return the twist that holds a depth [m] and the gel flat, and moves `along` (2,) [m/s] in the gel's plane."""
         predicted, gain = self._predicted(), self.gain
         deeper, *rising = self._drift + gain * (predicted - (depth, 0.0, 0.0))
         # in a corner the gel's other side comes down as it turns
@@ -172,25 +173,25 @@ class ContactServo:
         return np.array([*along, predicted[1:] @ along + deeper, rising[1], -rising[0], 0.0])
 
     def _not_deeper(self, depth: float) -> float:
-        """Fraction of a motion that is left to a gel deeper than `depth` [m]; none at twice of it."""
+        """Return the fraction of a motion that is left to a gel deeper than `depth` [m]; 0 at twice the depth."""
         return min(max(2.0 - self.depth / depth, 0.0), 1.0)
 
     def _predicted(self) -> np.ndarray:
-        """Depth and slope (3,) when the arm has answered to all that was commanded."""
+        """Return depth and slope (3,) once the arm has carried out all commands."""
         ahead = _after(self._measured, self._commanded(self._measured.stamp, self._now + self._arm_latency))
         return ahead + max(self._now + self._arm_latency - self._measured.stamp, 0.0) * self._drift
 
     def command(self, now: float, twist: np.ndarray) -> np.ndarray:
-        """The twist within the limits, from now on; it is kept for the prediction."""
+        """Return the twist within the limits, which acts from now on, and keep it for the prediction."""
         speed = self.limits.speed if self.touching else self.limits.air_speed
         twist = np.concatenate([_within(twist[:3], speed), _within(twist[3:], self.limits.turn_speed)])
         change = self.limits.acceleration * max(min(now - self._now, LONGEST_PERIOD), 0.0)
-        # what has just touched may be faster than the limit: it slows down at once
+        # a gel that has just touched may be faster than the limit: it slows down at once
         twist[:3] = _within(self._last[:3] + _within(twist[:3] - self._last[:3], change), speed)
         return self._keep(now, twist)
 
     def stop(self, now: float) -> np.ndarray:
-        """No motion from now on, at once."""
+        """Return the zero twist, which stops at once, and keep it for the prediction."""
         return self._keep(now, np.zeros(6))
 
     def _keep(self, now: float, twist: np.ndarray) -> np.ndarray:
@@ -202,7 +203,7 @@ class ContactServo:
         return twist
 
     def _commanded(self, since: float, until: float) -> np.ndarray:
-        """Way and turn (6,) that the arm goes between two moments [s], by what was commanded so far."""
+        """Return the way and turn (6,) of the arm between two moments [s], by the commands so far."""
         since, until = since - self._arm_latency, min(until - self._arm_latency, self._now)
         total = np.zeros(6)
         for begin, end, twist in reversed(self._commands):
@@ -213,16 +214,16 @@ class ContactServo:
 
 
 def _values(measured: Measured) -> np.ndarray:
-    """Depth and slope (3,)."""
+    """Return depth and slope (3,)."""
     return np.array([measured.depth, *measured.slope])
 
 
 def _after(measured: Measured, way: np.ndarray) -> np.ndarray:
-    """Depth and slope (3,) once the gel has gone and turned by `way` (6,) on a plane."""
+    """Return depth and slope (3,) once the gel has moved and turned by `way` (6,) on a plane."""
     change = measured.slope @ way[:2] - way[2], way[4], -way[3]
     return _values(measured) + change
 
 
 def _within(vector: np.ndarray, most: float) -> np.ndarray:
-    """The vector, no longer than that."""
+    """Return the vector, shortened to `most` if it is longer."""
     return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))

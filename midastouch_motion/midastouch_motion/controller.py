@@ -1,4 +1,4 @@
-"""One motion at a time, as long as the guard lets it: what the node does at each control period."""
+"""Controller of one motion at a time, as long as the guard allows it; the node calls it at each control period."""
 
 from __future__ import annotations
 
@@ -10,47 +10,47 @@ from .contact_servo import LONGEST_PERIOD, ContactServo
 from .guard import Guard, Seen
 from .skills import BackOff, Ended, Skill
 
-_COMES_WITHIN = 1.0  # s: the first image, an `enable`
-_STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that goes no farther stays where it is
-_FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and gel that gives way, cost less
+_COMES_WITHIN = 1.0  # s: longest wait for the first image or an `enable`
+_STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that moves no further than this stays where it is
+_FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and a gel that gives way, account for less
 
 
 class Controller:
-    """Args: servo; guard.
+    """Controller of an arm. Args: servo; guard.
 
-    Attributes: servo; guard; skill, that is carried out, None while nothing is.
+    Attributes: servo; guard; skill that is carried out, None while nothing is.
     """
 
     def __init__(self, servo: ContactServo, guard: Guard):
         self.servo, self.guard = servo, guard
         self.skill: Skill | None = None
-        self._reason: Ended | None = None  # of a motion that is over, while the gel backs off
+        self._reason: Ended | None = None  # result of a motion that is over, while the gel backs off
         self._since: float | None = None  # s, when the present motion was first asked for a twist
         self._moving = False
-        self._free = False  # whether a gel that is led off a surface has got free of what presses on it
+        self._free = False  # whether a gel that leaves a surface has been free of too strong a force
         self._following = _Following()
 
     @property
     def path(self) -> float:
-        """m gone in the present motion."""
+        """Path of the present motion [m]."""
         return self.skill.path if self.skill is not None else 0.0
 
     def begin(self, skill: Skill) -> None:
-        """Carry out a skill from now on."""
+        """Begin to carry out a skill."""
         self.skill, self._reason = skill, None
         self._since, self._moving, self._free = None, False, False
         self._following = _Following()
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, Ended | None]:
-        """The twist (6,) at `now` [s], and how the motion has ended if it has: then the twist is zero.
+        """Return the twist (6,) at `now` [s], and the result of the motion once it has ended: then the twist is zero.
 
-        seen: but for its depth, which is the servo's. What is too deep stops at once and is pulled back before the
-        motion ends. One that has not begun yet waits a little for what it needs.
+        `seen.depth` is replaced by the servo's prediction. A gel that is too deep stops at once, backs off, and only
+        then ends the motion. A motion that has not begun yet waits up to a second for what it needs.
         """
         seen.depth = self.servo.depth
         if self._since is None:
             self._since = now
-            return self.servo.stop(now), None  # from which it gets faster
+            return self.servo.stop(now), None  # the motion accelerates from zero
         problem = self.guard.stop(now, seen)
         if not (problem or self.skill.leaves) and (problem := self.guard.too_deep(seen)):
             self._reason, self.skill = Ended(False, problem), BackOff()
@@ -61,7 +61,7 @@ class Controller:
             return self._end(now, self._reason or Ended(False, problem))
         answer = self.skill.step(self.servo, now, seen.gel)
         if isinstance(answer, Ended):
-            # off the surface is right beyond the cone, too
+            # a motion off the surface is right beyond the cone, too
             outside = self.guard.outside_box if self.skill.leaves else self.guard.outside
             if answer.success and (problem := outside(seen)):
                 answer = Ended(False, problem)
@@ -73,13 +73,13 @@ class Controller:
         return twist, None
 
     def _too_strong(self, seen: Seen) -> str:
-        """As of the guard; but what presses on a gel that is led off the surface may do so until it is free."""
+        """Return the guard's `too_strong`; but a gel that leaves the surface may exceed the force until it is free."""
         problem = self.guard.too_strong(seen)
         self._free = self.skill.leaves and (self._free or not problem)
         return "" if self.skill.leaves and not self._free else problem
 
     def cancel(self, now: float) -> np.ndarray:
-        """Stop at once; the twist of that, zero."""
+        """Stop at once and return the twist for it, zero."""
         return self._end(now, Ended(False, "cancelled"))[0]
 
     def _end(self, now: float, how: Ended) -> tuple[np.ndarray, Ended]:
@@ -88,14 +88,14 @@ class Controller:
 
 
 class _Following:
-    """Whether an arm goes where the twists would have it go: one that is held up must not be pushed on for ever."""
+    """Check that an arm follows its twists: one that is held up must not be pushed on for ever."""
 
     def __init__(self) -> None:
         self._from: np.ndarray | None = None
         self._asked, self._then, self._newest = np.zeros(6), 0.0, -np.inf
 
     def problem(self, now: float, twist: np.ndarray, seen: Seen) -> str:
-        """Why not, in words; empty as long as it does. twist (6,) from `now` [s] on; seen: where the gel is."""
+        """Return why the arm does not follow, empty as long as it does. twist (6,): from `now` [s] on."""
         if self._from is None or (_lengths(se3.log(se3.inverse(self._from) @ seen.gel)) > _STILL).any():
             self._from, self._asked = seen.gel.copy(), np.zeros(6)
         else:
@@ -109,5 +109,5 @@ class _Following:
 
 
 def _lengths(twist: np.ndarray) -> np.ndarray:
-    """Of the linear and the angular part of a twist (6,)."""
+    """Return the lengths of the linear and the angular part of a twist (6,)."""
     return np.linalg.norm(twist.reshape(2, 3), axis=1)

@@ -16,13 +16,13 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
-_PIXELS = 0.25  # of the image's resolution: 0.3 mm on a DIGIT
+_PIXELS = 0.25  # fraction of the image's resolution: 0.3 mm on a DIGIT
 
 
 @dataclass(frozen=True)
 class Gel:
-    """stiffness, Pa of pressure for a metre of depth: that of soft silicone, 0.2 MPa, over a layer of 2 mm; shear, N
-    for a metre; friction, a coefficient. Raises InputError for what is negative or not finite."""
+    """Properties of a gel: stiffness [Pa/m], pressure per depth, that of soft silicone, 0.2 MPa, over a layer of 2 mm;
+    shear [N/m]; friction coefficient. Raises InputError for a value that is negative or not finite."""
 
     stiffness: float = 1e8
     shear: float = 5e3
@@ -37,7 +37,7 @@ class Gel:
 class GelLayer:
     """A gel on an object. Args: mesh; sensor, whose gel it is; gel.
 
-    Attribute: deepest [m], as of the last force.
+    Attribute: deepest [m], largest depth at the last force.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, gel: Gel):
@@ -50,7 +50,7 @@ class GelLayer:
         self.deepest = 0.0
 
     def force(self, pose: np.ndarray, velocity: np.ndarray, period: float) -> np.ndarray:
-        """Force [N] and torque [N m] about the apex (6,) on the gel, in its frame, after `period` s more.
+        """Return force [N] and torque [N m] about the apex (6,) on the gel, in its frame, after `period` s more.
 
         pose: of the gel on the object, T_obj_gel (4, 4); velocity (2,) m/s of the apex over the surface, along the gel.
         """

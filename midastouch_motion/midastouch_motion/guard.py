@@ -1,7 +1,7 @@
-"""What has to hold while an arm moves; what does not is the reason for which it stops.
+"""Conditions that must hold while an arm moves; the arm stops with the one that fails as the reason.
 
-This is no safety function: it is as reliable as the software that it runs in. Speed, force and stop of the arm itself
-are what protects people.
+This is no safety function: it is as reliable as the software that it runs in. The arm's own limits of speed and force
+and its stop protect people.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from midastouch_common.errors import InputError
 
 @dataclass
 class Seen:
-    """What is known at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the first; gel,
-    its pose (4, 4) in the base frame; depth m; force N, of that wrench; lost, whether the filter says so; listeners and
-    commanders of the twist topic, numbers of subscriptions and publishers."""
+    """Input of the guard at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the first;
+    gel, its pose (4, 4) in the base frame; depth [m]; force [N] of that wrench; lost, whether the filter is; listeners
+    and commanders, numbers of nodes that follow twists on their topic, and that publish them."""
 
     enabled: float = -math.inf
     image: float = -math.inf
@@ -34,10 +34,10 @@ class Seen:
 
 @dataclass(frozen=True)
 class Guard:
-    """low, high (3,) m: the box in the base frame that the gel keeps to, and cone rad, the largest angle between the z
-    axes of gel and base; depth m and force N, not to be exceeded, an infinite force is not looked at; hold and stale, s
-    for which an `enable` holds, and after which images, poses and wrenches are too old; ahead, s that they may be ahead
-    of the clock. Raises InputError for an empty box."""
+    """Limits of motions. low, high (3,) [m]: box in the base frame that the gel keeps to; cone [rad]: largest angle
+    between the z axes of gel and base; depth [m], force [N]: limits, an infinite force is not checked; hold [s]: how
+    long an `enable` holds; stale [s]: age from which images, poses and wrenches are too old; ahead [s]: how far they
+    may be ahead of the clock. Raises InputError for an empty box."""
 
     low: np.ndarray
     high: np.ndarray
@@ -53,12 +53,12 @@ class Guard:
             raise InputError(f"the box from {_in_mm(self.low)} to {_in_mm(self.high)} mm is empty")
 
     def problem(self, now: float, seen: Seen) -> str:
-        """What is in the way of a motion, in words; empty if nothing is."""
+        """Return what is in the way of a motion; empty if nothing is."""
         return self.stop(now, seen) or self.too_deep(seen) or self.too_strong(seen) or self.outside(seen)
 
     def stop(self, now: float, seen: Seen) -> str:
-        """Why no motion may go on, wherever it leads, in words; empty if one may."""
-        if abs(now - seen.enabled) > self.hold:  # where the clock was set back, nobody knows how long ago that was
+        """Return why no motion may continue, wherever it leads; empty if one may."""
+        if abs(now - seen.enabled) > self.hold:  # abs: if the clock was set back, the age of an `enable` is unknown
             return "not enabled: ~/enable has to be repeated while the arm may move"
         if seen.listeners == 0:
             return "nobody follows the twists: is the arm's controller running, and its topic remapped?"
@@ -75,30 +75,30 @@ class Guard:
         return "the filter is lost" if seen.lost else ""
 
     def early(self, what: str, now: float, stamp: float) -> str:
-        """Why a stamp [s] that is ahead of `now` says nothing of how old something is, in words; empty if it is not."""
+        """Return why a stamp [s] is too far ahead of `now` to show how old something is; empty if it is not."""
         early = stamp - now
         return f"the newest {what} is {1e3 * early:.0f} ms ahead of the clock" if early > self.ahead else ""
 
     def counted(self, now: float, stamp: float) -> float:
-        """What a stamp [s] that has just come counts as: what is a little ahead of `now` is no younger than this."""
+        """Clamp a stamp [s] that is slightly ahead to `now`, so that a fast clock does not make data look newer."""
         return stamp if stamp - now > self.ahead else min(stamp, now)
 
     def too_deep(self, seen: Seen) -> str:
-        """Why the gel has to be pulled back, in words; empty if it has not."""
+        """Return why the gel must be pulled back; empty if it need not be."""
         if seen.depth > self.depth:
             return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}"
         return ""
 
     def too_strong(self, seen: Seen) -> str:
-        """Why the gel may only lead off the surface, in words; empty if it may go anywhere."""
+        """Return why the gel may only leave the surface; empty if it may go anywhere."""
         return f"a force of {seen.force:.1f} N, more than {self.force:.1f}" if seen.force > self.force else ""
 
     def outside(self, seen: Seen, twist: np.ndarray | None = None) -> str:
-        """That the gel is outside of box or cone, in words, empty if it is not, or if a twist (6,) leads it back."""
+        """Return that the gel is outside of box or cone; empty if it is not, or if a twist (6,) leads it back."""
         return self.outside_box(seen, twist) or self._outside_cone(seen.gel, twist)
 
     def outside_box(self, seen: Seen, twist: np.ndarray | None = None) -> str:
-        """The same of the box alone."""
+        """Return the same for the box alone."""
         gel, position = seen.gel, seen.gel[:3, 3]
         out = (position > self.high).astype(int) - (position < self.low)
         if not out.any():
@@ -110,7 +110,7 @@ class Guard:
         return f"the gel is at {_in_mm(position)} mm, outside of the box"
 
     def _outside_cone(self, gel: np.ndarray, twist: np.ndarray | None) -> str:
-        """What leads straight off the surface is allowed everywhere: before, nothing can be turned back."""
+        """Return the same for the cone alone. The way straight off the surface is always free: a turn back needs it."""
         angle = math.acos(min(max(gel[2, 2], -1.0), 1.0))
         if angle <= self.cone:
             return ""

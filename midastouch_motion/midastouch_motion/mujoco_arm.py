@@ -20,13 +20,13 @@ from .ur_kinematics import Kinematics, jacobian_of, pose_of
 from .ur_model import JOINT_SPEED, READY, ur_model
 
 PERIOD = 2e-3
-"""s of a step of physics: that of a UR's own control loop."""
+"""Time step of the physics [s]: that of a UR's own control loop."""
 NOT_REACHED = "the arm is too short, cannot be led on from there, or would meet the table or its own sensor"
-"""Why it does not get somewhere, in words."""
+"""Reason why the arm does not reach a pose."""
 
 
 def require_mujoco() -> ModuleType:
-    """The module `mujoco`; InputError with the command that installs it when it is missing."""
+    """Return the module `mujoco`; raises InputError with the command that installs it if it is missing."""
     try:
         import mujoco
     except ImportError as error:
@@ -36,9 +36,9 @@ def require_mujoco() -> ModuleType:
 
 @dataclass(frozen=True)
 class Setting:
-    """base_from_object T_base_obj (4, 4); start, T_base_gel (4, 4) by the drawing; mount T_drawn_gel (4, 4), its error;
-    holding [N], beyond which the object gives way; latency [s] from a command to the joints; timeout [s], after which
-    it stops without a further command."""
+    """Setting of a simulation: base_from_object, T_base_obj (4, 4); start, T_base_gel (4, 4) by the drawing; mount,
+    T_drawn_gel (4, 4), its error; holding [N], force beyond which the object gives way; latency [s] from a command to
+    the joints; timeout [s] after which the arm stops without a further command."""
 
     base_from_object: np.ndarray
     start: np.ndarray
@@ -50,12 +50,12 @@ class Setting:
 
 
 class MujocoArm:
-    """Args: mesh of the object; sensor, whose gel it has; setting.
+    """Simulated arm with a gel. Args: mesh of the object; sensor, whose gel it has; setting.
 
     An arm that meets the table, or its own sensor, stands still from then on, as in a UR's protective stop.
 
     Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
-    something. Raises InputError where it does not reach the start.
+    something. Raises InputError if it does not reach the start.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, setting: Setting):
@@ -79,32 +79,32 @@ class MujocoArm:
 
     @property
     def time(self) -> float:
-        """s."""
+        """Simulated time [s]."""
         return self._data.time
 
     @property
     def deepest(self) -> float:
-        """m."""
+        """Depth of the object in the gel [m]."""
         return self._layer.deepest
 
     @property
     def pose(self) -> np.ndarray:
-        """T_base_gel (4, 4) by the joints and the drawing: what TF says."""
+        """Pose T_base_gel (4, 4) by the joints and the drawing, which TF has."""
         return self._joints.pose
 
     @property
     def gel_on_object(self) -> np.ndarray:
-        """T_obj_gel (4, 4), where the gel is."""
+        """True pose T_obj_gel (4, 4) of the gel on the object."""
         return se3.inverse(self.base_from_object) @ pose_of(self._sites["gel"])
 
     @property
     def base_from_object(self) -> np.ndarray:
-        """T_base_obj (4, 4)."""
+        """Pose T_base_obj (4, 4) of the object."""
         return pose_of(self._sites["object"])
 
     @property
     def joints(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (6,) rad and velocities (6,) rad/s."""
+        """Positions (6,) [rad] and velocities (6,) [rad/s] of the joints."""
         return self._joints.positions, self._joints.velocities
 
     @property
@@ -113,11 +113,11 @@ class MujocoArm:
         return self._wrench
 
     def command(self, now: float, twist: np.ndarray) -> None:
-        """A twist (6,) in the gel's frame, as drawn, arrives at `now` [s]."""
+        """Take a twist (6,) in the gel's frame, as drawn, that arrives at `now` [s]."""
         self._twists.send(now + self._latency, twist.copy())
 
     def advance(self, now: float) -> np.ndarray:
-        """The pose (4, 4), as drawn, at `now` [s]."""
+        """Simulate until `now` [s] and return the pose (4, 4), as drawn."""
         while self.time < now - PERIOD / 2:
             self._follow()
             self._press()
@@ -130,9 +130,9 @@ class MujocoArm:
         return self.pose
 
     def reaches(self, poses: np.ndarray) -> np.ndarray:
-        """(N,) bool: whether it gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it is,
-        follows twists there, and meets neither the table nor its sensor. The way leads by those that it gets to;
-        stopped, it gets nowhere."""
+        """Return whether (N,) the arm gets to poses T_base_gel (N, 4, 4), as drawn, one after the other from where it
+        is, follows twists there, and meets neither the table nor its sensor. It continues from the last pose that it
+        reached; a stopped arm reaches none."""
         reached = np.zeros(len(poses), bool)
         if self.stopped:
             return reached
@@ -152,7 +152,7 @@ class MujocoArm:
             self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
 
     def _press(self) -> None:
-        """Forces of the gel, on the arm and on the object."""
+        """Apply the gel's forces to the arm and to the object."""
         gel = pose_of(self._sites["gel"])
         velocity = self._velocity("gel", gel[:3, 3]) - self._velocity("object", gel[:3, 3])
         self._wrench = self._layer.force(self.gel_on_object, (gel[:3, :3].T @ velocity)[:2], PERIOD)
@@ -167,7 +167,7 @@ class MujocoArm:
         self._data.xfrc_applied[self._model.body(body).id] = [*force, *(torque + np.cross(arm, force))]
 
     def _velocity(self, site: str, at: np.ndarray) -> np.ndarray:
-        """m/s (3,) of a point (3,) m that moves with the body of a site; base frame."""
+        """Return the velocity (3,) [m/s] of a point (3,) [m] that moves with the body of a site; base frame."""
         there = self._sites[site]
         jacobian = jacobian_of(self._mujoco, self._model, self._data, there)
         linear, angular = (part @ self._data.qvel for part in jacobian)
@@ -175,6 +175,6 @@ class MujocoArm:
 
 
 def over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:
-    """T_base_gel (4, 4), facing down, `height` m over the highest point of an object at T_base_obj (4, 4)."""
+    """Return T_base_gel (4, 4), facing down, `height` m over the highest point of an object at T_base_obj (4, 4)."""
     points = base_from_object[:3, :3] @ mesh.vertices.T + base_from_object[:3, 3:]
     return se3.translation(points[:, points[2].argmax()] + (0.0, 0.0, height))

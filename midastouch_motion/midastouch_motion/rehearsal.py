@@ -1,4 +1,4 @@
-"""The loop closed in simulated time: an arm and the images of its sensor, which come late, and the controller."""
+"""Rehearsal of motions in simulated time: an arm, the late images of its sensor and the controller form a loop."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from .guard import Seen
 from .skills import Ended, Skill
 
 PERIOD = 0.01
-"""s between two twists, as of the node `slider`."""
+"""Time between two twists [s], as in the node `slider`."""
 
 _T = TypeVar("_T")
 
 
 class Late(Generic[_T]):
-    """What is under way, and comes in the order in which it was sent."""
+    """Queue of items under way, which arrive in the order in which they were sent."""
 
     def __init__(self) -> None:
         self._coming: deque[tuple[float, _T]] = deque()
 
     def send(self, arrival: float, what: _T) -> None:
-        """Something comes at a time [s]."""
+        """Send an item that arrives at a time [s]."""
         self._coming.append((arrival, what))
 
     def arrived(self, now: float) -> Iterator[tuple[float, _T]]:
-        """What has come until `now` [s], with the time of each; each once."""
+        """Yield each item that has arrived by `now` [s], once, with its time of arrival."""
         while self._coming and self._coming[0][0] <= now:
             yield self._coming.popleft()
 
 
 class Arm(Protocol):
-    """What follows twists (6,) in the gel's frame. advance: its pose T_base_gel (4, 4) at a time [s]."""
+    """Arm that follows twists (6,) in the gel's frame; `advance` returns its pose T_base_gel (4, 4) at a time [s]."""
 
     def command(self, now: float, twist: np.ndarray) -> None: ...
 
@@ -47,8 +47,8 @@ class Arm(Protocol):
 
 
 class SimulatedArm:
-    """An arm without joints: its gel follows twists, some time later, and stops when they stop coming. As MoveIt Servo
-    does (`incoming_command_timeout`), and a UR after `speedL` (its argument `t`).
+    """An arm without joints: its gel follows twists, some time later, and stops when they stop coming. So does MoveIt
+    Servo (`incoming_command_timeout`), and a UR after `speedL` (its argument `t`).
 
     Args: pose (4, 4) of the gel in the base frame at first; latency [s] from a command to the motion; timeout [s]
     after which it stops without a further command. Attribute: pose (4, 4).
@@ -60,11 +60,11 @@ class SimulatedArm:
         self._twist, self._until, self._now = np.zeros(6), -math.inf, -math.inf
 
     def command(self, now: float, twist: np.ndarray) -> None:
-        """A twist (6,) in the gel's frame arrives at `now` [s]."""
+        """Take a twist (6,) in the gel's frame that arrives at `now` [s]."""
         self._twists.send(now + self._latency, twist.copy())
 
     def advance(self, now: float) -> np.ndarray:
-        """The pose (4, 4) at `now` [s]."""
+        """Simulate until `now` [s] and return the pose (4, 4)."""
         for begins, twist in self._twists.arrived(now):
             self._move(begins)
             self._twist, self._until = twist, begins + self._timeout
@@ -79,8 +79,8 @@ class SimulatedArm:
 
 
 class Moment(NamedTuple):
-    """After a period: time [s]; twist (6,) that was commanded; where, T_obj_gel (4, 4), the gel is; whether an image
-    was taken."""
+    """State after a period: time [s]; twist (6,) that was commanded; where, the gel's T_obj_gel (4, 4); image, whether
+    one was taken."""
 
     time: float
     twist: np.ndarray
@@ -89,12 +89,12 @@ class Moment(NamedTuple):
 
 
 class Rehearsal:
-    """Carries out one motion after the other.
+    """Rehearsal of one motion after the other.
 
-    Args: arm; where(): T_obj_gel (4, 4) of its gel; look(T_obj_gel): depth [m], slope (2,) and centre (2,) m that an
-    image there shows; controller; fps, images per second; delay(): s until an image is understood.
-    Attributes: now [s]; seen, what the guard looks at, to inject a fault into: of `enabled`, `image`, `pose`,
-    `wrench` and `gel` those that `frozen` names are not set anew.
+    Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns depth [m], slope (2,) and centre
+    (2,) [m] in an image there; controller; fps, images per second; delay(): returns the seconds until an image is
+    understood. Attributes: now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`
+    and `gel` of inputs that are not updated: set both to inject a fault.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Rehearsal:
             self._pass()
 
     def carry_out(self, skill: Skill, seconds: float, after: Callable[[Moment], None] = lambda _: None) -> Ended | None:
-        """How the motion ended; None if it has not, after so many seconds. after: called at the end of each period."""
+        """Carry out a motion and return its result, None after `seconds` without one. after: called each period."""
         self._controller.begin(skill)
         until = self.now + seconds
         while self.now < until:
@@ -128,7 +128,7 @@ class Rehearsal:
         return None
 
     def _pass(self) -> bool:
-        """One period; whether an image was taken in it."""
+        """Simulate one period; return whether an image was taken in it."""
         self.now += PERIOD
         pose = self._arm.advance(self.now)
         taken = self.now >= self._due

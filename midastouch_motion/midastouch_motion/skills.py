@@ -1,6 +1,6 @@
-"""The motions: touch until a depth is reached, slide along, lift, approach a pose, back off from what is too deep.
+"""Motions: touch until a depth is reached, slide, lift, approach a pose, back off from too deep a contact.
 
-Each is asked for the twist of the moment, and answers how it has ended once it has.
+Each returns the twist of the moment, or its result once it has ended.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from midastouch_common import se3
 
 from .contact_servo import ContactServo
 
-_SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m beside the wanted depth, for so many seconds: a touch is done
-_TURN, _SETTLES = np.pi / 2, 3.0  # rad, s: after so long a turn and then so long a touch will not settle any more
-_NO_FARTHER_FOR = 3.0  # s, after which a slide will not get on: a gel turns about an edge meanwhile
+_SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m, s: a touch is done once it has stayed this near to the wanted depth this long
+_TURN, _SETTLES = np.pi / 2, 3.0  # rad, s: a touch has the time of this turn, and this time more, to settle
+_NO_FARTHER_FOR = 3.0  # s without progress, after which a slide fails; the gel may turn about an edge meanwhile
 _STEP = 5e-4  # m
-_STALLED_FOR = 0.3  # s in which a gel turns to a surface that bends away; for longer it would turn about an edge
-_REACH = 1e-3  # m below the wanted depth within which a contact that is lost is looked for
-_THICK = 5e-3  # m, of a gel
-_THERE = 1e-3, np.radians(1.0)  # m, rad: so near to a pose the gel is there
+_STALLED_FOR = 0.3  # s without progress in which a gel turns with the surface; in more it would turn about an edge
+_REACH = 1e-3  # m: a lost contact is looked for down to this far below the wanted depth
+_THICK = 5e-3  # m, thickness of a gel
+_THERE = 1e-3, np.radians(1.0)  # m, rad: a gel this near to a pose has arrived
 
 
 class Ended(NamedTuple):
-    """Whether a motion did what was asked, and how it ended, in words."""
+    """Result of a motion: whether it did what was asked, and a message on how it ended."""
 
     success: bool
     message: str
 
 
 class Skill(Protocol):
-    """Attributes: path, m gone so far; leaves, whether it leads straight off the surface."""
+    """A motion. Attributes: path [m] so far; leaves, whether it leads straight off the surface."""
 
     path: float
 
@@ -39,11 +39,11 @@ class Skill(Protocol):
     def leaves(self) -> bool: ...
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
-        """The twist (6,) at `now` [s] of a gel that is at a pose (4, 4) in the base frame; or how it ended."""
+        """Return the twist (6,) at `now` [s] of a gel at a pose (4, 4) in the base frame, or the motion's result."""
 
 
 class _Moving:
-    """Counts the path, in steps that are larger than the noise of an arm's poses."""
+    """Base of motions that count their path, in steps that are larger than the noise of an arm's poses."""
 
     leaves = False
 
@@ -61,9 +61,9 @@ class _Moving:
 
 
 class Touch(_Moving):
-    """Approach along a direction (3,) in the gel's frame until something touches, at most `distance` m, get over it so
-    that all of the contact is seen, and hold `depth` m. What touches is followed no farther than a gel is thick, and
-    not for ever."""
+    """Motion along a direction (3,) in the gel's frame until something touches, at most `distance` [m]. The gel then
+    moves over the contact until all of it is seen, and holds `depth` [m]. An object that gives way is followed no
+    further than a gel is thick, and not for ever."""
 
     def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
         super().__init__()
@@ -71,7 +71,7 @@ class Touch(_Moving):
         self._direction = np.array([0.0, 0.0, -1.0]) if direction is None else direction / np.linalg.norm(direction)
         self._touched: float | None = None  # s, when it touched first
         self._at_contact = 0.0  # m gone when it touched last
-        self._settled: float | None = None  # s, since when at that depth
+        self._settled: float | None = None  # s, since when it has held that depth
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         gone = self._gone(pose)
@@ -80,7 +80,7 @@ class Touch(_Moving):
         if servo.touching:
             self._touched = now if self._touched is None else self._touched
             self._at_contact = gone
-        elif gone > self._at_contact + self._depth + _REACH:  # the surface is farther on: that was something else
+        elif gone > self._at_contact + self._depth + _REACH:  # the surface is further on: it touched something else
             self._touched = None
         # a contact that comes and goes has not settled either
         if self._touched is not None and now - self._touched > _TURN / servo.limits.turn_speed + _SETTLES:
@@ -100,10 +100,10 @@ class Touch(_Moving):
 
 
 class Slide:
-    """Go on for `length` m in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
+    """Motion over `length` [m] in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
 
-    The gel waits for a contact that falls behind, as it has to turn; where that does not help, the surface ends. Where
-    the contact is lost, it is looked for straight below.
+    If the contact falls behind, the gel waits until it has turned; if that does not help, the surface has ended. A
+    contact that is lost is looked for straight below.
     """
 
     leaves = False
@@ -116,7 +116,7 @@ class Slide:
         self._lost: np.ndarray | None = None
         self._before: np.ndarray | None = None  # (3,) m
         self._on = 0.0  # m along the heading: hops on and off the surface do not count
-        self._since = 0.0  # s, when it came farther last
+        self._since = 0.0  # s, time of the last progress
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
         if self._before is None:
@@ -146,7 +146,7 @@ class Slide:
 
 
 class Lift(_Moving):
-    """Straight off the surface, by a height [m]."""
+    """Motion straight off the surface, by a height [m]."""
 
     leaves = True
 
@@ -161,8 +161,8 @@ class Lift(_Moving):
 
 
 class BackOff(_Moving):
-    """Straight back until the depth is half of what is allowed, or if it is to be `clear` until nothing touches; at
-    most as far as a gel is thick."""
+    """Motion straight back until the depth is half of its limit, or with `clear` until nothing touches; at most as far
+    as a gel is thick."""
 
     leaves = True
 
@@ -178,9 +178,9 @@ class BackOff(_Moving):
 
 
 class Approach(_Moving):
-    """Through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
+    """Motion through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
 
-    It begins off the surface; what touches on the way ends it, backed off from.
+    The gel first leaves the surface. A contact on the way ends the motion, after the gel has backed off.
     """
 
     def __init__(self, goal: np.ndarray):
@@ -213,6 +213,6 @@ class Approach(_Moving):
         if far < _THERE[0] and angle < _THERE[1]:
             return Ended(True, f"there, after {1e3 * gone:.0f} mm")
         limits = servo.limits
-        # slower at the end, as where the gel is seen to be is old, too
+        # slower at the end, because the known pose of the gel is old, too
         seconds = max(far / limits.air_speed, angle / limits.turn_speed, 1.0 / servo.gain)
         return np.concatenate([way, turn]) / seconds

@@ -1,4 +1,4 @@
-"""The joints of a simulated UR: speeds of theirs that move its gel by a twist, and positions that have it at a pose."""
+"""Kinematics of a simulated UR: joint speeds that move its gel by a twist, joint positions that put it at a pose."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import numpy as np
 
 from midastouch_common import se3
 
-_DAMPED = 0.01  # of the least squares that turn a twist into joint speeds; matters where the arm is stretched
-_FOLLOWED = 0.9  # of every twist, where the arm is of use: a depth cannot be held by less
+_DAMPED = 0.01  # damping of the least squares that turn a twist into joint speeds; matters if the arm is stretched
+_FOLLOWED = 0.9  # fraction of every twist that the arm must follow: a depth cannot be held with less
 _CLOSE = 1e-4, 1e-3  # m, rad: a pose counts as reached
 _MOST_ITERATIONS = 200
 _LONGEST_STEP = 0.2  # rad
 
 
 def pose_of(site) -> np.ndarray:
-    """(4, 4) of one of MuJoCo's sites, in its world."""
+    """Return the pose (4, 4) of one of MuJoCo's sites, in its world."""
     return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
 
 
 def jacobian_of(mujoco: ModuleType, model, data, site) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and angular velocity of a site by those of the joints: (3, N) each."""
+    """Return the linear and angular velocity of a site per velocity of each joint: (3, N) each."""
     linear, angular = np.zeros((2, 3, model.nv))
     mujoco.mj_jacSite(model, data, linear, angular, site.id)
     return linear, angular
 
 
 class Kinematics:
-    """Of an arm as `ur_model` makes it. Args: mujoco, the module; model and data, MuJoCo's own."""
+    """Kinematics of an arm as `ur_model` makes it. Args: mujoco, the module; model and data, MuJoCo's own."""
 
     def __init__(self, mujoco: ModuleType, model, data):
         self._mujoco, self._model, self._data = mujoco, model, data
@@ -38,7 +38,7 @@ class Kinematics:
 
     @property
     def positions(self) -> np.ndarray:
-        """rad (6,)."""
+        """Positions (6,) of the joints [rad]."""
         return self._data.qpos[self._places].copy()
 
     @positions.setter
@@ -48,40 +48,40 @@ class Kinematics:
 
     @property
     def velocities(self) -> np.ndarray:
-        """rad/s (6,)."""
+        """Velocities (6,) of the joints [rad/s]."""
         return self._data.qvel[self._speeds].copy()
 
     @property
     def pose(self) -> np.ndarray:
-        """T_base_gel (4, 4) by the drawing."""
+        """Pose T_base_gel (4, 4) by the drawing."""
         return pose_of(self._gel)
 
     @property
     def meets(self) -> bool:
-        """Whether a link touches the table, or the sensor's housing a link or the table."""
+        """True while a link touches the table, or the sensor's housing touches a link or the table."""
         return self._data.ncon > 0
 
     @property
     def follows(self) -> bool:
-        """Whether the gel follows every twist: not where the arm is stretched, or two of its axes are in line."""
+        """True while the gel can follow every twist: not if the arm is stretched, or two of its axes are in line."""
         weakest = np.linalg.svd(self._jacobian, compute_uv=False)[-1]
         return bool(weakest**2 >= _FOLLOWED * (weakest**2 + _DAMPED**2))
 
     def speeds_of(self, twist: np.ndarray) -> np.ndarray:
-        """rad/s (6,) that move the gel, as drawn, by a twist (6,) in its frame: damped least squares."""
+        """Return joint speeds (6,) [rad/s] that give the drawn gel a twist (6,) in its frame: damped least squares."""
         jacobian = self._jacobian
         return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)
 
     @property
     def _jacobian(self) -> np.ndarray:
-        """(6, 6): twist of the gel, in its frame, by the joints' speeds."""
+        """Jacobian (6, 6): twist of the gel, in its frame, per joint speed."""
         linear, angular = jacobian_of(self._mujoco, self._model, self._data, self._gel)
         turned = self.pose[:3, :3].T
         return np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
 
     def reach(self, goal: np.ndarray, passing: bool = False) -> bool:
-        """Put the joints where the gel, as drawn, is at a pose (4, 4); whether it is, follows twists there, and meets
-        nothing. If not, they are left where the way ended. passing: whether it may meet something on the way."""
+        """Move the joints until the drawn gel is at a pose (4, 4); return whether it is, follows twists there, and
+        meets nothing. If not, the joints stay where the way ended. passing: whether it may meet things on the way."""
         for _ in range(_MOST_ITERATIONS):
             error = se3.log(se3.inverse(self.pose) @ goal)
             there = np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]

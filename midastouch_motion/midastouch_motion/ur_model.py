@@ -22,22 +22,22 @@ _LINKS = (
 )
 _TORQUES = (150.0, 150.0, 150.0, 28.0, 28.0, 28.0)  # N m, the same data sheet
 JOINT_SPEED = np.pi
-"""rad/s, of every joint."""
+"""Largest speed of every joint [rad/s]."""
 READY = np.radians([180.0, -70.0, 110.0, -130.0, -90.0, 0.0])
-"""rad (6,): the elbow up, the tool down, in front of the base."""
+"""Joint positions (6,) [rad]: the elbow up, the tool down, in front of the base."""
 FLANGE_FROM_GEL = se3.make(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.07]))
 """T_flange_gel (4, 4) by the drawing: the gel's z axis points at the flange."""
 _STIFF, _SOFT = (2e4, 4e2), (2e3, 4e1)  # N m / rad and N m s / rad of the position loops: shoulder and elbow; wrist
 _RADII = (0.06, 0.055, 0.045, 0.04, 0.04, 0.035)  # m
-_STANDS_ON = 0.02  # m, arm of the friction against a turn
+_STANDS_ON = 0.02  # m, lever of the friction against a turn
 
 
 def ur_model(mount: np.ndarray, base_from_object: np.ndarray, holding: float, period: float) -> str:
-    """The model as MJCF.
+    """Return the model as MJCF.
 
-    Bodies `gel` and `object`; sites `drawn_gel`, where the drawing has the gel, and `gel`, where it is: T_drawn_gel
-    (4, 4) is `mount`. The object is at T_base_obj (4, 4) and gives way, level with the table, to more than `holding` N,
-    or never if that is infinite. Links meet the table, and the sensor's housing both. period: s of a step.
+    It has bodies `gel` and `object`, and sites `drawn_gel`, where the gel is by the drawing, and `gel`, where it is:
+    T_drawn_gel (4, 4) is `mount`. The object is at T_base_obj (4, 4) and gives way, level with the table, to more than
+    `holding` N, or never if that is infinite. Links meet the table; the sensor's housing meets both. period [s]: step.
     """
     root = ElementTree.Element("mujoco", model="ur5e")
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -75,7 +75,7 @@ def _object(world: ElementTree.Element, base_from_object: np.ndarray, holding: f
     ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="0.5", diaginertia="1e-3 1e-3 1e-3")
     if not np.isfinite(holding):
         return
-    # nearly rigid: by MuJoCo's default it creeps at a tenth of the force
+    # nearly rigid: with MuJoCo's default it creeps at a tenth of the force
     holds = {"damping": "1", "solimpfriction": "0.9999 0.9999 0.001"}
     for name, kind, axis, arm in (
         ("x", "slide", "1 0 0", 1.0),
@@ -103,5 +103,5 @@ def _capsule(body: ElementTree.Element, to: np.ndarray, radius: float, mass: flo
     shape = {"type": "capsule", "size": f"{radius}", "fromto": "0 0 0 " + " ".join(f"{each}" for each in to)}
     if np.linalg.norm(to) < 1e-6:
         shape = {"type": "sphere", "size": f"{radius}"}
-    # links of one arm do not meet in a box in front of it; the table they may
+    # links do not meet each other while the gel is in a box in front of the arm, but they may meet the table
     ElementTree.SubElement(body, "geom", mass=f"{mass}", contype="2", conaffinity="1", **shape)

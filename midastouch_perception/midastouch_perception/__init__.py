@@ -1,4 +1,5 @@
-"""From tactile images to codes: penetration maps, contact, clouds; calibration, simulator, codebooks, training."""
+"""Perception, from tactile images to codes: penetration maps, contact, clouds, calibration, simulation, codebooks and
+training."""
 
 from midastouch_common.lazy_exports import lazy_exports
 

@@ -1,4 +1,4 @@
-"""Checks of what a file holds."""
+"""Checks of arrays from files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def finite_array(values: object, shape: tuple[int, ...]) -> np.ndarray:
-    """What a file has, as float (*shape); ValueError where it has another shape or is not finite."""
+    """Return values from a file as float (*shape); ValueError if they have another shape or are not finite."""
     values = np.asarray(values, float)
     if values.shape != shape or not np.isfinite(values).all():
         raise ValueError(f"shape {values.shape}, need finite {shape}")

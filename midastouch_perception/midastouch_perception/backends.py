@@ -1,6 +1,6 @@
-"""What runs an ONNX network: ONNX Runtime on the CPU, or another library or device that is installed, if it is faster.
+"""Backends of ONNX networks: ONNX Runtime on the CPU, or another library or device that is installed and faster.
 
-A backend counts only if its answers are those of ONNX Runtime on the CPU: reduced precision is turned off.
+A backend must give the same results as ONNX Runtime on the CPU, so reduced precision is turned off.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from midastouch_common.missing_modules import pip_install
 
 CPU, AUTO = "cpu", "auto"
 _WARM_UP, _RUNS = 5, 15
-_EQUAL = 1e-4  # of the largest number of an answer, by which another backend's may differ
+_EQUAL = 1e-4  # of the largest number in a result: largest difference between backends
 _PROVIDERS = {
     CPU: ("CPUExecutionProvider", {}),
     "cuda": ("CUDAExecutionProvider", {"use_tf32": "0"}),
     "tensorrt": ("TensorrtExecutionProvider", {"trt_fp16_enable": "0"}),
 }
-"""ONNX Runtime's, by name, with their options."""
+"""Execution providers of ONNX Runtime with their options, by backend."""
 INSTALLED_BY = {
     "openvino": pip_install("openvino"),
     "cuda": f"{pip_install('onnxruntime-gpu')}, in place of onnxruntime, with CUDA and cuDNN",
@@ -38,8 +38,8 @@ BACKENDS = (AUTO, CPU, *INSTALLED_BY)
 
 
 class Backend(ABC):
-    """A network, loaded. Attributes: name, one of `BACKENDS`; inputs, their shapes by name, None for what is free;
-    outputs, their names."""
+    """Loaded network. Attributes: name, one of `BACKENDS`; inputs, their shapes by name, None for a free size; outputs,
+    their names."""
 
     name: str
     inputs: dict[str, list[int | None]]
@@ -47,27 +47,27 @@ class Backend(ABC):
 
     @abstractmethod
     def run(self, inputs: Mapping[str, np.ndarray], output: str) -> np.ndarray:
-        """The output of that name, for inputs by name, float32 with the batch first."""
+        """Return the output of that name for inputs by name, float32 with the batch first."""
 
 
 class OnnxRuntime(Backend):
-    """ONNX Runtime, on the CPU or one of its other devices. Args: as `load_backend`; name, a key of `_PROVIDERS`.
+    """ONNX Runtime, on the CPU or another device. Args: as for `load_backend`; name, a key of `_PROVIDERS`.
 
-    Raises whatever it raises: its exceptions have no common base.
+    Exceptions of ONNX Runtime, which have no common base, are passed on.
     """
 
     def __init__(self, path: Path, threads: int, name: str = CPU):
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-        # threads that wait for work busily would take the cores from the rest of the pipeline
+        # threads that spin while they wait for work would take the cores from the rest of the pipeline
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.log_severity_level = 3
         provider = _PROVIDERS[name]
         self._session = onnxruntime.InferenceSession(str(path), options, providers=[provider])
-        if self._session.get_providers()[0] != provider[0]:  # it goes on with the CPU, and says so in its log only
+        if self._session.get_providers()[0] != provider[0]:  # it falls back to the CPU, and only logs that
             raise RuntimeError(f"{provider[0]} does not load; are its libraries installed?")
         self._options = onnxruntime.RunOptions()
-        self._options.only_execute_path_to_fetches = True  # not the layers of other outputs too
+        self._options.only_execute_path_to_fetches = True  # skip the layers of other outputs
         self.name = name
         self.inputs = {
             each.name: [size if isinstance(size, int) else None for size in each.shape]
@@ -80,7 +80,7 @@ class OnnxRuntime(Backend):
 
 
 class OpenVino(Backend):
-    """OpenVINO on the CPU, in single precision. Args: as `load_backend`; raises whatever it raises."""
+    """OpenVINO on the CPU, in single precision. Args: as for `load_backend`. Exceptions of OpenVINO are passed on."""
 
     name = "openvino"
 
@@ -90,7 +90,7 @@ class OpenVino(Backend):
         settings = {
             "INFERENCE_NUM_THREADS": threads,
             "PERFORMANCE_HINT": "LATENCY",
-            "INFERENCE_PRECISION_HINT": "f32",  # else half of it where the processor is quicker so
+            "INFERENCE_PRECISION_HINT": "f32",  # otherwise half precision on processors that are faster with it
         }
         self._model = openvino.Core().compile_model(str(path), "CPU", settings)
         self.inputs = {
@@ -104,10 +104,10 @@ class OpenVino(Backend):
 
 
 def load_backend(path: Path, threads: int, name: str = CPU, clock: Callable[[], float] = time.perf_counter) -> Backend:
-    """A network in an ONNX file, run by that backend with at most so many threads, one per core.
+    """Load a network in an ONNX file for a backend, with at most `threads` threads and no more than one per core.
 
-    AUTO: by the fastest that is installed and answers alike, told by some runs, with the time of `clock` [s].
-    Raises InputError: not an ONNX network, no such backend, or one that is not installed.
+    AUTO takes the fastest installed backend with the same results, measured in a few runs by `clock` [s].
+    Raises InputError: not an ONNX network, no such backend, or one that is not installed or does not load.
     """
     if name not in BACKENDS:
         raise InputError(f"backend '{name}': not known; there are {', '.join(BACKENDS)}")
@@ -122,7 +122,7 @@ def load_backend(path: Path, threads: int, name: str = CPU, clock: Callable[[], 
     try:
         return make(path, threads)
     except Exception as error:
-        _on_cpu(path, threads)  # or the file is what is wrong
+        _on_cpu(path, threads)  # raises if the file is at fault, not the backend
         reason = str(error).splitlines()[0]
         raise InputError(f"backend '{name}': does not load ({reason}); mend that, or set it to {CPU}") from error
 
@@ -136,7 +136,7 @@ def _on_cpu(path: Path, threads: int) -> OnnxRuntime:
 
 
 def installed() -> dict[str, Callable[[Path, int], Backend]]:
-    """What makes a backend of a file and a number of threads, by name, of those that are here beside the CPU's."""
+    """Return the installed backends other than the CPU: functions of a file and a number of threads, by name."""
     there = onnxruntime.get_available_providers()
     out = {name: partial(OnnxRuntime, name=name) for name in _PROVIDERS if _PROVIDERS[name][0] in there and name != CPU}
     return out | ({"openvino": OpenVino} if importlib.util.find_spec("openvino") else {})
@@ -145,12 +145,12 @@ def installed() -> dict[str, Callable[[Path, int], Backend]]:
 def _made(make: Callable[[Path, int], Backend], path: Path, threads: int) -> Backend | None:
     try:
         return make(path, threads)
-    except Exception:  # of whatever kind: a library without its device is as if it were not there
+    except Exception:  # of any kind: a library without its device counts as not installed
         return None
 
 
 def _fastest(cpu: Backend, others: list[Backend], clock: Callable[[], float]) -> Backend:
-    """The quickest for a batch of one, of those that answer as the CPU does."""
+    """Return the fastest backend for a batch of one among those with the same results as the CPU."""
     rng = np.random.default_rng(0)
     inputs = {
         name: rng.standard_normal([size or 1 for size in shape]).astype(np.float32)
@@ -161,7 +161,7 @@ def _fastest(cpu: Backend, others: list[Backend], clock: Callable[[], float]) ->
     if len(alike) == 1:
         return cpu
     took: dict[str, list[float]] = {each.name: [] for each in alike}
-    for _ in range(_WARM_UP + _RUNS):  # by turns: what else the machine does meets all of them
+    for _ in range(_WARM_UP + _RUNS):  # in turn, so that other load on the machine affects all of them
         for each in alike:
             before = clock()
             each.run(inputs, cpu.outputs[0])

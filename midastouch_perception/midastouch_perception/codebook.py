@@ -1,6 +1,6 @@
-"""The tactile codebook of one object: sensor poses and the code expected at each (paper section 4.2).
+"""Tactile codebook of one object: sensor poses and the code expected at each (paper section 4.2).
 
-The poses lie evenly over the reachable surface, evenly in yaw, more of them on edges.
+The poses are spread evenly over the reachable surface and evenly in yaw, with more of them on edges.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from .sensor_model import SensorModel, given_as
 from .symmetry.search import ObjectSymmetry
 
 FORMAT = 1
-PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
-YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart
-_MOST_SURPLUS = 12.0  # times as many sites are tried as are wanted; where that is too few, the mesh is at fault
-_SETTLED_AT_ONCE = 512  # poses; of a fine mesh that lies under the gel as a whole, ten seconds
-_TRIED, _HARDLY = 4096, 0.01  # after so many poses, spread over the object, less than that fraction ends the search
+PRESS = 1e-3  # m, penetration of every entry; the codes are trained to match touches of any penetration with it
+YAWS = 16  # entries per site; 22.5 deg turn the rim of the contact by about as much as sites are apart
+_MOST_SURPLUS = 12.0  # ratio of sites tried to sites wanted; if even that is too few, the mesh is at fault
+_SETTLED_AT_ONCE = 512  # poses; ten seconds of work for a fine mesh that lies under the gel as a whole
+_TRIED, _HARDLY = 4096, 0.01  # the search ends if, after so many poses, less than that fraction is reachable
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
 _CONTENT = ("poses", "codes", "meta")
-_OUTSIDE = 5e-3  # m outside its mesh's bounds that an entry touches at most; where the gel bridges a gap it is 2 mm
+_OUTSIDE = 5e-3  # m that an entry's touched point may lie outside the mesh's bounds; a gel over a gap makes it 2 mm
 _DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-_LENGTHS = 26  # byte of a member's local header where the lengths of its name and its extra field stand (ZIP, 4.3.7)
+_LENGTHS = 26  # offset in a member's local header of the lengths of its name and its extra field (ZIP, 4.3.7)
 
 
 def build_command(mesh: str | Path, sensor: str = "", tcn: str = "", out: str | Path = "") -> str:
-    """The command that builds the codebook of a mesh, to be pasted; what is empty is left to its defaults."""
+    """Return a command, ready to paste, that builds the codebook of a mesh; empty options have their defaults."""
     options = {"--sensor": sensor, "--tcn": tcn, "--out": out}
     words = [word for option, given in options.items() if given for word in (option, str(given))]
     return shlex.join(["midastouch", "build-codebook", str(mesh), *words])
 
 
 def require_sensor(theirs: SensorModel, wanted: str | Path, source: str | Path) -> None:
-    """InputError for a codebook (from `source`) of another kind of sensor: every contact would be of another size.
+    """Raise InputError if a codebook (from `source`) is of another kind of sensor: all contacts would differ in size.
 
-    theirs: of the codebook, at map resolution; wanted: as for `SensorModel.load`.
+    theirs: the codebook's model, at map resolution. wanted: the model in use, as for `SensorModel.load`.
     """
     if theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
         raise InputError(
@@ -66,13 +66,13 @@ def codebook_poses(
     pause: Callable[[], None] = lambda: None,
     searched: Callable[[int], None] = lambda found: None,
 ) -> np.ndarray:
-    """Exactly `size` reachable gel poses T_obj_gel (size, 4, 4) (paper section 4.2, "evenly sample").
+    """Return exactly `size` reachable gel poses T_obj_gel (size, 4, 4) (paper section 4.2, "evenly sample").
 
-    Sites are a farthest-point sequence over (point, normal), so the sides of a thin plate count as apart and edges,
-    where the normal turns, get more of them; and so the first of them, however many, cover the surface evenly, too.
-    `pause` is called now and then; what it raises ends the work. `searched` gets the number of poses found so far,
-    which starts at 0 again when the search is repeated with more sites. Raises InputError if the object has hardly a
-    reachable pose.
+    Sites are a farthest-point sequence over (point, normal). So both sides of a thin plate count as apart; edges, where
+    the normal turns, get more sites; and the first sites, any number of them, also cover the surface evenly.
+    `pause` is called now and then; an exception from it ends the work. `searched` gets the number of poses found so
+    far, which starts at 0 again when the search is repeated with more sites. Raises InputError if too few poses of the
+    object are reachable.
     """
     if size < 1:
         raise InputError(f"codebook size {size}; it needs at least 1 pose, 50000 is usual")
@@ -93,7 +93,7 @@ def codebook_poses(
         reachable, fraction = _reachable(reachability, poses, size, pause, searched)
         if len(reachable) == size:
             return reachable
-        # as many as this fraction asks for, and some more
+        # as many as this fraction requires, and some more
         surplus = 1.2 * max(surplus, 1 / max(fraction, 1e-3))
     raise InputError(
         f"{mesh.path or mesh.name}: the gel reaches only {fraction:.1%} of the poses that were tried; at the others it "
@@ -109,10 +109,8 @@ def _reachable(
     pause: Callable[[], None],
     searched: Callable[[int], None],
 ) -> tuple[np.ndarray, float]:
-    """The first `size` of the poses (N, 4, 4) that can be reached, settled, or fewer; the fraction of those tried.
-
-    In pieces: each is rendered.
-    """
+    """Return the first `size` reachable ones of the poses (N, 4, 4), settled, or fewer, and the reachable fraction of
+    those tried. Works in pieces, because each pose is rendered."""
     found, count, tried = [], 0, 0
     while tried < len(poses) and count < size and (tried < _TRIED or count >= _HARDLY * tried):
         pause()
@@ -125,7 +123,7 @@ def _reachable(
 
 
 def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Surface points with face, edge and smoothed normals: near an edge a finger can lie at any of them."""
+    """Return surface points with face, edge or smoothed normals: near an edge a finger can lie along any of these."""
     points, normals = touch_points(mesh, n, edge_fraction=0.25, rng=rng)
     smooth = rng.random(n) < 0.4
     normals[smooth] = mesh.smooth_normals(points[smooth])
@@ -137,8 +135,8 @@ class Codebook:
 
     Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
     mesh_sha256, mesh_path, sensor, sensor_id, sensor_model (its geometry), tcn (network id), temperature, outlier
-    (calibration of the score), size, seed, symmetry (as of `ObjectSymmetry.as_json`); derived: arrays by name that
-    whoever uses the codebook has made of poses and mesh, kept to save the time; source: its file, for messages.
+    (calibration of the score), size, seed, symmetry (from `ObjectSymmetry.as_json`); derived: arrays by name that users
+    of the codebook have computed from poses and mesh, kept to save time; source: the file, for messages.
     """
 
     def __init__(
@@ -156,7 +154,7 @@ class Codebook:
 
     @cached_property
     def symmetry(self) -> ObjectSymmetry | None:
-        """The object's symmetry; None if the codebook does not tell. Raises InputError if it is broken."""
+        """Symmetry of the object; None if the codebook holds none or an outdated one. Raises InputError if broken."""
         if "symmetry" not in self.meta:
             return None
         try:
@@ -181,7 +179,7 @@ class Codebook:
     ) -> Codebook:
         """Read a codebook; refuse it if it was built for another mesh than `mesh` or another network than `tcn` (id).
 
-        first: read so many poses only, without `derived`. Sites come in farthest-point order, so that the first ones
+        first: read only this number of poses, without `derived`. Sites come in farthest-point order, so the first ones
         are spread over the object as evenly as all.
         Raises InputError: no such file, not a codebook, other format version, non-finite content, mismatch.
         """
@@ -220,7 +218,7 @@ class Codebook:
         return book
 
     def _require_on(self, mesh: ObjectMesh) -> None:
-        """Raise InputError unless all poses touch the space that the mesh takes."""
+        """Raise InputError unless all poses touch points within the bounds of the mesh, to 5 mm."""
         touched = self.poses[:, :3, 3] + PRESS * self.poses[:, :3, 2]
         low, high = mesh.bounds
         outside = max((low - touched).max(), (touched - high).max())
@@ -237,7 +235,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def mapped_npz(path: str | Path) -> dict[str, np.ndarray]:
-    """Arrays by name, mapped read-only. Raises ValueError for one that is compressed or holds objects."""
+    """Map the arrays of an `.npz` read-only, by name. Raises ValueError if one is compressed or holds objects."""
     out = {}
     with zipfile.ZipFile(path) as archive, Path(path).open("rb") as stream:
         for member in archive.infolist():

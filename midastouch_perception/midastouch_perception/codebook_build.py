@@ -1,4 +1,4 @@
-"""A codebook in the making: rendered and encoded chunk by chunk, it can be interrupted, kept and gone on with."""
+"""Build of a codebook: rendered and encoded chunk by chunk, so that it can be interrupted, saved and continued."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from .symmetry.search import object_symmetry
 from .tcn.inference import TactileCodeNet
 
 CHUNK = 256
-"""Poses that are rendered, encoded and kept together; the result must not depend on how they are divided."""
+"""Number of poses that are rendered, encoded and kept together; the result must not depend on it."""
 
 _ARRAYS = ("poses", "codes", "finished")
 
 
 class CodebookBuild:
-    """`size` poses of a mesh, rendered and encoded as far as it got.
+    """Unfinished codebook of `size` poses of a mesh.
 
-    Args: mesh; tcn; sensor, at image resolution; size; seed, of the poses; symmetry, if the user says it, else it is
-    found. The result depends on these alone, not on interruptions or the number of jobs. The maps are encoded as
+    Args: mesh; tcn; sensor, at image resolution; size; seed, of the poses; symmetry, if the user gives it, otherwise it
+    is searched for. The result depends on these alone, not on interruptions or the number of jobs. Maps are encoded as
     rendered: the code network was trained to match the depth network's maps with them.
     """
 
@@ -80,12 +80,12 @@ class CodebookBuild:
         searched: Callable[[int], None] = lambda found: None,
         tried: Callable[[], object] = lambda: None,
     ) -> Codebook:
-        """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
+        """Do the remaining work, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
-        pause: called now and then; an exception from it ends the run. What was done until then can be saved. inform:
-        gets what the mesh is like, with warnings, line by line; searched: the number of poses found so far, as of
-        `codebook_poses`; tried: called for each motion that could be a symmetry. Raises InputError: no pose to encode,
-        or a mesh on which too many poses would lie within the object.
+        pause: called now and then; an exception from it ends the run, and the finished part can be saved. inform: gets
+        a report on the mesh, with warnings, line by line. searched: as in `codebook_poses`. tried: called for each
+        motion that could be a symmetry. Raises InputError if no pose can be encoded, or if too many poses on the mesh
+        would lie within the object.
         """
         size, seed = self._meta["size"], self._meta["seed"]
         if self._poses is None:
@@ -108,7 +108,7 @@ class CodebookBuild:
             self._finished[chunk] = True
             progress(self.done, len(self._poses))
 
-        # threads, not processes: network and renderer release the interpreter lock, and nothing has to be sent
+        # threads, not processes: network and renderer release the interpreter lock, and no data has to be sent
         with ThreadPoolExecutor(jobs) as pool:
             for chunk in np.flatnonzero(~self._finished):
                 pause()
@@ -121,7 +121,7 @@ class CodebookBuild:
         return Codebook(self._poses, self._codes, self._meta | {"symmetry": self._symmetry.as_json()})
 
     def save(self, path: str | Path) -> None:
-        """Keep what is done in one `.npz`, for `restore`; nothing is left behind if it fails."""
+        """Write the finished part to one `.npz`, for `restore`; nothing is left behind if it fails."""
         if self._poses is None:
             raise ValueError("nothing is done yet")
         codes = np.where(np.repeat(self._finished, CHUNK)[: len(self._codes), None], self._codes, 0)
@@ -129,10 +129,10 @@ class CodebookBuild:
             np.savez(stream, poses=self._poses, codes=codes, finished=self._finished, meta=np.array(self._identity()))
 
     def restore(self, path: str | Path) -> None:
-        """Go on from what an interrupted build of the same codebook saved.
+        """Continue from the file that an interrupted build of the same codebook saved.
 
-        Raises InputError and changes nothing: no such file, not a build's, broken, of another mesh, network, sensor,
-        size or seed.
+        Raises InputError, and changes nothing, if the file is missing, broken, no unfinished codebook, or of another
+        mesh, network, sensor, size or seed.
         """
         path = require_file(path, "unfinished codebook")
         try:
@@ -153,7 +153,7 @@ class CodebookBuild:
         self._poses, self._codes, self._finished = poses.astype(float), codes.astype(np.float32), finished
 
     def _identity(self) -> str:
-        """What the result depends on, as JSON; the mesh may have moved."""
+        """Return the inputs that the result depends on, as JSON, without the mesh's path, which may have changed."""
         return json.dumps({key: value for key, value in self._meta.items() if key != "mesh_path"})
 
 

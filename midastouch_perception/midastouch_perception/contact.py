@@ -1,8 +1,8 @@
-"""What touches the sensor, decided on the penetration map, with hysteresis.
+"""Detection of contact in the penetration map, with hysteresis.
 
-Two depths are told apart. *Penetration* is the shape within the contact: how far the object reaches above the contact's
-own outline; codes and alignment compare it with what is rendered. *Depth* is how far the gel's deepest point lies below
-the untouched gel, as an arm was commanded: soft gel sinks in beside a contact, so it is larger.
+There are two depths. *Penetration* is the shape within the contact: the height of the object above the contact's own
+outline; codes and alignment compare it with rendered maps. *Depth* is the distance of the gel's deepest point from the
+untouched gel, which an arm was commanded to press. It is larger, because soft gel also sinks in around a contact.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ import numpy as np
 
 from .sensor_model import SensorModel
 
-# Metres. Far below what the depth network can distinguish, far above what a cloud's float32 loses.
+# Metres. Far below the depth network's resolution, far above the rounding error of a cloud's float32.
 _STEP = np.float32(1e-6)
 TOUCHED = 3e-5
 """Penetration [m] from which a pixel counts as touched."""
 
 
 def in_steps(penetration: np.ndarray) -> np.ndarray:
-    """Penetration [m] rounded to 1 um: exactly the same whether it is held as a map or went through a cloud.
+    """Return penetration [m] rounded to 1 um, so that a map is exactly the same after conversion to a cloud and back.
 
-    Without it the two would differ in the last bit, which a particle filter turns into another random run.
+    Without rounding the two differ in the last bit, which a particle filter turns into another random run.
     """
     return np.rint(penetration / _STEP) * _STEP
 
 
 @dataclasses.dataclass(frozen=True)
 class Contact:
-    """Attributes: penetration (H, W) float32 m in steps of 1 um, 0 where nothing touches; area_m2, of the touched gel,
-    and depth_m, of its deepest point below the untouched gel, both 0 without contact."""
+    """Contact in one frame. Attributes: penetration (H, W) float32 m in steps of 1 um, 0 outside of the contact;
+    area_m2 of the touched gel, and depth_m of its deepest point below the untouched gel, both 0 without contact."""
 
     penetration: np.ndarray
     area_m2: float
@@ -38,20 +38,20 @@ class Contact:
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
-        """The contact with this penetration map (H, W) m on gel that does not sink in beside it; sensor: at the map's
-        resolution."""
+        """Return the contact with this penetration map (H, W) m, for gel that does not sink in around it; sensor: at
+        the map's resolution."""
         return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area), float(penetration.max()))
 
     @property
     def in_contact(self) -> bool:
-        """Whether anything touches."""
+        """True if an object touches the gel."""
         return self.area_m2 > 0
 
 
 class ContactDetector:
-    """Contact begins above one area and ends below a smaller one, so that it does not flicker.
+    """Detector of contact with hysteresis: contact begins at one area and ends below a smaller one.
 
-    The areas are small on purpose: a 2 mm wire is a contact too (paper appendix G). Args: sensor, at the map's
+    The areas are small on purpose: a 2 mm wire is a contact, too (paper appendix G). Args: sensor, at the map's
     resolution; begin, end: areas [m^2].
     """
 
@@ -61,14 +61,14 @@ class ContactDetector:
         self._touching = False
 
     def update(self, penetration: np.ndarray) -> Contact:
-        """The contact in one penetration map (H, W) m of the depth network."""
+        """Return the contact in one penetration map (H, W) m of the depth network."""
         touched = np.where(penetration > TOUCHED, penetration, np.float32(0))
         contact = Contact.of(in_steps(touched), self._sensor)
         self._touching = contact.area_m2 >= (self._end if self._touching else self._begin)
         return contact if self._touching else self._nothing()
 
     def free(self) -> Contact:
-        """A frame that was seen to be free of contact by other means."""
+        """Return no contact, for a frame that other means have found to be free of it."""
         self._touching = False
         return self._nothing()
 

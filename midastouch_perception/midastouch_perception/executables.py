@@ -1,4 +1,4 @@
-"""The executables of this package."""
+"""Executables of this package."""
 
 from midastouch_common.executables import executable
 

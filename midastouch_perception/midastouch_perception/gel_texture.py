@@ -1,9 +1,9 @@
-"""The fine texture of a gel: whether two images are of the same gel, and lie upon each other.
+"""Fine texture of a gel, which shows whether two images are of the same gel and whether it has moved between them.
 
-Paint, grains and dust leave a pattern in every gel that brightness, light and a touch elsewhere leave as it is, as the
-pattern of its pixels identifies a camera (Lukas, Fridrich and Goljan 2006). Images of one gel correlate where they lie
-upon each other, those of two gels nowhere. How much they do by chance is known from all other shifts, so that a
-likeness counts in standard deviations.
+Paint, grains and dust make a pattern in every gel that does not change with brightness, light or a touch elsewhere. It
+identifies the gel as the pattern of its pixels identifies a camera (Lukas, Fridrich and Goljan 2006). Images of one gel
+correlate at the shift at which they coincide; images of two gels do so at none. The correlations at all other shifts
+show what is chance, so a likeness is given in standard deviations.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 
 from .sensor_model import SensorModel
 
-_FINEST, _COARSEST, _CONTRAST = 1.5, 4.0, 8.0  # px: noise below, light and shapes above, region of equal contrast
+_FINEST, _COARSEST, _CONTRAST = 1.5, 4.0, 8.0  # px: finer is noise, coarser light and shapes; scale of local contrast
 _BORDER = 8  # px that the filters spoil
 _LEAST_CONTRAST = 0.1  # grey levels: a smooth image in whole grey levels has 0.07, real gels have 0.2 or more
-_LEAST_COVERED = 0.5  # of an image has that much contrast, or the gel has no texture
-_MOST, _STEPS = 3.0, 40  # times the contrast around it that a pixel counts, and steps of one such unit
+_LEAST_COVERED = 0.5  # of an image that must have that much contrast; otherwise the gel has no texture
+_MOST, _STEPS = 3.0, 40  # largest value of a pixel, in units of the contrast around it; integer steps per unit
 _FARTHEST = 8  # px by which a gel may have moved
-_BESIDE = 20  # px around no shift that the pattern itself may correlate over
-_NEAR = 21  # px of a map: a contact and what its shape changes beside it
-_REGION = 40  # px in which a texture is compared on its own
-_FAINTEST = 6.0  # standard deviations of a region, median: less is too faint to tell of single ones
+_BESIDE = 20  # px of shift within which the pattern may correlate with itself
+_NEAR = 21  # px of a map: size of the dilation that covers the gel around a contact
+_REGION = 40  # px, side of a region whose texture is compared by itself
+_FAINTEST = 6.0  # standard deviations, median over regions; a fainter texture cannot judge single regions
 _LOST = 1 / 3  # of the median: less is another texture
 _LEAST_WORN = 0.005  # of the image
 _OF_ANOTHER_GEL = (
@@ -33,37 +33,39 @@ _OF_ANOTHER_GEL = (
 )
 _ELSEWHERE = [(down, right) for down in (-60, 0, 60) for right in (-60, 0, 60) if down or right]
 SAME_GEL = 6.0
-"""Standard deviations from which on two images are of the same gel: of normal numbers one in a billion is as large, and
-there are some hundred shifts."""
+"""Standard deviations from which two images are of the same gel: one normal number in a billion is as large, and there
+are some hundred shifts."""
 CLEAR = 2 * SAME_GEL
-"""Standard deviations from which on a gel has a texture by which it would be known again."""
+"""Standard deviations from which a gel's texture is clear enough to recognise the gel by it."""
 MOVED = 2.0
-"""Pixels by which a gel lies elsewhere than it did."""
+"""Shift [px] from which a gel counts as moved."""
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """sigmas, how much two textures correlate, in standard deviations of what is chance; shift, pixels (right, down)
-    by which the second lies beside the first."""
+    """Likeness of two textures.
+
+    Attributes: sigmas, their correlation in standard deviations of chance; shift of the second against the first, in
+    pixels (right, down)."""
 
     sigmas: float
     shift: tuple[int, int]
 
     @property
     def same(self) -> bool:
-        """Whether they are of the same gel."""
+        """True if both are of the same gel."""
         return self.sigmas >= SAME_GEL
 
     @property
     def moved(self) -> float:
-        """Pixels."""
+        """Length of the shift [px]."""
         return float(np.hypot(*self.shift))
 
 
 def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndarray:
-    """Texture (H - 16, W - 16) int8 of an image (H, W, 3) uint8, in fortieths of the contrast around each pixel.
+    """Return the texture (H - 16, W - 16) int8 of an image (H, W, 3) uint8, in 1/40 of the contrast around each pixel.
 
-    0 where it is touched, and where there is none. touched (h, w) bool, of any resolution.
+    It is 0 where the gel is touched, and where it has no texture. touched: (h, w) bool, of any resolution.
     """
     grey = image.astype(np.float32).mean(axis=2)
     band = cv2.GaussianBlur(grey, (0, 0), _FINEST) - cv2.GaussianBlur(grey, (0, 0), _COARSEST)
@@ -78,7 +80,7 @@ def gel_texture(image: np.ndarray, touched: np.ndarray | None = None) -> np.ndar
 
 
 def likeness(first: np.ndarray, second: np.ndarray) -> Likeness:
-    """Of two textures, or sums of them, of the same size; 0 sigmas where one is empty."""
+    """Return the likeness of two textures, or sums of textures, of the same size; 0 sigmas if one is empty."""
     one, two = (np.fft.rfft2(each - each.mean()) for each in (first, second))
     surface = np.fft.irfft2(np.conj(one) * two, s=first.shape)
     surface = np.roll(surface, (_BESIDE, _BESIDE), axis=(0, 1))
@@ -92,10 +94,10 @@ def likeness(first: np.ndarray, second: np.ndarray) -> Likeness:
 
 
 def worn_gel(first: np.ndarray, second: np.ndarray, shift: tuple[int, int]) -> np.ndarray:
-    """Pixels (H, W) bool where a gel with the texture `first` (H, W) has another one in `second`, `shift` pixels beside
-    the first: something lies there, or the paint is gone.
+    """Return the pixels (H, W) bool where the texture of a gel has changed from `first` to `second`, both (H, W).
 
-    Nowhere, where the textures are too faint to tell of single regions.
+    There the gel is dirty, or its paint is gone. shift: of the second against the first [px]. Textures that are too
+    faint to judge single regions give no pixels.
     """
     first, second = first.astype(np.float32), np.roll(second, (-shift[1], -shift[0]), axis=(0, 1)).astype(np.float32)
     known = cv2.blur((second != 0).astype(np.float32), (_REGION, _REGION)) > 0.5
@@ -106,22 +108,22 @@ def worn_gel(first: np.ndarray, second: np.ndarray, shift: tuple[int, int]) -> n
 
 
 def _correlation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Of the regions around each pixel."""
+    """Return the correlation (H, W) of two textures (H, W) in the region around each pixel."""
     pairs = (first, second), (first, first), (second, second)
     both, one, two = (cv2.blur(a * b, (_REGION, _REGION)) for a, b in pairs)
     return both / np.sqrt(one * two + 1e-9)
 
 
 class GelCheck:
-    """Watches whether a sensor's images are of the gel in its no-contact image, and where that was.
+    """Check that a sensor's images show the gel of its no-contact image, at the same place.
 
-    Two means over every other image looked at say how well the gel would be known again; their sum is compared with the
-    no-contact image.
+    Two sums, each over every other image looked at, show by their likeness how well the gel can be recognised; both
+    together are compared with the no-contact image.
 
-    Args: sensor, at image resolution; every: one of so many images is looked at; window, how many of these a verdict is
-    of.
-    Attributes: sigmas, likeness at the last verdict, None before the first; problem, why the no-contact image is not
-    right, in words, "" if it is.
+    Args: sensor, at image resolution; every, number of images out of which one is looked at; window, number of images
+    looked at for one verdict.
+    Attributes: sigmas, likeness at the last verdict, None before the first; problem, reason why the no-contact image is
+    wrong, "" if it is right.
     """
 
     def __init__(self, sensor: SensorModel, every: int = 20, window: int = 16):
@@ -130,7 +132,7 @@ class GelCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen: the no-contact image is another one."""
+        """Forget all images, because the no-contact image has changed."""
         self._images = self._looked_at = 0
         self._sums: list[np.ndarray | float] = [0.0, 0.0]
         self.sigmas: float | None = None
@@ -138,16 +140,16 @@ class GelCheck:
 
     @property
     def another(self) -> bool:
-        """Whether the images are of another gel than the no-contact image."""
+        """True while the images are of another gel than the no-contact image."""
         return self.problem == _OF_ANOTHER_GEL
 
     @property
     def values(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Values for the diagnostics."""
         return {"gel_likeness": "" if self.sigmas is None else f"{self.sigmas:.0f}"}
 
     def observe(self, image: np.ndarray, background: np.ndarray, penetration: np.ndarray) -> None:
-        """One image and the no-contact image (H, W, 3) uint8, penetration (h, w) m measured in it."""
+        """Take an image, the no-contact image, both (H, W, 3) uint8, and the penetration (h, w) m measured in it."""
         self._images += 1
         if (self._images - 1) % self._every:
             return
@@ -160,7 +162,7 @@ class GelCheck:
 
     def _judge(self, background: np.ndarray) -> None:
         (first, second), reference = self._sums, gel_texture(background)
-        if not reference.any():  # such as a simulator's
+        if not reference.any():  # e.g. of a simulator
             return
         found = likeness(reference, first + second)
         self.sigmas = found.sigmas
@@ -175,7 +177,7 @@ class GelCheck:
             self.problem = self._worn(worn_gel(reference, first + second, found.shift))
 
     def _worn(self, worn: np.ndarray) -> str:
-        """What is wrong with a gel that is worn at these pixels (H, W) bool; empty if it is next to nothing."""
+        """Return the problem with a gel that is worn at these pixels (H, W) bool; empty if they are very few."""
         if worn.mean() <= _LEAST_WORN:
             return ""
         down, right = 1e3 * self._pixel * (np.argwhere(worn).mean(axis=0) + _BORDER)

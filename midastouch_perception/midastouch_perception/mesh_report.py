@@ -1,4 +1,4 @@
-"""What a mesh is to a sensor that touches it from outside: its size, shells, edges, visible sides; and what to fix."""
+"""Report on a mesh that a sensor touches from outside: its size, shells, edges and visible sides, and what to fix."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from midastouch_common.surface_search import RaySearch
 
 from .sensor_model import SensorModel
 
-_POINTS = 600  # on the surface; 1 % of it are 6
+_POINTS = 600  # on the surface, so that 6 of them are 1 %
 _RAYS = 16  # from each side of a point
-_MORE_RAYS = 144  # from points that none of these led outside: the inside of a cup sees little of the world
-_OFF_SURFACE = 1e-5  # m, where rays begin
-_TWO_SIDED = 0.5  # of the rays of the front that lead outside: so many do from the back of a sheet
-# Of the area. Of 78 scans of YCB none is inside out or a sheet; of one, a mug, 6 % are hidden, of the others 1 %.
+_MORE_RAYS = 144  # from points where no ray led outside: few rays from the inside of a cup do
+_OFF_SURFACE = 1e-5  # m between surface and start of a ray
+_TWO_SIDED = 0.5  # at a sheet, at least this ratio of free rays from the back to free rays from the front
+# Fractions of the area. None of 78 YCB scans is inside out or a sheet; of one, a mug, 6 % are hidden, of others 1 %.
 _MOST_INSIDE_OUT, _MOST_HIDDEN = 0.02, 0.5  # more, and too many poses would lie within the object
 _NOTABLE_HIDDEN = 0.02
 _MANY_BRANCHING = 0.001  # of the edges; the scans have 3 of 25,000
-_MANY_FACES = 1_000_000  # everything takes minutes then, for detail finer than a pixel
+_MANY_FACES = 1_000_000  # with more, every step takes minutes, for detail finer than a pixel
 
 
 @dataclasses.dataclass(frozen=True)
 class MeshReport:
-    """Attributes: source, file or name; size (3,) m, of the bounding box; faces; shells, parts that are not connected;
-    inner_shells, those that cannot be seen from outside; edges; open_edges, of one face; branching_edges, of more than
-    two; fractions of the area: inside_out, seen from its back; hidden, seen from neither side; two_sided, from both.
+    """Report on a mesh. Attributes: source, file or name; size (3,) m, of the bounding box; numbers of faces, shells
+    (parts that are not connected), inner_shells (those that cannot be seen from outside), edges, open_edges (of one
+    face) and branching_edges (of more than two); fractions of the area that are inside_out (seen from the back), hidden
+    (seen from neither side) and two_sided (seen from both).
     """
 
     source: str
@@ -48,7 +49,7 @@ class MeshReport:
 
     @classmethod
     def of(cls, mesh: ObjectMesh) -> MeshReport:
-        """Look at a mesh from many sides; the same mesh always gets the same report."""
+        """Examine a mesh from many sides; the same mesh always gets the same report."""
         edges = np.sort(mesh.face_edges, axis=2)
         faces_of_edge = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)[1]
         shell_of_face = _shells(edges)
@@ -69,7 +70,7 @@ class MeshReport:
         )
 
     def require_usable(self) -> None:
-        """Raise InputError if too many poses on it would lie within the object; says what to do."""
+        """Raise InputError, with advice, if too many poses on the mesh would lie within the object."""
         if self.inside_out > _MOST_INSIDE_OUT:
             doubled = "remove doubled faces, then " if self._branches else ""
             raise InputError(
@@ -81,7 +82,7 @@ class MeshReport:
             raise InputError(f"{self.source}: {self._hidden_and_fix}")
 
     def lines(self, sensor: SensorModel) -> Iterator[str]:
-        """The report in one line, then a line for each thing that is wrong for this sensor, with its fix."""
+        """Yield the report in one line, then one line for each problem with this sensor, with its fix."""
         yield (
             f"{self.source}: {_millimetres(self.size)}; {self.faces} faces; {self.shells} shells, {self.inner_shells} "
             f"of them inside; {self.open_edges} open edges, {self.branching_edges} of more than two faces; "
@@ -136,7 +137,7 @@ def _millimetres(lengths: Sequence[float]) -> str:
 
 
 def _shells(edges: np.ndarray) -> np.ndarray:
-    """Number (F,) of each face's shell, of edges (F, 3, 2)."""
+    """Return the number (F,) of each face's shell, from the faces' edges (F, 3, 2)."""
     ends = edges.reshape(-1, 2)
     count = int(ends.max()) + 1
     graph = coo_matrix((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), (count, count))
@@ -145,7 +146,7 @@ def _shells(edges: np.ndarray) -> np.ndarray:
 
 
 def _exposure(mesh: ObjectMesh, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of points on the surface the fractions (N,) of rays from front and back that meet nothing, and the faces (N,)."""
+    """Return, for random surface points, the free fractions (N,) of rays from front and back, and the faces (N,)."""
     points, normals, face = mesh.sample_surface(_POINTS, rng)
     search = RaySearch(mesh.vertices, mesh.faces)
     front, back = (_free(search, points, side * normals, _RAYS, rng) for side in (1, -1))
@@ -158,7 +159,7 @@ def _exposure(mesh: ObjectMesh, rng: np.random.Generator) -> tuple[np.ndarray, n
 def _free(
     search: RaySearch, points: np.ndarray, normals: np.ndarray, rays: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Fraction (N,) of `rays` from each of the points (N, 3), into the half space of its normal, that meet nothing."""
+    """Return the fraction (N,) of `rays` random rays from each point (N, 3), on its normal's side, that are free."""
     directions = rng.standard_normal((len(points), rays, 3))
     directions *= np.sign(np.einsum("nkj,nj->nk", directions, normals))[..., None]
     origins = np.repeat(points + _OFF_SURFACE * normals, rays, axis=0)

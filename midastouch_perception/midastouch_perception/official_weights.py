@@ -1,4 +1,4 @@
-"""Turn weights trained by the paper's authors into network files that this package runs."""
+"""Conversion of weights trained by the paper's authors to network files that this package runs."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ EXPECTED_SHAPES = {
     "tdn_fcrn": fcrn.expected_shapes,
     "tcn_minkloc3d": minkloc3d_network.expected_shapes,
 }
-# where training scripts put the state dict, if the file holds more than that
+# keys under which training scripts store the state dict, if the file holds more than that
 _STATE_KEYS = ("state_dict", "model_state_dict", "model")
 
 
 def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) -> Path:
-    """Write the network in a checkpoint, with its model card, to the folder `out`; returns the network's file.
+    """Write the network in a checkpoint, with its model card, to the folder `out`; return the network's file.
 
     The names of its tensors show which of the two networks it is. voxel_size: of MinkLoc3D, in units of the cloud
-    scaled to [-1, 1] (0.001 in the official code). Raises InputError: not a checkpoint, of neither network, tensors
-    missing, unexpected or of other shape, a package missing that reads or writes the file.
+    scaled to [-1, 1] (0.001 in the official code). Raises InputError if the file is no checkpoint, if its tensors are
+    of neither network, missing, unexpected or of other shape, or if a package to read or write it is missing.
     """
     path = Path(path)
     state = plain_names(read_checkpoint(path))
@@ -58,11 +58,11 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
 
 
 def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
-    """{name: values} of the tensors in a weight file, whose format its content shows.
+    """Return {name: values} of the tensors in a weight file, whose format is recognised by its content.
 
-    A NumPy archive needs nothing else; a PyTorch checkpoint needs torch, which reads tensors only (`weights_only`),
-    and .safetensors that package: both are in the `train` extra. Raises InputError: no such file, none of the formats,
-    a package missing, cut short, holds anything that is not tensors.
+    A NumPy archive needs no other package. A PyTorch checkpoint needs torch, which reads tensors only (`weights_only`);
+    .safetensors needs safetensors; both are in the `train` extra. Raises InputError if the file is missing, cut short,
+    of none of the formats or not of tensors alone, or if a package is missing.
     """
     path = require_file(path, "weight")
     with path.open("rb") as stream:
@@ -95,7 +95,7 @@ def _is_torch_archive(path: Path) -> bool:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith("/data.pkl") for name in archive.namelist())
     except (OSError, ValueError, zipfile.BadZipFile):
-        return False  # cut short: the reader of NumPy archives says so
+        return False  # cut short: the reader of NumPy archives reports that
 
 
 def _read_numpy(path: Path) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Loading of shipped or own ONNX networks with their model cards."""
+"""Loading of ONNX networks, shipped ones or your own, with their model cards."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WEIGHTS = Path(__file__).parent / "weights"
 
 
 def network_path(kind: str, name_or_path: str | Path) -> Path:
-    """The file of a shipped network ("tdn", "tcn") by name, or of another by path. InputError if there is none."""
+    """Return the file of a network of a kind ("tdn", "tcn"): shipped, by name, or any, by path; InputError if none."""
     path = WEIGHTS / f"{kind}_{name_or_path}.onnx"
     if not path.is_file():
         path = Path(name_or_path)
@@ -27,11 +27,11 @@ def network_path(kind: str, name_or_path: str | Path) -> Path:
 
 
 class OnnxNetwork:
-    """An ONNX file, run with at most `threads` threads and no more than there are cores; backend, as `load_backend`.
+    """Network in an ONNX file, run with at most `threads` threads and no more than there are cores.
 
-    Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
-    beside the file); outputs, their names; backend, the name of the one in use. Raises InputError: unknown name, no
-    such file, not an ONNX network, missing or broken card, unusable backend.
+    backend: as for `load_backend`. Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>";
+    card, the model card (JSON next to the file); outputs, their names; backend, the name of the one in use. Raises
+    InputError: unknown name, no such file, not an ONNX network, missing or broken card, unusable backend.
     """
 
     def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1, backend: str = CPU):
@@ -43,7 +43,7 @@ class OnnxNetwork:
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
     def require_inputs(self, *names: str) -> None:
-        """InputError unless the network takes these: depth and code networks are easily mixed up."""
+        """Raise InputError unless these are the network's inputs: depth and code networks are easily mixed up."""
         if tuple(self._inputs) != names:
             raise InputError(
                 f"{self._path}: a network of {', '.join(self._inputs)}, not of {', '.join(names)}; "
@@ -51,13 +51,13 @@ class OnnxNetwork:
             )
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
-        """The output of that name, by default the first, for the network's inputs in their
-        declared order, float32 with the batch first."""
+        """Run the network on its inputs in their declared order, float32 with the batch first; return the output of
+        that name, by default the first."""
         return self._backend.run(dict(zip(self._inputs, inputs, strict=True)), output or self.outputs[0])
 
 
 def read_card(network: Path) -> dict:
-    """The model card of a network's file. Raises InputError if it is missing or broken."""
+    """Read the model card of a network's file. Raises InputError if it is missing or broken."""
     path = network.with_suffix(".json")
     try:
         card = json.loads(path.read_text())

@@ -1,9 +1,9 @@
-"""From a tactile image to what the filter needs, one frame at a time: the one path of nodes and evaluation.
+"""Pipeline from a tactile image to the filter's input, one frame at a time; nodes and evaluation both use it.
 
     image, background -> DepthStage -> Contact -> CodeStage -> Touch
 
-A contact's penetration map is what a cloud carries, to the last bit (`pointcloud`), so that it makes no difference
-where one stage ends and the next begins: in one process, or on two sides of a topic.
+A cloud carries a contact's penetration map to the last bit (`pointcloud`). So the result is the same whether both
+stages run in one process or on two sides of a topic.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .tdn.inputs import LightDrift
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
 _EXPLAINED_BY_CONTACT = 0.6
-"""Fraction of a change that a contact's shape explains at least. It lies between the least of real presses, faint ones
-too, and of touches on measured gel (0.70), and the most of simulated slow changes of the light (0.51)."""
-_WHOLE_GEL = 0.95  # of the image: light that changes everywhere
-_ASKED_EVERY = 10  # frames of a contact: light may change while it lasts
+"""Smallest fraction of a change that a contact's shape explains. It lies between the smallest of real presses, even
+faint ones, and of touches on measured gel (0.70), and the largest of simulated slow changes of the light (0.51)."""
+_WHOLE_GEL = 0.95  # of the image; a larger contact is a change of the light everywhere
+_ASKED_EVERY = 10  # frames of a contact between checks, because light may change while it lasts
 _QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
 
 @dataclasses.dataclass(frozen=True)
 class Touch:
-    """One perceived frame: contact; code (D,) float32, L2-normalised, or None without contact; network_id, of the code
+    """One perceived frame: contact; code (D,) float32, L2-normalised, or None without contact; network_id of the code
     network."""
 
     contact: Contact
@@ -42,13 +42,13 @@ class Touch:
 
 
 class DepthStage:
-    """Image and background -> contact.
+    """Stage from image and background to contact.
 
-    An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
-    teaches the stage how the light drifts.
+    An unchanged image costs one comparison. A frame that does not differ from the background skips the network; frames
+    without contact teach the stage the drift of the light.
 
-    Args: tdn; fit, touched and gel, the checks that `deferred_update` shows the images to, or None.
-    Attributes: skipped, frames by the gate that spared them the network.
+    Args: tdn; fit, touched and gel, the checks that `deferred_update` feeds, or None.
+    Attributes: skipped, number of frames that skipped the network, by reason.
     """
 
     def __init__(
@@ -69,9 +69,9 @@ class DepthStage:
         self.skipped = {"image_unchanged": 0, "no_contact": 0}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Contact:
-        """The contact in one image; both (320, 240, 3) uint8 RGB. InputError for a bad image.
+        """Return the contact in one image; both images (320, 240, 3) uint8 RGB. InputError for a bad image.
 
-        The last image is kept to be compared with the next one: do not write into it.
+        The image is kept to be compared with the next one: do not write into it.
         """
         same_background = background is self._background
         if same_background and self._last is not None and np.array_equal(image, self._image):
@@ -104,9 +104,9 @@ class DepthStage:
         return dataclasses.replace(contact, depth_m=self._tdn.depth(difference, contact.penetration))
 
     def _is_light(self, difference: np.ndarray, penetration: np.ndarray) -> bool:
-        """Whether the lamps changed and nothing touches: no shape explains the change, or it has no outline in view.
+        """Return whether only the lamps changed: no shape explains the change, or it has no outline in view.
 
-        Asked as a contact begins, and now and then. A simulator's lamps do not change.
+        This is checked when a contact begins, and now and then. A simulator's lamps do not change.
         """
         self._asked = (self._asked + 1) % _ASKED_EVERY if self._last is not None and self._last.in_contact else 0
         if self._asked or self._tdn.sensor.light != "relative":
@@ -117,9 +117,9 @@ class DepthStage:
         return explained is not None and explained < _EXPLAINED_BY_CONTACT
 
     def deferred_update(self) -> None:
-        """Show the last frame to the checks, if it went through the network.
+        """Give the last frame to the checks, if it went through the network.
 
-        Calling it is optional and best done once the contact is published: contacts do not depend on the checks.
+        You need not call this; if you do, call it after the contact is published, which does not depend on the checks.
         """
         if self._unchecked is None:
             return
@@ -132,14 +132,14 @@ class DepthStage:
             self._gel.observe(image, background, penetration)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
-        """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""
+        """Return whether a candidate no-contact image is `background` with an object pressed onto the gel."""
         return shows_contact(self._tdn, candidate, background)
 
 
 class CodeStage:
-    """Contact -> touch with its code. No contact and an unchanged map cost nothing but their test.
+    """Stage from contact to touch with its code. A frame without contact, or with an unchanged map, costs only a test.
 
-    Attributes: skipped, frames by the gate that spared them the network.
+    Attributes: skipped, number of frames that skipped the network, by reason.
     """
 
     def __init__(self, tcn: TactileCodeNet):
@@ -149,7 +149,7 @@ class CodeStage:
         self.skipped = {"no_contact": 0, "cloud_unchanged": 0}
 
     def process(self, contact: Contact) -> Touch:
-        """One frame; the map has the resolution of the network's sensor."""
+        """Process one frame, whose map has the resolution of the network's sensor."""
         if not contact.in_contact:
             self.skipped["no_contact"] += 1
             return Touch(contact, None, self._tcn.network_id)
@@ -172,7 +172,7 @@ class TouchPipeline:
         self.ms: dict[str, float] = {}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
-        """One frame: image and background (320, 240, 3) uint8 RGB; InputError for a bad image."""
+        """Process one frame: image and background (320, 240, 3) uint8 RGB; InputError for a bad image."""
         start = self._clock()
         contact = self._depth.process(image, background)
         middle = self._clock()

@@ -1,4 +1,4 @@
-"""Penetration map <-> contact points in the gel frame: one point a touched pixel, without loss for maps in steps."""
+"""Conversion between penetration maps and clouds, one point per touched pixel, gel frame; exact for maps in steps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from midastouch_common.errors import InputError
 from .contact import in_steps
 from .sensor_model import SensorModel
 
-_OFF_PIXELS = 0.05  # of a pixel; rounding puts a point off its own by a thousandth of that
+_OFF_PIXELS = 0.05  # px that a point may lie off its pixel; rounding causes a thousandth of that
 
 
 def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Contact points (K, 3) float32 m, gel frame, of the pixels of mask (H, W) in penetration (H, W) m."""
+    """Return contact points (K, 3) float32 m, gel frame, of the pixels of mask (H, W) in penetration (H, W) m."""
     tangent_x, tangent_y = sensor.rays
     depth = (sensor.gel_depth - penetration)[mask]
     points = np.stack([tangent_x[mask] * depth, tangent_y[mask] * depth, sensor.gel_distance - depth], axis=1)
@@ -21,10 +21,10 @@ def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: Se
 
 
 def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Penetration map (H, W) float32 m of contact points (K, 3), the inverse of `cloud_from_penetration`, in steps.
+    """Return the penetration map (H, W) float32 m, in steps, of contact points (K, 3): undoes `cloud_from_penetration`.
 
-    Points outside the image are dropped. Raises InputError for other shapes, for points that are not finite, and for
-    those of another sensor's pixels.
+    Points outside the image are dropped. Raises InputError for other shapes, and for points that are not finite or do
+    not lie at pixels of this sensor.
     """
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:

@@ -1,4 +1,4 @@
-"""The geometry of one kind of DIGIT: camera and undeformed gel, read from a YAML file.
+"""Geometry of one kind of DIGIT: camera and undeformed gel, read from a YAML file.
 
 Frames (docs/interfaces.md): the gel frame has its origin at the apex of the undeformed gel and z from object to
 camera; the camera sits `gel_distance` up that axis and looks along -z. Pixels exist only here.
@@ -20,7 +20,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import expanded, read_yaml
 
 MAP_SCALE = 0.5
-"""Resolution of penetration maps as a fraction of the image's: that of the depth network."""
+"""Resolution of penetration maps, which is that of the depth network, as a fraction of the image's."""
 
 LIGHTS = ("relative", "additive")
 DIGIT_LAMPS = "digit"
@@ -29,7 +29,7 @@ _IMAGE = 240, 320  # px, of all networks
 _KEYS = "width", "height", "focal", "gel_distance", "dome", "light", "lamps"
 _DOME = {"radius_x", "radius_y", "semi_axis_z"}
 _PIXEL = 0.005e-3, 0.5e-3  # m: from a microscope's to a finger's
-_SCALES = 0.2, 5  # of one sensor's pixels, of the model's
+_SCALES = 0.2, 5  # of one sensor's pixels per metre to the model's
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -37,12 +37,12 @@ _FOLDER = Path(__file__).parent / "sensor_models"
 class SensorModel:
     """Pin-hole camera behind a domed gel.
 
-    Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
-    gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
-    fraction of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
-    no-contact image (a simulator that adds rendered differences to a photograph); lamps: the kind of sensor whose
-    colours come from the same sides, which a copy of its model keeps: `digit`, so that an image shows whether it is
-    turned, or `gelsight_mini`, whose calibration stands in for one of the sensor's own; else empty.
+    Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome, the parameters of
+    `sag`. light, the effect of a contact on the image: `relative`, by a fraction of each colour without contact (real
+    gel under its own lights), or `additive`, by grey levels for any no-contact image (a simulator that adds rendered
+    differences to a photograph). lamps, the kind of sensor whose colours come from the same sides, also in a copy of
+    its model: `digit`, whose images show whether they are turned, or `gelsight_mini`, whose calibration is used if the
+    sensor has none of its own; otherwise empty.
     """
 
     name: str
@@ -56,7 +56,7 @@ class SensorModel:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> SensorModel:
-        """A shipped model by name (`digit_tacto`, `digit_real`) or a YAML file of the same form by path."""
+        """Load a shipped model by name (`digit_tacto`, `digit_real`), or a YAML file of the same form by path."""
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
             path = expanded(name_or_path, "sensor_model")
@@ -102,12 +102,12 @@ class SensorModel:
         return model
 
     def as_json(self) -> dict:
-        """All of it, for a codebook's description."""
+        """Return the whole model, for a codebook's description."""
         return dataclasses.asdict(self) | {"dome": [list(pair) for pair in self.dome]}
 
     @classmethod
     def of_codebook(cls, meta: Mapping) -> SensorModel:
-        """The model that a codebook's description holds, or, of one that only names it, the shipped one."""
+        """Return the model in a codebook's description; if that only names it, the shipped one."""
         stored = meta.get("sensor_model")
         if stored is None:
             return cls.load(meta["sensor"])
@@ -118,13 +118,13 @@ class SensorModel:
 
     @cached_property
     def content_id(self) -> str:
-        """Short hash of the geometry, recorded in codebooks and weights; a codebook knows no light."""
+        """Short hash of the geometry, recorded in codebooks and weights; a codebook does not depend on the light."""
         values = dataclasses.asdict(self)
         del values["light"], values["lamps"]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
     def scaled(self, factor: float) -> SensorModel:
-        """The same sensor with `factor` times as many pixels along each side."""
+        """Return the same sensor with `factor` times as many pixels along each side."""
         return dataclasses.replace(
             self,
             width=round(self.width * factor),
@@ -133,7 +133,7 @@ class SensorModel:
         )
 
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
-        """The same gel, seen with so many pixels per metre at its apex (a ruler under the camera shows how many).
+        """Return the model of the same gel at a scale in pixels per metre at its apex (measure it with a ruler).
 
         Raises InputError for a scale that differs from the model's by more than a factor of five.
         """
@@ -147,13 +147,13 @@ class SensorModel:
 
     @cached_property
     def for_maps(self) -> SensorModel:
-        """The same sensor at the resolution of penetration maps."""
+        """Model of the same sensor at the resolution of penetration maps."""
         return self.scaled(MAP_SCALE)
 
     def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
+        """Return the height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
 
-        The cap of an ellipsoid: radii of curvature at the apex along x and y, semi-axis along z.
+        The gel is the cap of an ellipsoid: radii of curvature at the apex along x and y, semi-axis along z.
         """
         dome = dict(self.dome)
         c = dome["semi_axis_z"]
@@ -173,7 +173,7 @@ class SensorModel:
         return self._depth_along(*self.rays)
 
     def gel_points(self, pixels: np.ndarray) -> np.ndarray:
-        """Points (N, 3) m of the undeformed gel, gel frame, seen at (N, 2) pixel coordinates (column, row).
+        """Return points (N, 3) m of the undeformed gel, gel frame, seen at (N, 2) pixel coordinates (column, row).
 
         The centre of the first pixel is (0.5, 0.5); pixels may lie beyond the image.
         """
@@ -201,7 +201,7 @@ class SensorModel:
 
 
 def given_as(name: str) -> str:
-    """How commands and nodes are given the model of this name: by it if it is shipped, else by its file."""
+    """Return the argument that selects the model of this name: the name if it is shipped, otherwise its file."""
     file = f"{name}.yaml"
     return name if (_FOLDER / file).is_file() else file
 

@@ -1,4 +1,4 @@
-"""Fit the tensors of a checkpoint to the names and shapes that a network expects."""
+"""Tensors of a checkpoint, fitted to the names and shapes that a network expects."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-_WRAPPERS = re.compile(r"(module\.|model\.|net\.)+")  # what DataParallel and training frameworks put before names
+_WRAPPERS = re.compile(r"(module\.|model\.|net\.)+")  # prefixes that DataParallel and training frameworks add to names
 _COUNTER = "num_batches_tracked"  # of batch normalisation; not used after training
 _MOST_LISTED = 4  # of each kind of fault, in an error
 
 
 def plain_names(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """`state` without the wrappers' prefix common to all names and without batch counters."""
+    """Return `state` without batch counters, and without the prefix of wrappers if all names have the same one."""
     state = {name: values for name, values in state.items() if not name.endswith(_COUNTER)}
     prefixes = {match.group() if (match := _WRAPPERS.match(name)) else "" for name in state}
     if len(prefixes) == 1:
@@ -24,9 +24,10 @@ def plain_names(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def matched(state: dict[str, np.ndarray], expected: dict[str, tuple[int, ...]], what: str) -> dict[str, np.ndarray]:
-    """`state` as float32, if its names and shapes are `expected` (names as `plain_names` gives them).
+    """Return `state` as float32 if its names and shapes are those of `expected` (names as `plain_names` gives them).
 
-    Raises InputError, which `what` begins, listing what is missing, unexpected, of other shape or not finite.
+    Raises InputError, whose message begins with `what` and lists tensors that are missing, unexpected, of another shape
+    or not finite.
     """
     faults = {
         "missing": [name for name in expected if name not in state],
@@ -47,9 +48,9 @@ def matched(state: dict[str, np.ndarray], expected: dict[str, tuple[int, ...]], 
 
 
 def random_state(shapes: dict[str, tuple[int, ...]], rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Weights as before training, float32, for figures that do not depend on them, such as speed.
+    """Return random float32 weights, as before training, to measure speed and other figures that do not depend on them.
 
-    Kernels (K, in, out) or (out, in, h, w) keep the spread of what passes through them and a ReLU (He et al. 2015);
+    Kernels (K, in, out) or (out, in, h, w) preserve the spread of their input through a ReLU (He et al. 2015);
     normalisation is near the identity; single numbers (the power of a generalised mean) are 3.
     """
     state = {}

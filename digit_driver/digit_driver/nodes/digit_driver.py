@@ -31,7 +31,7 @@ _SIM_TIME = (
 
 
 class DigitDriver(ManagedNode):
-    """Publishes ``image_raw``, ``image_raw/compressed``, ``camera_info``, diagnostics; has ``set_capture``.
+    """Node that publishes ``image_raw``, ``image_raw/compressed``, ``camera_info``, diagnostics; has ``set_capture``.
 
     Configuring checks the settings, activating opens the camera; ``autostart`` does both on construction.
 
@@ -40,7 +40,7 @@ class DigitDriver(ManagedNode):
         node_options: passed on to rclpy's node, e.g. ``parameter_overrides``, ``namespace``, ``context``.
 
     Attributes:
-        gave_up: whether the node cannot go on by itself, since the camera never came; ``failure`` says why.
+        gave_up: whether the node cannot continue on its own, because the camera never came; ``failure`` is the reason.
 
     Raises:
         InputError: a parameter cannot be used or, with ``autostart``, the camera that it names.
@@ -79,7 +79,7 @@ class DigitDriver(ManagedNode):
             )
 
     def connect(self) -> None:
-        """Open the camera, or begin to wait for it."""
+        """Open the camera, or start to wait for it."""
         try:
             self._begin_capture()
         except DeviceError as error:
@@ -91,18 +91,18 @@ class DigitDriver(ManagedNode):
             self.get_logger().error("the device driver hangs in the kernel; leaving it behind")
 
     def unload(self) -> None:
-        """Let go of camera and reader."""
+        """Drop camera and reader."""
         self._reader = self._camera = None
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """The verdict on the stream."""
+        """Return the verdict on the stream: level, message and values for the diagnostics."""
         report = self._monitor.report(self._reader.status(), self.parameters["stamp_jitter_limit"])
         if report.uneven:
             self.get_logger().warning(report.uneven, throttle_duration_sec=30.0)
         return bytes([report.level]), report.message, report.values
 
     def _begin_capture(self) -> None:
-        """Raises DeviceError or InputError if it is known at once that the camera cannot work."""
+        """Begin to capture; raises DeviceError or InputError if it is known at once that the camera cannot work."""
         self._logged = ReaderStatus()
         self._reader.start()
         self._reader.wait_settled(_FIRST_OPEN_S)
@@ -115,18 +115,18 @@ class DigitDriver(ManagedNode):
     def _on_reader_event(self) -> None:
         if self._reader is None:
             return
-        # first: of a frame that is here the status says which camera it is from
+        # first: the status is then no older than the frame, and names the camera that it is from
         frame = self._reader.take()
         self._log_changes(self._reader.status())
         if frame is not None:
             stamp = stamp_from_ns(self._monitor.stamp(frame) + self.parameters["timestamp_offset"])
             if self._monitor.frozen:
-                return  # it shows what was: an arm must not go on by it
+                return  # the image is old: an arm must not act on it
             header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
             self._images.publish(frame.image, header, self._intrinsics, self.parameters["jpeg_quality"])
 
     def _log_changes(self, status: ReaderStatus) -> None:
-        """Logs, once, what has happened to the camera since the last call; gives up when that has failed for good."""
+        """Log, once, what has happened to the camera since the last call; give up if it has failed for good."""
         log = self.get_logger()
         before, self._logged = self._logged, status
         if status.info is not None and (before.info is None or status.reconnects != before.reconnects):
@@ -169,7 +169,7 @@ class DigitDriver(ManagedNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Runs the node until a signal stops it. Exit code 2: unusable input, 1: the sensor never came."""
+    """Run the node until a signal stops it. Exit code 2: unusable input, 1: the sensor never came."""
     return spin.run(lambda: [DigitDriver()], args)
 
 

@@ -1,4 +1,4 @@
-"""A tactile camera's images on their topics."""
+"""Publisher of a tactile camera's images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IMAGE_QOS = QoSProfile(depth=2)
 
 
 class ImagePublisher:
-    """Publishes ``image_raw`` and ``image_raw/compressed`` while somebody listens, and ``camera_info``."""
+    """Publisher of ``image_raw`` and ``image_raw/compressed``, while they have subscribers, and of ``camera_info``."""
 
     def __init__(self, node: PipelineNode) -> None:
         self._image = node.create_publisher(Image, "image_raw", IMAGE_QOS)
@@ -28,7 +28,7 @@ class ImagePublisher:
         self._info = node.create_publisher(CameraInfo, "camera_info", IMAGE_QOS)
 
     def publish(self, image: np.ndarray, header: Header, intrinsics: Intrinsics, jpeg_quality: int) -> None:
-        """Publishes an (H, W, 3) uint8 RGB image; ``jpeg_quality`` is 1...100."""
+        """Publish an (H, W, 3) uint8 RGB image; ``jpeg_quality`` is 1...100."""
         if self._image.get_subscription_count():
             self._image.publish(image_to_msg(image, "rgb8", header))
         if self._jpeg.get_subscription_count():
@@ -37,11 +37,11 @@ class ImagePublisher:
 
 
 def compressed_message(image: np.ndarray, header: Header, quality: int) -> CompressedImage:
-    """JPEG of an (H, W, 3) uint8 RGB array, labelled as image_transport labels it."""
+    """Return the JPEG of an (H, W, 3) uint8 RGB array, labelled as image_transport labels it."""
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
     message = CompressedImage(header=header, format="rgb8; jpeg compressed bgr8")
-    # array.array is the one type rclpy takes without looking at every element.
+    # array.array is the only type that rclpy takes without a check of every element.
     message.data = array.array("B", jpeg.tobytes())
     return message
 

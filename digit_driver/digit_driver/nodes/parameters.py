@@ -1,4 +1,4 @@
-"""The driver's parameters as one table, and the settings of the ROS-free parts that follow from them."""
+"""Parameters of the driver as one table, and the settings of the ROS-free parts that follow from them."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ PARAMETERS = (
 
 
 def led_levels(parameters: Parameters) -> tuple[int, int, int]:
-    """Brightness of the red, green and blue LED, 0...15."""
+    """Return the brightness of the red, green and blue LED, 0...15."""
     red, green, blue = (round(level * parameters["intensity"] / MAX_LED_LEVEL) for level in parameters["intensity_rgb"])
     return red, green, blue
 
 
 def camera_settings(parameters: Parameters) -> V4l2Settings:
-    """How to open the sensor. Raises InputError for an unknown camera model or a mode that it does not have."""
+    """Return the settings of the sensor. Raises InputError for an unknown camera model or a mode that it lacks."""
     return V4l2Settings(
         camera=CameraModel.load(parameters["camera_model"]),
         serial=parameters["serial"],
@@ -94,7 +94,7 @@ def camera_settings(parameters: Parameters) -> V4l2Settings:
 
 
 def reader_timing(parameters: Parameters) -> ReaderTiming:
-    """How long the reader waits for what."""
+    """Return the times of the reader."""
     return ReaderTiming(
         wait_for_device=parameters["wait_for_device_timeout"],
         reconnect=parameters["reconnect_timeout"],

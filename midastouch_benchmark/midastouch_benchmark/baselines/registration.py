@@ -1,7 +1,7 @@
-"""What one would do without a filter: the odometry alone, and registration of the accumulated contact cloud with it.
+"""Methods without a filter: odometry alone, and registration of the contact cloud that odometry accumulates.
 
-Features (FPFH, Rusu et al. 2009) of the cloud are matched with the object's by RANSAC, then aligned by ICP, point to
-plane; both are Open3D's.
+Features (FPFH, Rusu et al. 2009) of the cloud are matched with the object's by RANSAC, then ICP, point to plane, aligns
+the cloud; both are Open3D's.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """Nothing to choose."""
+    """Settings of `DeadReckoning`: there are none."""
 
 
 class DeadReckoning:
-    """One pose `T_obj_gel`, with the interface of `ParticleFilter`; it never doubts.
+    """Odometry alone: one pose `T_obj_gel`, always `converged` once started, with the interface of `ParticleFilter`.
 
-    It starts at one draw of the start, at the nearest codebook pose: at the prior's middle it would be told the answer.
-    Args: mesh, codebook, config, clock as `ParticleFilter`.
+    It starts at the codebook pose nearest to a draw from the prior: the prior's mean would give the answer away.
+    Args: mesh, codebook, config, clock: as of `ParticleFilter`.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class DeadReckoning:
         self._covariance = np.diag(np.repeat([sigma_t, sigma_r], 3) ** 2)
 
     def step(self, odometry: np.ndarray | None, measurement: Measurement, elapsed: float | None = None) -> Estimate:
-        """Move by `inv(p_prev) p_now` (4, 4), None on the first frame; elapsed is of no use to it."""
+        """Move by `inv(p_prev) p_now` (4, 4), None on the first frame; elapsed is ignored."""
         if self._pose is None:
             return Estimate([], Status(self._state, "no start given yet"))
         watch = Stopwatch(self._clock)
@@ -86,7 +86,7 @@ class DeadReckoning:
         return Estimate([Mode(1.0, self._pose, self._covariance, 1)], status, self._covariance)
 
     def _look(self, odometry: np.ndarray | None, measurement: Measurement) -> None:
-        """What is measured changes nothing."""
+        """Ignore the measurement."""
 
     @property
     def poses(self) -> np.ndarray:
@@ -101,8 +101,9 @@ class DeadReckoning:
 
 @dataclass(frozen=True)
 class RegistrationConfig:
-    """voxel [m] of both clouds, the rest in multiples of it as Open3D's documents have them; every, touches between two
-    registrations; iterations of RANSAC; sure, fraction of the cloud that must lie on the surface to be believed."""
+    """Settings of `Registration`. voxel [m]: of both clouds; other lengths are multiples of it, as in Open3D's
+    documents; every: touches between two registrations; iterations: of RANSAC; sure: fraction of the cloud that must
+    lie on the surface for the state `converged`."""
 
     voxel: float = 2e-3
     every: int = 20
@@ -111,10 +112,10 @@ class RegistrationConfig:
 
 
 class Registration(DeadReckoning):
-    """The best registration so far, moved by the odometry in between.
+    """The latest registration of all points measured so far, moved by the odometry in between.
 
-    ICP starts from RANSAC's answer and from the present pose; the better fit counts. The covariance is that of points
-    a voxel off. Raises InputError where Open3D is missing.
+    ICP starts from RANSAC's answer and from the present pose; the better fit counts. The covariance follows from the
+    RMSE of its inliers. Raises InputError if Open3D is missing.
     """
 
     def __init__(
@@ -163,7 +164,7 @@ class Registration(DeadReckoning):
         """Align all points measured so far."""
         c, registration = self._config, self._open3d.pipelines.registration
         cloud = self._cloud(self._points, self._normals)
-        # those given only say which way is out: where normals are there, Open3D keeps to their side
+        # the given normals only show which way is out: Open3D keeps new normals on the side of those present
         cloud.estimate_normals(self._open3d.geometry.KDTreeSearchParamHybrid(2 * c.voxel, 30))
         matched = registration.registration_ransac_based_on_feature_matching(
             cloud, self._object, self._features(cloud), self._object_features, True, 1.5 * c.voxel,

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     for stage in progress_bar(iterable=measured, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
-    if args.paper_networks:  # last, for they need more memory than all else
+    if args.paper_networks:  # last: they need more memory than all the others
         result |= speed.paper_networks()
     result = to_json(result)
     return options.conclude(args, result, terminal(stages(result)), "", terminal(rates(result)))
@@ -91,7 +91,7 @@ class TimedSlide:
 
     @classmethod
     def of(cls, args: argparse.Namespace) -> TimedSlide:
-        """By --object, --frames and the networks' options. InputError for too few frames, or for what is not there."""
+        """Make it by --object, --frames and the networks' options; InputError for too few frames, or missing files."""
         from midastouch_bringup.datasets import load_sequence
         from midastouch_bringup.datasets.slide_simulation import cached_slide
         from midastouch_perception.simulation.slide import STEP
@@ -105,7 +105,7 @@ class TimedSlide:
         return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames)), networks)
 
     def result(self, **measured: object) -> dict:
-        """What was measured on it, and on which machine, object and networks."""
+        """Return the measurements on it, with machine, object and networks."""
         from midastouch_bringup.machine import machine_info
 
         machine = machine_info()

@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
             for mesh in meshes
         ],
         "variants": {name: VARIANTS[name].describe() for name in plan.variants},
-        # without the command that brings it, which names folders of this machine
+        # without the command after the colon, which names folders of this machine
         "skipped_variants": {name: reason.partition(":")[0] for name, reason in skipped.items()},
         "levels": LEVELS,
         "missing_trials": missing,
@@ -123,12 +123,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _beside_slides(protocol: Protocol) -> tuple[str, ...]:
-    """Parts of the fingerprint on which its touches depend, too."""
+    """Return further parts of the fingerprint on which the touches of a protocol depend."""
     return ("real_gel",) if protocol.real_gel else ()
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
-    """The options, and what the protocol has where they say nothing."""
+    """Return the plan by the options, and by the protocol for options that are not given."""
     from ..trials.campaign import Plan
     from ..trials.setup import load_filter_config
 

@@ -140,7 +140,7 @@ def _identify(
     config: FilterConfig,
     plan: TrialPlan,
 ) -> int:
-    """Which object is each sequence over?"""
+    """Identify the object of each sequence, and return the exit status."""
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info

@@ -1,4 +1,4 @@
-"""`midastouch evaluate-exploration`: how far a finger goes until it knows where it is, if it is told where to go."""
+"""`midastouch evaluate-exploration`: path of a finger until its pose is known, by suggestions and at random."""
 
 from __future__ import annotations
 

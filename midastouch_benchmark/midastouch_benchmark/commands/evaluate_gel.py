@@ -1,4 +1,4 @@
-"""`midastouch evaluate-gel`: what soft gel does to maps, depth, poses and codes."""
+"""`midastouch evaluate-gel`: effect of soft gel on maps, depth, poses and codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`midastouch evaluate-motion`: whether an arm in MuJoCo keeps the depths it is asked for, and stops when it has to."""
+"""`midastouch evaluate-motion`: how well an arm in MuJoCo keeps commanded depths, and stops after faults."""
 
 from __future__ import annotations
 

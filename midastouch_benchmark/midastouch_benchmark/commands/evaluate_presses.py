@@ -111,7 +111,7 @@ def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
 
 
 def _notes(result: dict) -> list[str]:
-    """What was left out and why, one line each."""
+    """Return a line for each image that was left out, with the reason."""
     notes = [f"{each['image']}: not used: {each['problem']}" for each in result["unusable"]]
     notes += [f"{each['image']}: depth not judged: {each['problem']}" for each in result["unfitted"]]
     if problem := result["depth_problem"]:

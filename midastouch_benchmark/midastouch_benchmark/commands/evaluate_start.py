@@ -1,4 +1,4 @@
-"""`midastouch evaluate-start`: how soon is there a pose on an object that comes without a codebook?"""
+"""`midastouch evaluate-start`: time until there is a pose on an object that comes without a codebook."""
 
 from __future__ import annotations
 

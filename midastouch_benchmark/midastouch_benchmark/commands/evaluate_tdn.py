@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 def _measured(
     tdn: DepthNet, sequence: Sequence, background: np.ndarray, progress: Callable[[int], object]
 ) -> tuple[DepthQuality, list[float]]:
-    """Quality on the frames whose penetration is known, and the milliseconds of each."""
+    """Return the quality on the frames whose penetration is known, and the milliseconds of each."""
     from ..perception.depth_quality import DepthQuality
     from ..speed.timing import CallTimer
 

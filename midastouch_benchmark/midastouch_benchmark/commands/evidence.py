@@ -1,4 +1,4 @@
-"""`midastouch evidence`: which reports are of other code than today's, and what makes them again."""
+"""`midastouch evidence`: the reports of other code than today's, and how they are made again."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(old: list[str]) -> int:
-    """Say what is not of today's code; the exit status."""
+    """Print the reports that are not of today's code; return the exit status."""
     from ..evidence import fingerprint
 
     if not fingerprint.is_of_today():

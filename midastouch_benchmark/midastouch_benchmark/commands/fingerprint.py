@@ -1,4 +1,4 @@
-"""`midastouch fingerprint`: whether the committed fingerprint is of today's code, and its renewal."""
+"""`midastouch fingerprint`: the ids of today's code, and the renewal of the committed fingerprint."""
 
 from __future__ import annotations
 

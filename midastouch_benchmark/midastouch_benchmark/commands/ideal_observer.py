@@ -1,4 +1,4 @@
-"""`midastouch ideal-observer`: how far the filter is from what it would know without a budget."""
+"""`midastouch ideal-observer`: the filter against the same filter without a budget."""
 
 from __future__ import annotations
 

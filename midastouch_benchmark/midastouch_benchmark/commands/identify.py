@@ -1,4 +1,4 @@
-"""`midastouch identify`: which object of a catalogue is it? How often, how soon and how surely that is answered."""
+"""`midastouch identify`: how often, how soon and how surely an object of a catalogue is identified."""
 
 from __future__ import annotations
 

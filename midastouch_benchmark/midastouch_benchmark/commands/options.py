@@ -1,4 +1,4 @@
-"""What the commands that measure share: options, an object and its codebook, workers and deadline, and how they end."""
+"""Common parts of the commands that measure: options, an object and its codebook, workers and deadline, the end."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def add_filter_options(parser: argparse.ArgumentParser) -> None:
 
 
 def how_to_build(mesh: str, sensor: str, tcn: str, out: str = "") -> str:
-    """As `build_command`, without what is the command's own default."""
+    """Return `build_command` without options whose values are the command's own defaults."""
     from midastouch_perception.codebook import build_command
 
     return build_command(mesh, "" if sensor == SIMULATED else sensor, "" if tcn == "fast" else tcn, out)
@@ -74,11 +74,12 @@ def load_object(
     sensor: str = "",
     tcn: str = "fast",
 ) -> tuple[ObjectMesh, Codebook]:
-    """Mesh and codebook of an object, found by name where no path is given.
+    """Return mesh and codebook of an object, found by name if no path is given.
 
-    The codebook defaults to the one that `build-codebook` makes of the mesh, else to the object's, the mesh to the file
-    the codebook was built from. Raises InputError that says what to run or to give when one is not found, or when they
-    do not belong together. sensor, tcn: as on the command line, for what to run; "": the sensor by its name.
+    By default the codebook is the one that `build-codebook` makes of the mesh or, without that file, of the object; the
+    mesh is the file that the codebook was built from. Raises InputError with the command or option that helps, if one
+    is not found, or if they do not belong together. sensor, tcn: as on the command line, for that command; sensor "":
+    by its name.
     """
     from midastouch_perception.codebook import Codebook
     from midastouch_perception.objects import bundled_objects
@@ -105,15 +106,14 @@ def load_object(
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
-    """--json, which `conclude` takes."""
+    """Add --json, which `conclude` takes."""
     parser.add_argument("--json", type=arguments.writable_file, metavar="OUT", help="write the results here")
 
 
 def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequence[str] = ("estimates",)) -> int:
-    """Keep `result` where --json says, with the command line that made it and its fingerprint, and print what is shown;
-    the exit status.
+    """Write `result` to the file of --json, with the command line that made it and its fingerprint, and print `shown`.
 
-    parts: of the fingerprint, that the result depends on.
+    parts: of the fingerprint, on which the result depends. Returns the exit status.
     """
     from midastouch_bringup.result_file import write_compact_json
 
@@ -127,19 +127,19 @@ def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequenc
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
-    """What every campaign is asked for: as `add_object_options`, workers and time. unit: what one trial is called."""
+    """Add the options of every campaign: those of `add_object_options`, workers and time. unit: name of one trial."""
     add_object_options(parser)
     add_workforce_options(parser, unit)
 
 
 def add_workforce_options(parser: argparse.ArgumentParser, unit: str) -> None:
-    """Workers and time, as `campaign` takes them. unit: what one trial is called."""
+    """Add the options of workers and time that `campaign` takes. unit: name of one trial."""
     arguments.add_cluster_options(parser)
     parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
 
 
 def add_meshes_options(parser: argparse.ArgumentParser) -> None:
-    """--meshes and --objects, as `chosen_meshes` takes them."""
+    """Add --meshes and --objects, as `chosen_meshes` takes them."""
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
         "--objects",
@@ -152,7 +152,7 @@ def add_meshes_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_object_options(parser: argparse.ArgumentParser) -> None:
-    """Objects, folder, settings, networks, --json."""
+    """Add the options of objects, folder, settings and networks, and --json."""
     add_meshes_options(parser)
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     add_filter_options(parser)
@@ -161,8 +161,8 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
 
 
 def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
-    """Where --out keeps the slides that are made by the present code, and what depends on them and on these parts of
-    the fingerprint, apart from what other code made."""
+    """Return the folder in --out for slides made by today's code, and for all that depends on them and on these parts
+    of the fingerprint; that of other code is kept apart."""
     from ..evidence.fingerprint import today
 
     made_by = "+".join(today()[part] for part in ("slides", *parts))
@@ -171,7 +171,7 @@ def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
 
 @contextmanager
 def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
-    """Who runs the trials, by the options of a campaign."""
+    """Open the workers that run the trials, by the options of a campaign."""
     from midastouch_bringup.cluster import open_cluster
     from midastouch_bringup.progress import progress_bar
 
@@ -188,5 +188,5 @@ def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
 
 
 def left(missing: int, unit: str) -> list[str]:
-    """A line on how a campaign goes on that its deadline has ended; none if nothing is missing."""
+    """Return a line on how to continue a campaign that its deadline has ended; none if nothing is missing."""
     return [f"{missing} {unit}s are left; the same command goes on with them"] if missing else []

@@ -1,4 +1,4 @@
-"""`midastouch single-touch`: how far one touch alone tells where the sensor is."""
+"""`midastouch single-touch`: errors of poses that are found by one touch alone."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
     minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
     plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d, args.exhaustive)
-    # all of them before the first is measured: what is missing shows at once
+    # all of them before the first is measured, so that missing files show at once
     objects = [_load(args, mesh, codebook, networks) for mesh, codebook in wanted]
     results = []
     for mesh, book, path in objects:
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
-    """(mesh or None, codebook or None) per object, as asked for."""
+    """Return (mesh or None, codebook or None) per object, as asked for."""
     meshes = [*args.meshes, *([args.mesh] if args.mesh else [])]
     if args.codebook is None or Path(args.codebook).is_dir():
         if not meshes:

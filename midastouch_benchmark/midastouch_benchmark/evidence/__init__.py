@@ -1,1 +1,1 @@
-"""Whether the committed reports are of today's code: its fingerprint, and the plan that makes them again."""
+"""Fingerprint of today's code, by which committed reports are stale or not, and the plan that makes them again."""

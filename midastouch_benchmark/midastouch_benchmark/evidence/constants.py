@@ -1,4 +1,4 @@
-"""Values of the constants in the code, by name: one that changes may matter where no probe of a fingerprint looks."""
+"""Values of the constants in the code, by name: a change may matter where no probe of a fingerprint looks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from midastouch_filter.core.presets import PRESETS
 from ..trials.setup import Networks
 
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
-# what messages, trainings and calibrations need makes no estimate
+# modules for messages, trainings and calibrations, which make no estimates
 _ELSEWHERE = ("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network")
 _OF_ESTIMATES = ("grasp", "symmetry")  # no image, map or code depends on these
 _OF_THE_MACHINE = ("threads",)
@@ -34,19 +34,19 @@ Constants = dict[str, list[float | str]]
 
 
 def of_perception(networks: Networks) -> Constants:
-    """Those of images, maps, codes and codebooks, and the ids of networks and sensor."""
+    """Return the constants of images, maps, codes and codebooks, and the ids of networks and sensor."""
     ids = networks.describe() | {"sensor": networks.sensor.content_id}
     found = _of_package(midastouch_perception, (*_ELSEWHERE, *_OF_ESTIMATES))
     return found | {name: [value] for name, value in ids.items()}
 
 
 def of_calibration() -> Constants:
-    """Those of calibrations of sensors."""
+    """Return the constants of calibrations of sensors."""
     return _of_package(midastouch_perception.sensor_calibration, elsewhere=())
 
 
 def of_filter() -> Constants:
-    """Those of the filter, with its settings and those of the presets."""
+    """Return the constants of the filter, with its settings and those of the presets."""
     config = FilterConfig()
     fields = [dataclasses.asdict(each) for each in (config, NoiseModel.of(config))]
     out = _of_package(midastouch_perception.symmetry) | _of_package(midastouch_filter)
@@ -57,9 +57,9 @@ def of_filter() -> Constants:
 
 
 def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
-    """Names of those with other values. What only one side has was renamed, added or removed: the probes tell whether
-    that matters. Modules may have a name in common, so that a value more or less is no other value. What is computed
-    may differ by its rounding: another machine's pseudoinverse has other zeros."""
+    """Return the names of constants with other values. A name on one side only was renamed, added or removed: the
+    probes show whether that matters. Modules may have a name in common, so a value more or less does not count as
+    another value. Computed values may differ by rounding: another machine's pseudoinverse has other zeros."""
     differ = ((name, one[name], other[name]) for name in sorted(one.keys() & other.keys()))
     return [name for name, here, there in differ if not (_among(here, there) or _among(there, here))]
 
@@ -75,8 +75,8 @@ def _same(one: float | str, other: float | str) -> bool:
 
 
 def _of_package(package: ModuleType, elsewhere: tuple[str, ...] = _ELSEWHERE) -> Constants:
-    """Of all its modules but those of these names; the values, each once, in order, of constants that have a name in
-    common."""
+    """Return the constants of all modules of a package except those in `elsewhere`; constants that have a name in
+    common give a sorted list of values, each once."""
     found: dict[str, set[float]] = {}
     for module in _modules(package, elsewhere):
         for name, value in vars(module).items():
@@ -93,7 +93,7 @@ def _modules(package: ModuleType, elsewhere: tuple[str, ...]) -> Iterator[Module
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
-    """Numbers with their path, of what is made of them."""
+    """Yield the numbers in a nested value, each with its path."""
     if isinstance(value, (bool, int, float, np.number)):
         yield name, float(f"{float(value):.9g}")
     elif isinstance(value, Mapping):

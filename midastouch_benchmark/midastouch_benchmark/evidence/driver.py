@@ -1,7 +1,7 @@
-"""Makes the reports of a plan, one after the other, and goes on where it was stopped.
+"""Driver that makes the reports of a plan, one after the other, and continues where it was stopped.
 
-Each report is made by the very command that its table names. Finished trials are kept by the commands themselves, a
-report in the making beside them, and only a whole one takes the place of the committed one.
+Each report is made by the very command that its table names. The commands themselves keep finished trials; unfinished
+reports are kept apart, and only a complete one replaces the committed one.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _OURS = re.compile(r"(?<!\S)midastouch ")
 
 
 def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: Say = print) -> list[str]:
-    """Make these reports, until the time is up; names of those that failed.
+    """Make these reports until the time is up; return the names of those that failed.
 
-    A command that fails is said, and the next one goes on.
+    A failed command is reported, and the next one follows.
     """
     end = time.monotonic() + 60 * minutes if minutes else None
     failed = []
@@ -50,13 +50,13 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
         if not whole:
             say(f"{step.name}: not all trials are done; the same command goes on with it")
             break
-        # what was resumed took less than the whole would
+        # a resumed report takes less time than a whole one
         remember_seconds(step.name, max(took * (jobs if step.shared_out else 1), step.seconds / 2))
     return failed
 
 
 def _make(step: Step, jobs: int, minutes: float | None) -> bool:
-    """Run one command; whether its report is whole, in the place of earlier ones. InputError if the command fails."""
+    """Run one command; return whether its report is complete, and replaces earlier ones. InputError if it fails."""
     made = KEPT / f"{step.name}.json"
     made.parent.mkdir(parents=True, exist_ok=True)
     made.unlink(missing_ok=True)
@@ -74,7 +74,7 @@ def _make(step: Step, jobs: int, minutes: float | None) -> bool:
 
 
 def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> str:
-    """What a shell is given to write the report to a file."""
+    """Return the shell command that writes the report to a file."""
     words = _OURS.sub(f"{sys.executable} -m midastouch_bringup.cli ", step.command)
     if step.shared_out:
         words += f" --jobs {jobs}" + (f" --minutes {minutes:.1f}" if minutes else "")
@@ -82,6 +82,6 @@ def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> st
 
 
 def in_words(seconds: float) -> str:
-    """Such as "2 h 10 min"."""
+    """Return a duration as text, such as "2 h 10 min"."""
     minutes = max(round(seconds / 60), 1)
     return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"

@@ -1,4 +1,4 @@
-"""What the filter, identification and advice answer on small scenes, under each protocol, as numbers.
+"""Probes of the answers of filter, identification and advice on small scenes, under each protocol.
 
 Each run is short, and its touches lie far apart: much happens before an error of the last bit has grown.
 """
@@ -27,16 +27,16 @@ from .probe import Probe, Probes
 from .scene import Scene
 
 _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.1)
-"""What matters to nobody, of each number of `_answer`: m, entries of a rotation, masses, logarithms, nats, a state."""
+"""Differences that do not matter, by number of `_answer`: m, rotation entries, masses, logarithms, nats, a state."""
 _FEW = {"max_particles": 1_000}
 """Settings of most probes."""
 _MOST = 16  # frames
-_ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in what is touched, by what
+_ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in object or sensor
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
 
 
 def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lambda frames: frames) -> Probes:
-    """By name; of two scenes; nudge: what is done to frames before a filter gets them."""
+    """Return probes of two scenes by name; nudge: changes frames before a filter gets them."""
     config = dataclasses.replace(config, threads=1)
     few = dataclasses.replace(config, **_FEW)
     tool, eyebolt = scenes
@@ -68,7 +68,7 @@ def _run(scene: Scene, frames: list[TrialFrame], config: FilterConfig, init: str
 def _estimates(
     scene: Scene, frames: Iterable[TrialFrame], config: FilterConfig, init: str, beta: float
 ) -> tuple[list[Estimate], ParticleFilter]:
-    """One for each frame, and the filter at the end."""
+    """Return an estimate for each frame, and the filter at the end."""
     particle_filter, out = ParticleFilter(scene.mesh, scene.codebook, config), []
     start_filter(particle_filter, scene.mesh, scene.poses[0], init, beta)
     for frame, odometry in with_odometry(frames):
@@ -93,7 +93,7 @@ def _answer(estimate: Estimate) -> list[float]:
 
 
 def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfig) -> Probe:
-    """Probabilities of the objects and of none, and where the leading one is touched."""
+    """Probe the probabilities of the objects and of none, and the position of the gel on the leading one."""
     about = config, NoiseModel.of(config), Workers(config.threads)
     particle_filter = ParticleFilter.on([ObjectModel(each.mesh, each.codebook, *about) for each in scenes], config)
     particle_filter.initialise_uniform()
@@ -106,7 +106,7 @@ def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfi
 
 
 def _advice(scene: Scene, frames: list[TrialFrame], config: FilterConfig) -> Probe:
-    """Information, cost and length of the best suggestions, early and later."""
+    """Probe information, cost, length and heading of the best suggestions, early and later."""
     rows = []
     for count in (1, 3, len(frames) // 2):
         _, particle_filter = _estimates(scene, frames[:count], config, "uniform", 1.0)

@@ -1,13 +1,13 @@
-"""The fingerprint of what makes estimates: it stays when code is only renamed, and changes when an answer does.
+"""Fingerprint of the code that makes estimates: it stays when code is only renamed, and changes when an answer does.
 
     .venv/bin/midastouch fingerprint --write
 
-It has four parts, `perception` (simulated images, networks, renderer, codebook), `slides` (simulated ones and their
-images), `estimates` (all these, and the filter) and `real_gel` (the perception and what is made of images of real gel:
-calibrations, slopes, contact), each made of numbers that probes measure and of the values of constants.
-`reports/fingerprint.json` holds those of today under their ids. Code whose numbers agree with them has these ids, on
-whatever machine: each number may be off four times as far as inputs that are off in the sixth digit have moved it, and
-three times that on another machine.
+It has four parts: `perception` (simulated images, networks, renderer, codebook), `slides` (simulated ones and their
+images), `estimates` (all these, and the filter) and `real_gel` (the perception, and the reading of images of real gel:
+calibrations, slopes, contact). Each consists of numbers that probes measure and of the values of constants.
+`reports/fingerprint.json` holds today's parts under their ids. Code whose numbers agree with them has these ids, on any
+machine. A number may be off by four times the change that inputs off in the sixth digit have caused, and by three times
+that on another machine.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _DEPENDS_ON = {SLIDES: (PERCEPTION,), ESTIMATES: (PERCEPTION, SLIDES), REAL_GEL:
 RENEW = "midastouch fingerprint --write"
 _CACHE = ROOT / "out" / "cache" / "fingerprint"
 _NUDGES = 6
-_REPEATS = (101, 102)  # seeds of nudges, of what does not agree at once
+_REPEATS = (101, 102)  # seeds of nudges, for runs after a disagreement
 
 
 @dataclass(frozen=True)
@@ -58,18 +58,18 @@ class Part:
     constants: Constants
 
     def differences(self, other: Part) -> list[str]:
-        """What of this one another part has otherwise, in words; none if they agree."""
+        """Return, as text, the probes and constants of this part that differ in another one; none if they agree."""
         lost = [name for name, probe in self.probes.items() if not _agrees(probe, other.probes.get(name))]
         changed = constants.changed(self.constants, other.constants)
         return [*(f"probe '{name}'" for name in lost), *(f"constant {name}" for name in sorted(changed))]
 
     def to_json(self) -> dict:
-        """What `from_json` reads."""
+        """Return the content that `from_json` reads."""
         return {"constants": self.constants, "probes": {name: each.to_json() for name, each in self.probes.items()}}
 
     @classmethod
     def from_json(cls, content: dict) -> Part:
-        """What `to_json` gave."""
+        """Return the part whose content `to_json` returned."""
         return cls({name: Probe.from_json(each) for name, each in content["probes"].items()}, content["constants"])
 
 
@@ -81,7 +81,7 @@ Fingerprint = dict[str, Part]
 
 
 def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fingerprint:
-    """Of the code as it runs here; config: the filter's, if not its defaults; seed, of a nudge to every input."""
+    """Measure the code as it runs here; config: the filter's, if not its defaults; seed: of a nudge to every input."""
     both = scenes()
     if seed is None:
         seen, answered = perception_probes(both[0]), filter_probes(both, config or FilterConfig())
@@ -100,7 +100,7 @@ def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fing
 
 
 def steady(seeds: range = range(_NUDGES)) -> Fingerprint:
-    """The same, of what is the same on every machine; takes as many times longer as there are seeds of nudges."""
+    """Measure only the numbers that agree on all machines, with tolerances; takes a further run for each seed."""
     plain, others = measure(), [measure(seed=seed) for seed in seeds]
     return {
         part: Part(
@@ -113,15 +113,15 @@ def steady(seeds: range = range(_NUDGES)) -> Fingerprint:
 
 @cache
 def scenes() -> list[Scene]:
-    """Those that are probed, made once."""
+    """Return the scenes that are probed, made once."""
     return [Scene.of("handle_tool"), Scene.of("eyebolt")]
 
 
 def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[str]]:
-    """By part, what every run of the code has otherwise, its own or what it depends on.
+    """Return by part the differences that every run of the code has, in the part or in those that it depends on.
 
-    runs: the first as the inputs are, others with nudged ones: where the last bit of a weight decides which hypothesis
-    leads, one of them agrees; where the code has changed, none does.
+    runs: the first with the inputs as they are, others with nudged ones. If the last bit of a weight decides which
+    hypothesis leads, one of the runs agrees; if the code has changed, none does.
     """
     changed = {}
     for part, one in committed.items():
@@ -131,21 +131,21 @@ def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[st
 
 
 def _with_causes(part: str, there: Collection[str]) -> list[str]:
-    """The part, after those of the parts that are there on which it depends."""
+    """Return the part, after those parts of `there` on which it depends."""
     return [*(each for each in _DEPENDS_ON.get(part, ()) if each in there), part]
 
 
 def ids(fingerprint: Fingerprint) -> dict[str, str]:
-    """Names for the parts of one that agrees with no other, by their content."""
+    """Return new ids for the parts of a fingerprint, made from their content."""
     texts = {part: json.dumps(one.to_json(), sort_keys=True) for part, one in fingerprint.items()}
     whole = {part: "".join(texts[each] for each in _with_causes(part, texts)) for part in texts}
     return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in whole.items()}
 
 
 def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tuple[Fingerprint, dict[str, list[str]]]:
-    """Today's fingerprint, and what has changed since an old one; run: measures, with nudges of this seed, if any.
+    """Return today's fingerprint and its changes since an old one; run: measures, with nudges of this seed, if any.
 
-    It is measured again, with nudged inputs, as long as something seems to have changed.
+    As long as something seems to have changed, it is measured again with nudged inputs.
     """
     runs = [run(None)]
     changed = differences(old, *runs)
@@ -157,7 +157,7 @@ def _compared(old: Fingerprint, run: Callable[[int | None], Fingerprint]) -> tup
 
 
 def write(path: Path = COMMITTED) -> dict[str, list[str]]:
-    """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
+    """Write the fingerprint of today's code, except parts that have not changed; return the changes by part."""
     old, named = read(path) if path.is_file() else ({}, {})
     now, changed = _compared(old, lambda seed: measure(seed=seed))
     changed |= {part: ["there was none"] for part in now if part not in old}
@@ -175,7 +175,7 @@ def write(path: Path = COMMITTED) -> dict[str, list[str]]:
 
 
 def _lines(content: dict) -> Iterator[str]:
-    """JSON, each probe and constant on a line of its own."""
+    """Yield lines of JSON, each probe and constant on a line of its own."""
     text = json.dumps(content, indent=1)
     depth, line = 0, ""
     for row in text.splitlines():
@@ -190,16 +190,16 @@ def _lines(content: dict) -> Iterator[str]:
 
 
 def read(path: Path = COMMITTED) -> tuple[Fingerprint, dict[str, str]]:
-    """The fingerprint in a file, and its parts' ids."""
+    """Return the fingerprint in a file, and its parts' ids."""
     content = read_json(path)
     return {part: Part.from_json(one) for part, one in content.items()}, {p: one["id"] for p, one in content.items()}
 
 
 @cache
 def today() -> dict[str, str]:
-    """Ids of the parts of the code as it runs here: those of `reports/fingerprint.json` as far as it agrees.
+    """Return the ids of the parts of the code as it runs here: those of `reports/fingerprint.json` if they agree.
 
-    Measured once for each state of the sources, networks and models: kept in out/cache.
+    They are measured once for each state of the sources, networks and models, and kept in out/cache.
     """
     if not COMMITTED.is_file():
         return ids(_measured())
@@ -210,12 +210,12 @@ def today() -> dict[str, str]:
 
 
 def is_of_today() -> bool:
-    """Whether the committed fingerprint is that of the code as it runs here."""
+    """Return whether the committed fingerprint is that of the code as it runs here."""
     return COMMITTED.is_file() and read()[1] == today()
 
 
 def of_estimates() -> str:
-    """Id of all that a trial's estimates depend on, beside its own input and settings."""
+    """Return the id of all that a trial's estimates depend on, except its own input and settings."""
     return today()[ESTIMATES]
 
 
@@ -230,7 +230,7 @@ def _measured(seed: int | None = None) -> Fingerprint:
 
 
 def _sources() -> str:
-    """Digest of every file that the numbers may depend on."""
+    """Return a digest of every file that the numbers may depend on."""
     packages = (midastouch_common, midastouch_filter, midastouch_kernels, midastouch_perception, datasets)
     folders = [*(Path(package.__file__).parent for package in packages), Path(__file__).parent]
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]

@@ -1,5 +1,5 @@
-"""What simulator, networks, renderer and codebook make of fixed poses, as numbers; each stage gets its own input. And
-which poses a slide has."""
+"""Probes of simulator, networks, renderer and codebook at fixed poses, each stage with its own input, and of the poses
+of a slide."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Nudge = Callable[[np.ndarray], np.ndarray]
 
 
 def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Probes:
-    """By name; nudge: what is done to images, poses and maps before a stage gets them."""
+    """Return probes by name; nudge: changes images, poses and maps before a stage gets them."""
     networks, poses = scene.networks, scene.poses[:_TOUCHES]
     images, background = scene.images(poses)
     pipeline = networks.pipeline()
@@ -42,7 +42,7 @@ def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Pro
 
 
 def slide_probes(scenes: list[Scene]) -> Probes:
-    """By object; of a slide over each."""
+    """Return a probe of a slide over each object, by object."""
     return {each.mesh.name: _slide(each) for each in scenes}
 
 
@@ -52,6 +52,6 @@ def _slide(scene: Scene) -> Probe:
 
 
 def block_means(pictures: np.ndarray) -> np.ndarray:
-    """Means (N, 12) over the blocks of pictures (N, H, W)."""
+    """Return means (N, 12) over the blocks of pictures (N, H, W)."""
     rows = np.array_split(pictures, _BLOCKS[0], axis=1)
     return np.stack([b.mean(axis=(1, 2)) for row in rows for b in np.array_split(row, _BLOCKS[1], axis=2)], axis=1)

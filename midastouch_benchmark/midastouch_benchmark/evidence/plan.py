@@ -1,7 +1,7 @@
-"""What is to be measured again, in which order, and how long that takes.
+"""Plan of the reports to make again: their order, and their times.
 
-Most important first: the reports whose figures stand on the pages that a user reads, then the others, each group in the
-order of `COMMANDS`. How long a report takes is told by the last time that it was made here, or else by its trials.
+The reports whose figures stand on the pages that a user reads come first, then the others, each group in the order of
+`COMMANDS`. The time of a report is that of the last time it was made here; without one, its trials give an estimate.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from ..tables.documents import headline
 from ..tables.reports import COMMANDS, NO_ESTIMATES, fingerprint_of, report, reported, stale
 
 KEPT = Path("out/evidence")
-"""Folder of reports in the making, and of how long those took that were made here."""
+"""Folder of unfinished reports, and of the times that reports made here have taken."""
 _SECONDS = KEPT / "seconds.json"
 _OVERHEAD = 1.6  # of a trial's filter time: errors over all particles, reading, disturbing
 _FRAMES_PER_M = 667.0  # of a simulated slide
 _EXPLORED = 0.05  # s of one core a frame that is rendered, perceived and filtered
-_UNKNOWN = 600.0  # s, of what has no trials
+_UNKNOWN = 600.0  # s, of a report without trials
 _SHARED_OUT = tuple(
     f"midastouch {name}" for name in ("benchmark", "identify", "ideal-observer", "evaluate-exploration")
 )
@@ -27,8 +27,8 @@ _SHARED_OUT = tuple(
 
 @dataclass(frozen=True)
 class Step:
-    """One report: name; command, as of `COMMANDS`; headline, whether a user reads its figures; state, of its newest
-    file: "today", the fingerprint of other code, "unknown" or "missing"; seconds that one core needs for it."""
+    """One report. name; command: as of `COMMANDS`; headline: whether a user reads its figures; state: of its newest
+    file: "today", the fingerprint of other code, "unknown" or "missing"; seconds: that one core needs for it."""
 
     name: str
     command: str
@@ -38,16 +38,16 @@ class Step:
 
     @property
     def shared_out(self) -> bool:
-        """Whether its trials run beside each other, and go on where they were stopped."""
+        """True if its trials run in parallel, and continue where they were stopped."""
         return self.command.startswith(_SHARED_OUT)
 
     def takes(self, jobs: int) -> float:
-        """Seconds with so many processes."""
+        """Return the seconds that it takes with `jobs` processes."""
         return self.seconds / (jobs if self.shared_out else 1)
 
 
 def plan(names: list[str] | None = None) -> list[Step]:
-    """Every report on estimates, or those of these names, the most important first."""
+    """Return every report on estimates, or those of these names, the most important first."""
     there, first = reported(), headline()
     old = set(stale(there))
     ordered = [*first, *(name for name in COMMANDS if name not in first)]
@@ -65,12 +65,12 @@ def _state(name: str, there: list[str], old: set[str]) -> str:
 
 
 def measured_seconds() -> dict[str, float]:
-    """How long reports took that were made here, in seconds of one core, by name."""
+    """Return the times of reports that were made here, in seconds of one core, by name."""
     return json.loads(_SECONDS.read_text()) if _SECONDS.is_file() else {}
 
 
 def remember_seconds(name: str, seconds: float) -> None:
-    """Keep how long one took."""
+    """Keep the time that a report took."""
     _SECONDS.parent.mkdir(parents=True, exist_ok=True)
     _SECONDS.write_text(json.dumps(measured_seconds() | {name: seconds}, indent=1))
 
@@ -85,7 +85,7 @@ def _seconds(name: str, there: list[str]) -> float:
 
 
 def _of_trials(trials: list[dict]) -> float:
-    """Seconds of one core, by what trials say of themselves; 0 if they say nothing."""
+    """Return the seconds of one core, by the times and paths in the trials; 0 if they have none."""
     total = 0.0
     for trial in trials:
         if "filter_cpu_ms" in trial:

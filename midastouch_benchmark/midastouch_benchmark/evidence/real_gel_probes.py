@@ -1,4 +1,4 @@
-"""What the way from images of real gel to a contact makes of measured sensors, calibrated and not, as numbers."""
+"""Probes of the way from images of real gel to a contact, on measured sensors, calibrated and not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SLOPES = np.linspace(-0.5, 0.5, 10).reshape(5, 2)
 
 
 def real_gel_probes(mesh: ObjectMesh, poses: np.ndarray, nudge: Nudge = lambda values: values) -> Probes:
-    """By name; poses (N, 4, 4) that touch the mesh; nudge: what is done to images before a stage gets them."""
+    """Return probes by name; poses: (N, 4, 4) that touch the mesh; nudge: changes images before a stage gets them."""
     sensor, which = SensorModel.load("digit_real"), measured_sensors()[0]
     calibration = _calibration(which)
     maps = PenetrationRenderer(mesh, sensor.for_maps).render(poses[:_TOUCHES])
@@ -44,5 +44,5 @@ def real_gel_probes(mesh: ObjectMesh, poses: np.ndarray, nudge: Nudge = lambda v
 
 @cache
 def _calibration(which: str) -> SensorCalibration:
-    """Of one of the measured sensors, by `midastouch calibrate`."""
+    """Return the calibration of one of the measured sensors, as by `midastouch calibrate`."""
     return calibrate_measured(MeasuredOptics.load(which), SensorModel.load("digit_real"), np.random.default_rng(0))

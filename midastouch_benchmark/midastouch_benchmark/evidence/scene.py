@@ -1,4 +1,4 @@
-"""What the probes of a fingerprint look at: touches of bundled objects, made as those of reports are."""
+"""Scenes for the probes of a fingerprint: touches of bundled objects, made like those of reports."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from ..trials.cache import LIGHT
 from ..trials.setup import Networks
 from ..trials.trial import FRAME_TIME, TrialFrame
 
-# by object; each touch is a keyframe. In a file, so that another way to simulate slides leaves what is made of touches
+# by object; each touch is a keyframe. In a file, so that a change to the simulated slides does not change the touches
 _POSES_OF = Path(__file__).parent / "poses.npz"
 _POSES = 3_000
 NUDGE = 1e-6
-"""How far the inputs of a nudged probe are off, relative to their size: as far as machines differ."""
+"""Relative error of the inputs of a nudged probe, as large as machines differ."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A small object, known by touch: mesh, networks, true poses (N, 4, 4) of touches 12 mm apart."""
+    """Touches on a small object: mesh, networks, true poses (N, 4, 4) of touches 12 mm apart."""
 
     mesh: ObjectMesh
     networks: Networks
@@ -40,17 +40,17 @@ class Scene:
 
     @classmethod
     def of(cls, name: str) -> Scene:
-        """Of a bundled object whose poses are in the file."""
+        """Return the scene of a bundled object whose poses are in the file."""
         with np.load(_POSES_OF) as poses:
             return cls(ObjectMesh.load(bundled_objects()[name]), Networks.load(light=LIGHT), poses[name])
 
     @cached_property
     def codebook(self) -> Codebook:
-        """A small one, of the whole surface."""
+        """Small codebook of the whole surface."""
         return CodebookBuild(self.mesh, self.networks.tcn, self.networks.sensor, _POSES).run()
 
     def images(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """At poses (N, 4, 4): (N, H, W, 3) uint8, and the no-contact image (H, W, 3)."""
+        """Return images (N, H, W, 3) uint8 at poses (N, 4, 4), and the no-contact image (H, W, 3)."""
         rng = np.random.default_rng(0)
         camera = TactoCamera(self.networks.sensor, rng)
         maps, normals = PenetrationRenderer(self.mesh, self.networks.sensor).render_with_normals(poses)
@@ -58,7 +58,7 @@ class Scene:
 
     @cached_property
     def frames(self) -> list[TrialFrame]:
-        """The slide as a filter gets it."""
+        """Frames of the slide, as a filter gets them."""
         return self._perceived(self.poses, measure_poses(self.poses, np.random.default_rng(0), NOISE_T, NOISE_R))
 
     def _perceived(self, poses: np.ndarray, measured: np.ndarray) -> list[TrialFrame]:
@@ -71,20 +71,20 @@ class Scene:
 
     @cached_property
     def grasp(self) -> list[TrialFrame]:
-        """A frame for each contact of a grasp, as `protocols.grasp` gets them."""
+        """Frames of a grasp, one for each contact, as `protocols.grasp` gets them."""
         poses = simulate_grasp(self.mesh, self.networks.sensor, np.random.default_rng(0))
         return self._perceived(poses, poses)
 
 
 def off(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Numbers off by `NUDGE`, of grey levels of 0 to 255 few by one."""
+    """Return numbers off by `NUDGE`; of grey levels from 0 to 255, a few are off by one."""
     if values.dtype == np.uint8:
         return np.where(rng.random(values.shape) < NUDGE * 255, values ^ 1, values)
     return (values * (1 + NUDGE * rng.uniform(-1, 1, values.shape))).astype(values.dtype)
 
 
 def nudged(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
-    """The same frames, their codes, maps and measured poses off by `NUDGE`."""
+    """Return the frames with codes, maps and measured poses off by `NUDGE`."""
 
     def touch(one: Measurement) -> Measurement:
         if not one.in_contact:

@@ -1,4 +1,4 @@
-"""Fit what radius the depth network measures of a ball, and how surely that tells its diameter, on simulated sensors.
+"""Fit the radius that the depth network measures of a ball, and its spread, on simulated sensors.
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
@@ -20,7 +20,7 @@ from midastouch_perception.training.setting import load_backgrounds
 from ..perception.check_quality import measured_balls
 
 DOUBTED = 1 / 8
-"""Fraction of right diameters."""
+"""Fraction of right diameters that are doubted."""
 
 
 def main() -> None:

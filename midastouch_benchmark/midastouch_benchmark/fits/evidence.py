@@ -1,13 +1,13 @@
-"""Fit what the filter assumes of the evidence of touches, so that its probabilities are right as often as they claim.
+"""Fit the filter's model of the evidence of touches, so that its probabilities are right as often as they claim.
 
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--meshes ../shared/meshes/ycb] [--slides 2] [--every 4]
 
 Slides over random parts with sharp edges, random shapes and, if there is a folder of them, training scans are cut into
 pieces. On each piece a filter starts with nothing known; the modes that its first touch leaves are followed over the
-other touches, and the truth tells which of them are right. Printed are the constants of
-`midastouch_filter/core/noise_model.py` by which these are the most probable: all three, and `map_patches` alone with
-the others as they are; what one half of the objects gives on the other; and how often the surest hypothesis is right.
-The mathematics: docs/internals.md. No test object is seen.
+other touches, and the truth shows which of them are right. The program prints the constants of
+`midastouch_filter/core/noise_model.py` with which these are the most probable: all three, and `map_patches` alone with
+the others unchanged; the result of a fit to one half of the objects on the other half; and how often the surest
+hypothesis is right. The mathematics: docs/internals.md. It uses no test object.
 """
 
 from __future__ import annotations
@@ -39,31 +39,31 @@ DIAGONAL = 0.045, 0.2  # m, of objects made by code
 FREE = ("map_patches", "residual_floor", "touch_correlation")
 ALONE = ("map_patches",)
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)  # of the probability of the surest hypothesis
-_MOST = 20.0  # nats: a truth that was all but excluded surprises no more
+_MOST = 20.0  # nats, largest surprise: by a truth that was all but excluded
 
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """A comparison of P hypotheses by K maps: residual_ratio (P, K), fraction of each that is left unexplained; weights
-    (K,), how much of an independent touch each is; right (P,), which hypotheses are."""
+    """Comparison of P hypotheses by K maps. residual_ratio: (P, K), fraction of each map that is left unexplained;
+    weights: (K,), fraction of an independent touch that each map counts; right: (P,), which hypotheses are."""
 
     residual_ratio: np.ndarray
     weights: np.ndarray
     right: np.ndarray
 
     def probabilities(self, noise: NoiseModel) -> np.ndarray:
-        """(P,) by the maps alone. The weights are of today's `touch_correlation`; another one is at most as long."""
+        """Return probabilities (P,) by the maps alone; `noise` may only shorten the `touch_correlation` of today."""
         weights = np.minimum(self.weights * NOISE.touch_correlation / noise.touch_correlation, 1.0)
         nats = noise.residual_evidence(self.residual_ratio) @ weights
         return np.exp(nats - np.logaddexp.reduce(nats))
 
     def surprise(self, noise: NoiseModel) -> float:
-        """Nats by which the truth surprises."""
+        """Return the nats by which the truth surprises."""
         return min(-np.log(max(self.probabilities(noise)[self.right].sum(), np.exp(-_MOST))), _MOST)
 
 
 def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
-    """The comparisons of two or more hypotheses on slide `number` over an object."""
+    """Yield the comparisons of two or more hypotheses on slide `number` over an object."""
     particle_filter, frames = ParticleFilter(mesh, cache.codebook(mesh), CONFIG), cache.frames(mesh, number)
     alignment, symmetry = particle_filter.object.alignment, particle_filter.object.symmetry.exact
     for start in range(0, len(frames) - PIECE, PIECE):
@@ -79,7 +79,7 @@ def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
             ratios.append(1.0 - fit)
             weights.append(last.weight)
         residual_ratio, differ, kept = np.stack(ratios, axis=1), another(symmetry), []
-        for i in np.argsort(residual_ratio.mean(axis=1), kind="stable"):  # those that have met are one
+        for i in np.argsort(residual_ratio.mean(axis=1), kind="stable"):  # hypotheses that have met are one
             if not kept or differ(hypotheses.poses[kept], hypotheses.poses[i]).all():
                 kept.append(i)
         if len(kept) > 1:
@@ -88,16 +88,16 @@ def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
 
 
 def surprise(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> float:
-    """Mean nats over the comparisons of each object, each object counting the same."""
+    """Return the mean nats over the comparisons of each object, each object counting the same."""
     return float(np.mean([np.mean([each.surprise(noise) for each in some]) for some in objects]))
 
 
 def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseModel:
-    """The constants of these names that let the truth surprise least, the others as they are."""
+    """Return the constants with which the truth surprises least; those not in `names` stay as they are."""
 
     def assumed(parameters: np.ndarray) -> NoiseModel:
         noise = dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters).tolist(), strict=True)))
-        # a weight is cut at one, so it does not show what a longer correlation would make of it: fold such lengths back
+        # weights are cut at one, so their values for a longer correlation are unknown: fold such lengths back
         longest, length = NOISE.touch_correlation, noise.touch_correlation
         return dataclasses.replace(noise, touch_correlation=min(length, longest**2 / length))
 
@@ -113,13 +113,13 @@ def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseMo
 
 
 def described(noise: NoiseModel) -> str:
-    """The fitted constants, for a line."""
+    """Return the fitted constants as text."""
     patches, floor, correlation = (getattr(noise, name) for name in FREE)
     return f"map_patches {patches:.2f}, residual_floor {floor:.3f}, touch_correlation {1e3 * correlation:.1f} mm"
 
 
 def reliability(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> Iterator[str]:
-    """How often the surest hypotheses are right, by their probability."""
+    """Yield lines on how often the surest hypotheses are right, by their probability."""
     surest = []
     for each in itertools.chain(*objects):
         probabilities = each.probabilities(noise)
@@ -133,7 +133,7 @@ def reliability(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> Itera
 
 
 def made_by_code(parts: int, shapes: int, seed: int) -> Iterator[ObjectMesh]:
-    """So many random parts and shapes, neither too small for a slide nor too large for a hand."""
+    """Yield random parts and shapes, in these numbers, neither too small for a slide nor too large for a hand."""
     for kind, make, count in (("part", random_part, parts), ("shape", random_shape, shapes)):
         rng = np.random.default_rng(seed)
         drawn = (make(rng, f"{kind}_{seed}_{k}") for k in itertools.count())
@@ -141,7 +141,7 @@ def made_by_code(parts: int, shapes: int, seed: int) -> Iterator[ObjectMesh]:
 
 
 def collected(cache: Cache, meshes: Sequence[ObjectMesh], slides: int) -> list[list[Judged]]:
-    """The comparisons on so many slides over each object, as far as a right hypothesis is among them."""
+    """Return the comparisons with a right hypothesis on `slides` slides over each object."""
     objects, every, kept, done = [], 0, 0, 0
     for mesh in meshes:
         found = []
@@ -163,6 +163,7 @@ def collected(cache: Cache, meshes: Sequence[ObjectMesh], slides: int) -> list[l
 
 
 def main() -> None:
+    """Print the constants, and the reliability of the probabilities with them."""
     parser = parser_of(__doc__, "out/fit_evidence", every=4, poses=10_000, meshes_required=False)
     parser.add_argument("--parts", type=int, default=28, help="random parts")
     parser.add_argument("--shapes", type=int, default=8, help="random shapes")

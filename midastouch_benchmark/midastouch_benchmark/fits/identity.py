@@ -1,12 +1,13 @@
-"""Fit what the filter assumes of touches on objects that it knows, and on those that it does not.
+"""Fit the filter's model of touches on objects that it knows, and on objects that it does not know.
 
 .venv/bin/python -m midastouch_benchmark.fits.identity --meshes ../shared/meshes/ycb [--slides 2] [--every 1]
 
-Training scans are shared out at random to sets of each size. Each object is slid over, once by a filter that knows its
-set, once by one that knows the set without it. A filter that knows one object gets touches of that, and of the next
-one; so do random parts with sharp edges. Printed are the constants of `midastouch_filter/core/noise_model.py` that make
-the probabilities of the object, or of none, the truth as often as they claim, after every keyframe on the way. The
-mathematics: docs/internals.md. No test object is seen, nor any of the ten further ones for judging.
+Training scans are divided at random into sets of each size. Each object is slid over twice: by a filter that knows its
+set, and by one that knows the set without it. In sets of one, a filter gets touches of its object and of another one;
+random parts with sharp edges are added there. The program prints the constants of
+`midastouch_filter/core/noise_model.py` with which the probabilities of the object, or of none, are right as often as
+they claim, after every keyframe on the way. The mathematics: docs/internals.md. It uses neither test objects nor the
+ten further ones for judging.
 
 `--sets 1` takes ten minutes and fits what holds for a single object; the others take an hour.
 """
@@ -45,17 +46,17 @@ DISTURBED = (
     disturbances.push,
     disturbances.slow_camera,
 )
-"""What happens on slides over a single object, by turns, if that is asked for: an arm or an object that moves otherwise
-than it is reported must not be taken for another object."""
-REFUSED = 0.95  # probability of another object from which on the state says so
-_IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
+"""Disturbances of slides over a single object, in turn, with `--disturbed`: an arm or an object that moves otherwise
+than reported must not be taken for another object."""
+REFUSED = 0.95  # probability of another object at which the state reports it
+_IMPOSSIBLE = 1e-6  # least probability of the truth, which limits its surprise
 
 
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """Of K keyframes and O objects: weights (K,); code (K, O), nats that the code speaks for the leading hypothesis on
-    each object, and contradicted (K, O), whether the one that led before leaves the map unexplained, both 0 without
-    one; truth, number of the touched object, O if it is unknown."""
+    """Slide of K keyframes over one of O objects. weights: (K,); code: (K, O), nats by which the code supports the
+    leading hypothesis on each object; contradicted: (K, O), whether the hypothesis that led before leaves the map
+    unexplained; both 0 without one; truth: number of the touched object, O if it is unknown."""
 
     weights: np.ndarray
     code: np.ndarray
@@ -63,7 +64,7 @@ class Slide:
     truth: int
 
     def probabilities(self, noise: NoiseModel) -> np.ndarray:
-        """(K, O + 1) of each object, and of none of them, after each keyframe."""
+        """Return probabilities (K, O + 1) of each object, and of none of them, after each keyframe."""
         gains = noise.object_evidence(self.code, self.contradicted)
         least, most = (np.log((1.0 - unknown) / unknown) for unknown in (MOST_UNKNOWN, LEAST_UNKNOWN))
         support, out = np.zeros(gains.shape[1]), []
@@ -74,14 +75,14 @@ class Slide:
         return np.array(out)
 
     def surprise(self, noise: NoiseModel) -> float:
-        """Mean nats by which the truth surprises along the slide."""
+        """Return the mean nats by which the truth surprises along the slide."""
         return float(-np.log(np.maximum(self.probabilities(noise)[:, self.truth], _IMPOSSIBLE)).mean())
 
 
 def slid(
     known: Sequence[ObjectModel], touched: ObjectMesh, frames: list[TrialFrame], disturb: Disturbance, seed: int
 ) -> Slide | None:
-    """A slide over an object, by a filter that knows some objects; None if there is only one keyframe."""
+    """Run a slide over an object with a filter that knows some objects; None with fewer than two keyframes."""
     running = ParticleFilter.on(known, CONFIG)
     running.initialise_uniform()
     weights, codes, unexplained, leading = [], [], [], {}
@@ -103,8 +104,8 @@ def slid(
 
 
 def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[str], str]]:
-    """Names of the objects that a filter knows, in sets of this size, and of the one it touches, which it knows half of
-    the time."""
+    """Return names of the objects that a filter knows, in sets of this size, and of the one it touches, which it knows
+    half of the time."""
     if size == 1:
         alone = [*scans, *parts]
         return [([name], touched) for k, name in enumerate(alone) for touched in (name, alone[k - 1])]
@@ -137,6 +138,7 @@ def fit(slides: list[Slide]) -> None:
 
 
 def main() -> None:
+    """Print the constants for sets of each size."""
     parser = parser_of(__doc__, "out/fit_identity", every=1, poses=10_000)
     parser.add_argument("--sets", type=int, nargs="+", default=[1, 10, 58], help="objects in each")
     parser.add_argument("--parts", type=int, default=30, help="random parts, each in a set of one")

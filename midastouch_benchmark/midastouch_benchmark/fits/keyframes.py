@@ -1,4 +1,4 @@
-"""The touches that a filter compares along a slide, and hypotheses that are followed from one to the next."""
+"""Touches that a filter compares along a slide, and hypotheses that are followed from one to the next."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from midastouch_filter.core.pose_hypothesis import pose_distance
 from midastouch_filter.filter import ParticleFilter
 
 CONFIG = FilterConfig(threads=1, alignments_per_second=1_000_000)
-"""As shipped, except that each comparison is complete before the next frame."""
+"""Settings as shipped, except that each comparison is complete before the next frame."""
 NOISE = NoiseModel.of(CONFIG)
 FIRST = 100
-"""Number of the first slide: `midastouch benchmark` and `midastouch identify` judge by those from 0 on."""
+"""Number of the first slide of a fit; `midastouch benchmark` and `midastouch identify` judge by those from 0 on."""
 
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A touch: frame; weight, how much of an independent touch it is, in [0, 1]; motion (4, 4) and path [m], turns
-    included, since the last keyframe."""
+    """A compared touch. frame; weight: fraction of an independent touch that it counts, in [0, 1]; motion (4, 4), path
+    [m], turns included: since the last keyframe."""
 
     frame: TrialFrame
     weight: float
@@ -35,7 +35,7 @@ class Keyframe:
 
 
 def keyframes(particle_filter: ParticleFilter, frames: Iterable[TrialFrame]) -> Iterator[Keyframe]:
-    """Slide a started filter along frames in contact: each keyframe, after its comparison."""
+    """Slide a started filter along frames in contact; yield each keyframe after its comparison."""
     motion, path, count = np.eye(4), 0.0, 0
     for frame, odometry in with_odometry(frames):
         if odometry is not None:
@@ -48,7 +48,7 @@ def keyframes(particle_filter: ParticleFilter, frames: Iterable[TrialFrame]) -> 
 
 
 def _weight(gels: np.ndarray) -> float:
-    """How much of an independent touch the last one of gels (F, 4, 4) is, as the filter has it."""
+    """Return the fraction of an independent touch that the last one of gels (F, 4, 4) counts in the filter."""
     nearest = pose_distance(gels[:-1], gels[-1]).min(initial=np.inf)
     return float(min(nearest / NOISE.touch_correlation, 1.0))
 
@@ -56,7 +56,7 @@ def _weight(gels: np.ndarray) -> float:
 def follow(
     hypotheses: Hypotheses, keyframe: Keyframe, alignment: PenetrationAlignment
 ) -> tuple[Hypotheses, np.ndarray]:
-    """Hypotheses on one object at the next keyframe, and the fraction (P,) of its map that each explains."""
+    """Return hypotheses on one object at the next keyframe, and the fraction (P,) of its map that each explains."""
     moved = hypotheses.moved(keyframe.motion).widened(keyframe.path * NOISE.drift)
     found = alignment.align_each(moved.poses, moved.covariances, [keyframe.frame.measurement])
     there = replace(moved, poses=found.poses, covariances=found.covariances)

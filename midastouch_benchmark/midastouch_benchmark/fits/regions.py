@@ -2,10 +2,10 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.regions --meshes ../shared/meshes/ycb [--slides 2] [--every 4]
 
-Scans are slid over under protocols of `midastouch benchmark`. While the state is `converged`, the published region of
-95 % is to hold the truth in 95 % of the frames under each of them, those at a wrong pose included: `REGION_WIDTH` of
-`midastouch_filter/core/noise_model.py`. How often the regions of one half of the scans hold the truth on the other half
-is printed, too. Neither the ten test objects are seen nor the ten further ones for judging.
+Scans are slid over under protocols of `midastouch benchmark`. `REGION_WIDTH` of `midastouch_filter/core/noise_model.py`
+is fitted so that, while the state is `converged`, the published region of 95 % holds the truth in 95 % of the frames
+under each protocol, those at a wrong pose included. The program also prints how often the regions fitted on one half of
+the scans hold the truth on the other half. It uses neither the ten test objects nor the ten further ones for judging.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SURPRISE, TRANSLATION, ROTATION = range(3)  # columns of `converged_frames`
 def converged_frames(
     particle_filter: ParticleFilter, mesh: ObjectMesh, slide: list[TrialFrame], name: str, number: int
 ) -> np.ndarray:
-    """Rows (N, 3) of the converged frames of a slide under the protocol of that name: squared Mahalanobis distance of
+    """Return rows (N, 3) of the converged frames of a slide under the protocol `name`: squared Mahalanobis distance of
     the truth, and the region's RMS in m and rad, as if `REGION_WIDTH` were 1."""
     rows = []
 
@@ -55,14 +55,14 @@ def converged_frames(
 
 
 def width(of: dict[str, np.ndarray]) -> float:
-    """Factor with which the regions of each of the conditions, rows (N, 3), hold the truth at least as often as they
-    claim."""
+    """Return the factor with which the regions of each of the conditions, rows (N, 3), hold the truth at least as often
+    as they claim."""
     quantiles = [np.quantile(rows[:, SURPRISE], LEVEL, method="higher") for rows in of.values() if len(rows)]
     return float(max(quantiles)) / chi2.ppf(LEVEL, 6)
 
 
 def held(of: dict[str, np.ndarray], factor: float) -> str:
-    """How often the truth is in the region, by condition, and how large the regions are."""
+    """Return text on the size of the regions and on how often the truth is in them, by condition."""
     inside = {name: rows[:, SURPRISE] <= factor * chi2.ppf(LEVEL, 6) for name, rows in of.items() if len(rows)}
     size = np.sqrt(factor) * np.median(np.concatenate(list(of.values())), axis=0)
     often = ", ".join(f"{name} {each.mean():.0%} of {len(each)}" for name, each in inside.items())
@@ -70,6 +70,7 @@ def held(of: dict[str, np.ndarray], factor: float) -> str:
 
 
 def main() -> None:
+    """Print the factor for all scans, and how those of two halves do on the other half."""
     args = parser_of(__doc__, "out/fit_regions", every=4, poses=20_000).parse_args()
     cache = cache_of(args)
     found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}

@@ -1,10 +1,10 @@
-"""Fit how much the depth network's slopes count beside those of a sensor's calibration, on measured sensors.
+"""Fit the weight of the depth network's slopes relative to those of a sensor's calibration, on measured sensors.
 
 .venv/bin/python -m midastouch_benchmark.fits.slope_weight --meshes ../shared/meshes/ycb [--every N]
 
 The result is `NETWORK_WEIGHT` of `midastouch_perception/tdn/slope_fusion.py`: the weight with which the joined slopes
-are nearest to those of what touches. The touches are slides over training objects; the sensors are those whose optics
-were measured, each calibrated by ten simulated presses of a ball.
+are nearest to the true ones. The touches are slides over training objects; the sensors are those whose optics were
+measured, each calibrated by ten simulated presses of a ball.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from ..trials.object_sets import meshes_to_fit_on
 from ..trials.real_sensor import calibrate_measured
 
 _LENGTH, _STEP = 0.12, 6e-3  # m of a slide, and between its touches
-_STEEPEST = 1.0  # slope: of a wall nothing is seen
+_STEEPEST = 1.0  # slope: walls are not visible
 _FEWEST = 40  # px of a contact
 
 
 def best_weight(errors: np.ndarray) -> float:
-    """Weight of the second of two estimates with which their mean errs least; errors (2, N) of both."""
+    """Return the weight of the second of two estimates with which their mean errs least; errors: (2, N) of both."""
     (first, common), (_, second) = errors @ errors.T / errors.shape[1]
     return float((first - common) / (first + second - 2 * common))
 
@@ -41,9 +41,9 @@ def best_weight(errors: np.ndarray) -> float:
 def slope_errors(
     tdn: TactileDepthNet, images: list[np.ndarray], background: np.ndarray, maps: np.ndarray
 ) -> np.ndarray:
-    """Errors (2, N) of slopes in the contacts of images: by the calibration in use, and by the network.
+    """Return errors (2, N) of slopes in the contacts of images: by the calibration in use, and by the network.
 
-    maps (N, H, W) m, the true penetration of each image.
+    maps: (N, H, W) m, the true penetration of each image.
     """
     pixel, errors = tdn.sensor.pixel_size, [np.zeros((2, 0))]
     for image, true in zip(images, maps, strict=True):

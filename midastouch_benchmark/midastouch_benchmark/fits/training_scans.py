@@ -1,6 +1,6 @@
-"""What fits on slides across training scans share: how the scans and slides are chosen.
+"""Choice of scans and slides, for all fits on slides across training scans.
 
-Neither the paper's ten objects are among them nor the ten that were held out for judging.
+The scans include neither the paper's ten objects nor the ten that were held out for judging.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LENGTH = 0.3  # m of a slide
 def parser_of(
     description: str, out: str, every: int, poses: int, meshes_required: bool = True
 ) -> argparse.ArgumentParser:
-    """Asks for what `cache_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
+    """Return a parser of the options of `cache_of` and `scans_of`, and of the number of slides over each scan."""
     parser = argparse.ArgumentParser(description=description.partition("\n")[0])
     parser.add_argument("--meshes", type=Path, required=meshes_required)
     parser.add_argument("--out", type=Path, default=Path(out))
@@ -31,10 +31,10 @@ def parser_of(
 
 
 def cache_of(args: argparse.Namespace, length: float = LENGTH) -> Cache:
-    """Slides of this length [m] and codebooks, kept in the folder of the fit."""
+    """Return a cache of slides of this length [m] and of codebooks, in the folder of the fit."""
     return Cache(args.out, slides=SlideKind(length), codebook_size=args.poses)
 
 
 def scans_of(args: argparse.Namespace) -> Iterator[ObjectMesh]:
-    """The training scans asked for; none without a folder of them."""
+    """Return the training scans asked for; none without a folder of them."""
     return map(ObjectMesh.load, meshes_to_fit_on(args.meshes)[:: args.every] if args.meshes else ())

@@ -1,1 +1,1 @@
-"""How well images are read: depth, contact, calibration, and the checks on them."""
+"""Quality of the readings of tactile images: depth, contact, calibration, and the checks on them."""

@@ -15,7 +15,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 @dataclasses.dataclass(frozen=True)
 class Sphere:
-    """centre (3,) m, radius m, residual: root mean square distance [m] of the points from the sphere."""
+    """Sphere fitted to points; centre: (3,) m; radius: m; residual: root mean square distance [m] of the points."""
 
     centre: np.ndarray
     radius: float
@@ -23,10 +23,10 @@ class Sphere:
 
 
 def fit_sphere(points: np.ndarray, radius: float | None = None) -> Sphere:
-    """The sphere nearest to points (N, 3) m, N >= 4, by orthogonal distance; of a given radius if one is given.
+    """Return the sphere nearest to points (N, 3) m, N >= 4, by orthogonal distance; with the given radius, if any.
 
-    The points are the side of a ball that faces +z (the camera): its centre lies below them. Of an outline, points on
-    the undeformed gel, it is the ball that meets the gel there; one wider than the ball leaves a residual.
+    The points are the side of a ball that faces +z (the camera): its centre lies below them. If they are an outline on
+    the undeformed gel, the sphere is the ball that meets the gel there; one wider than the ball leaves a residual.
     """
     points = np.asarray(points, float)
     middle = points.mean(axis=0)
@@ -45,9 +45,9 @@ def fit_sphere(points: np.ndarray, radius: float | None = None) -> Sphere:
 
 
 def principal_curvatures(points: np.ndarray) -> np.ndarray:
-    """Both principal curvatures (2,) [1/m], ascending, of surface points (N, 3) m, N >= 6, near their middle.
+    """Return both principal curvatures (2,) [1/m], ascending, of surface points (N, 3) m, N >= 6, near their middle.
 
-    From a fitted quadric z(x, y); positive where the surface bulges towards +z, as a ball pressed into the gel does.
+    They are those of a fitted quadric z(x, y), positive if it bulges towards +z, as a ball pressed into the gel does.
     """
     x, y, z = (np.asarray(points, float) - np.mean(points, axis=0)).T
     terms = np.column_stack([np.ones_like(x), x, y, x**2 / 2, x * y, y**2 / 2])
@@ -61,12 +61,12 @@ _STEP = 3e-4  # m: first step of the search for the nearest cap
 
 
 def cap_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Penetration (H, W) float32 m of a rigid ball, centre (3,) m in the gel frame; 0 where it does not reach."""
+    """Return the penetration (H, W) float32 m, at least 0, of a rigid ball with centre (3,) m in the gel frame."""
     return np.maximum(ball_penetration(centre, radius, sensor), 0)
 
 
 def circle_outline(circle: tuple[float, float, float], scale: float, sensor: SensorModel) -> np.ndarray:
-    """Points (64, 3) m on the gel of a circle in an image: centre column, centre row, radius [px].
+    """Return points (64, 3) m on the gel of a circle in an image: centre column, centre row, radius [px].
 
     scale: pixels of `sensor` per pixel of that image.
     """
@@ -78,7 +78,7 @@ def circle_outline(circle: tuple[float, float, float], scale: float, sensor: Sen
 
 
 def mask_outline(mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Points (N, 3) m on the gel of the outline of a mask (H, W) bool, round or so, where the image does not cut it."""
+    """Return points (N, 3) m on the gel of the outline of a roundish mask (H, W) bool, except along the image edge."""
     contours = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     pixels = max(contours, key=len)[:, 0] if contours else np.zeros((0, 2), int)
     last = np.array(mask.shape[::-1]) - 1
@@ -92,10 +92,9 @@ def mask_outline(mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 def nearest_cap(penetration: np.ndarray, contact: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Centre (3,) m of the ball whose penetration is nearest to a penetration map (H, W) m, by the squares over all
-    pixels.
+    """Return the centre (3,) m of the ball whose penetration is nearest to a map (H, W) m, by squares over all pixels.
 
-    contact (H, W) bool, not empty: where the search starts from.
+    contact: (H, W) bool, not empty; the search starts from it.
     """
     points = cloud_from_penetration(penetration, contact, sensor).astype(float)
     start = fit_sphere(points, radius).centre if len(points) > 3 else points.mean(axis=0) - [0, 0, radius]
@@ -104,6 +103,6 @@ def nearest_cap(penetration: np.ndarray, contact: np.ndarray, radius: float, sen
         return float(((cap_penetration(centre, radius, sensor) - penetration) ** 2).sum()) * 1e6
 
     simplex = start + np.vstack([np.zeros(3), _STEP * np.eye(3)])
-    # the squares bend where pixels enter and leave the cap: no derivatives
+    # the squares are not smooth where pixels enter and leave the cap: no derivatives
     options = {"initial_simplex": simplex, "xatol": 1e-6, "fatol": 1e-4}
     return minimize(distance, start, method="Nelder-Mead", options=options).x

@@ -1,7 +1,7 @@
-"""How often the checks on tactile images are wrong: fit check, no-contact image, contact decision.
+"""Error rates of the checks on tactile images: fit check, no-contact image, contact decision.
 
-On imaginary sensors of the training's randomisation over real no-contact images, and on those images themselves, each
-judged against the mean of the others.
+They are measured on imaginary sensors of the training's randomisation over real no-contact images, and on those images
+themselves, each judged against the mean of the others.
 """
 
 from __future__ import annotations
@@ -42,13 +42,14 @@ DEPTHS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.7e-3)
 WARM_UP = (0.0, 0.01, 0.02, 0.05, 0.1)
 """Change of brightness against the no-contact image at which false contacts are counted."""
 _WARM_UP_FRAMES = 60
-"""Frames in which the light gets from the first of `WARM_UP` to the last: a tenth, faster than any sensor."""
+"""Frames in which the light rises from the first of `WARM_UP` to the last: a tenth, faster than any sensor's."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ImaginarySensor:
-    """background (H, W, 3) uint8, the stored no-contact image; touches (N, H, W, 3) uint8, firm ones; light, by part:
-    images (N, H, W, 3) uint8 and true deepest penetration (N,) m; free (H, W, 3) uint8, a second no-contact image."""
+    """Images of an imaginary sensor. background: (H, W, 3) uint8, the stored no-contact image; touches: (N, H, W, 3)
+    uint8, firm ones; light: by part, images (N, H, W, 3) uint8 of light touches and true deepest penetration (N,) m;
+    free: (H, W, 3) uint8, a second no-contact image."""
 
     background: np.ndarray
     touches: np.ndarray
@@ -57,14 +58,14 @@ class ImaginarySensor:
 
 
 def wire() -> ObjectMesh:
-    """A straight wire 2 mm thick and 40 mm long."""
+    """Return a straight wire 2 mm thick and 40 mm long."""
     return mesh_from_sdf(cylinder(1e-3, 0.02, 2e-4), np.array([1.5e-3, 1.5e-3, 0.021]), 3e-4, "wire")
 
 
 def imaginary_sensors(
     n: int, sensor: SensorModel, backgrounds: np.ndarray, ranges: RandomisationRange, rng: np.random.Generator
 ) -> Iterator[ImaginarySensor]:
-    """`n` sensors with optics of `ranges` over `backgrounds` (B, H, W, 3) uint8, each with its touches."""
+    """Yield `n` sensors with optics of `ranges` over `backgrounds` (B, H, W, 3) uint8, each with its touches."""
     meshes = {name: ObjectMesh.load(bundled_objects()[name]) for name in ("handle_tool", "eyebolt")}
     meshes["wire"] = wire()
     renderers = {name: PenetrationRenderer(mesh, sensor) for name, mesh in meshes.items()}
@@ -86,7 +87,7 @@ def imaginary_sensors(
 
 
 def as_bytes(image: np.ndarray) -> np.ndarray:
-    """Grey levels as uint8."""
+    """Return grey levels as uint8."""
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
@@ -102,11 +103,11 @@ FAULTS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray,
     "light saturated": lambda own, other: (as_bytes(own.touches * 2.5), as_bytes(own.background * 2.5)),
     "background taken in contact": lambda own, other: (own.touches[1:], own.touches[0]),
 }
-"""What can be wrong, as images and background made from those of a sensor and of another."""
+"""Faults by name: each makes images and background from those of a sensor and of another one."""
 
 
 class CheckQuality:
-    """Counts over imaginary sensors; `add` each, then ask for the results."""
+    """Counter of right and wrong verdicts over imaginary sensors: `add` each, then ask for the results."""
 
     def __init__(self, tdn: DepthNet):
         self._tdn = tdn
@@ -117,7 +118,7 @@ class CheckQuality:
         self._captures: dict[str, list[bool]] = {}
 
     def add(self, own: ImaginarySensor, other: ImaginarySensor) -> None:
-        """Judge a sensor with its own background, and with each of `FAULTS`, which may take the `other` one's."""
+        """Judge a sensor with its own background, and with each of `FAULTS`, which may use the `other` sensor's."""
         self._judge("right", own.touches, own.background)
         for name, make in FAULTS.items():
             images, background = make(own, other)
@@ -140,9 +141,8 @@ class CheckQuality:
             self._captures.setdefault(name, []).append(shows_contact(self._tdn, candidate, present))
 
     def fit(self) -> dict[str, dict]:
-        """By case: alarms and those that name a turn or swap (fractions of sensors), and per figure the area under the
-        ROC
-        curve against the right ones."""
+        """Return by case: alarms and those that name a turn or swap (fractions of sensors), the median of each figure,
+        and the area under its ROC curve against the right ones."""
         right = np.array([score[:2] for score in self._scores["right"]])
         out = {}
         for name, scores in self._scores.items():
@@ -158,13 +158,13 @@ class CheckQuality:
         return out
 
     def contact(self) -> dict:
-        """Fraction of light touches missed, by part and by true penetration, and of false contacts by brightness."""
+        """Return the fraction of light touches missed, by part and true depth, and of false contacts by brightness."""
         missed = {name: missed_by_depth(touches) for name, touches in self._light.items()}
         false = [{"brighter": gain, "false_contacts": float(np.mean(some))} for gain, some in self._free.items()]
         return {"missed": missed, "false": false, "false_while_warming": float(np.mean(self._warming))}
 
     def capture(self) -> dict[str, float]:
-        """Fraction of no-contact images on offer that are refused as touched."""
+        """Return, by case, the fraction of offered no-contact images that are refused as touched."""
         return {name: float(np.mean(refused)) for name, refused in self._captures.items()}
 
     def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
@@ -178,7 +178,7 @@ class CheckQuality:
 
 
 def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:
-    """Both checks after the images (320, 240, 3) uint8 of a sensor with this no-contact image."""
+    """Return both checks after they saw the images (320, 240, 3) uint8 of a sensor with this no-contact image."""
     check = FitCheck(tdn.sensor, every=1, window=len(images))
     touched = TouchedBackground(tdn, every=1, window=len(images))
     stage = DepthStage(tdn, check, touched)
@@ -189,13 +189,13 @@ def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -
 
 
 def roc_area(high: np.ndarray, low: np.ndarray) -> float:
-    """Chance that one of `high` lies above one of `low`, ties counting half: the area under the ROC curve."""
+    """Return the chance that one of `high` lies above one of `low`, ties counting half: the area under the ROC."""
     high, low = high[np.isfinite(high)][:, None], low[np.isfinite(low)][None]
     return float(np.mean((high > low) + 0.5 * (high == low))) if high.size and low.size else float("nan")
 
 
 def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
-    """Fraction of real no-contact images (B, H, W, 3) uint8 refused as they are and made wrong in each way.
+    """Return the fraction of real no-contact images (B, H, W, 3) uint8 refused, unchanged and made wrong in each way.
 
     Each is compared with the mean of the others.
     """
@@ -209,7 +209,7 @@ def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
 
 
 def causes_named(backgrounds: np.ndarray) -> dict[str, float]:
-    """Fraction of real no-contact images (B, H, W, 3) uint8, turned or swapped, of which the right cause is named."""
+    """Return the fraction of real no-contact images (B, H, W, 3) uint8 whose cause is named, by how they are turned."""
     named: dict[str, list[bool]] = {name: [] for name in ORIENTATIONS}
     for image, layout in _each_against_the_others(backgrounds):
         for name, make in ORIENTATIONS.items():
@@ -218,14 +218,14 @@ def causes_named(backgrounds: np.ndarray) -> dict[str, float]:
 
 
 def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Every image and the mean layout of the others."""
+    """Yield every image and the mean layout of the others."""
     for i, image in enumerate(backgrounds):
         yield image, mean_layout(np.delete(backgrounds, i, axis=0))
 
 
 def missed_by_depth(touches: Sequence[tuple[float, bool]]) -> list[dict]:
-    """By `DEPTHS`, how many touches there are and the fraction missed; of each its true deepest penetration [m] and
-    whether it is seen as a contact."""
+    """Return the number of touches and the fraction missed in each class of `DEPTHS`; touches: true deepest penetration
+    [m] of each, and whether it is seen as a contact."""
     depth, in_contact = np.array(touches, float).T
     classes = np.digitize(depth, DEPTHS)
     return [
@@ -243,10 +243,10 @@ _DRAWS = 2
 
 
 def real_checks(tdn: DepthNet, presses: BallPresses, rng: np.random.Generator) -> dict[str, float]:
-    """Fraction of alarms when the no-contact image is right, and when it shows one of the presses.
+    """Return the fraction of alarms when the no-contact image is right, and when it shows one of the presses.
 
-    Every press is the no-contact image twice, for `TOUCHES` others that are drawn; the same others are judged with the
-    right one. Result: trials of each kind, alarms by kind.
+    Every press is the no-contact image twice, each time for `TOUCHES` others that are drawn; the same others are judged
+    with the right image. Result: trials of each kind, alarms by kind.
     """
     names = list(presses.images)
     alarms: dict[str, list[bool]] = {"right": [], "touched": []}
@@ -262,13 +262,14 @@ def real_checks(tdn: DepthNet, presses: BallPresses, rng: np.random.Generator) -
 FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
 """Diameter given over the true one."""
 RADII = 2e-3, 5e-3
-"""Of the balls, from and to [m]."""
+"""Smallest and largest radius of the balls [m]."""
 _PRESSES = 8
 
 
 def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator) -> dict:
-    """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: measured over true radius (median), standard
-    deviation of its logarithm; by factor, fraction of doubts, which are refused unless said to be right."""
+    """Return the quality of the check of ball diameters on `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full
+    size: median of measured over true radius, standard deviation of its logarithm; by factor, fraction of diameters in
+    doubt, which are refused unless you confirm them."""
     ratios, outcomes = [], {factor: [] for factor in FACTORS}
     for radius, measured in measured_balls(sensor, backgrounds, n, rng):
         if measured is not None:
@@ -286,7 +287,7 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
 def measured_balls(
     sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator
 ) -> Iterator[tuple[float, float | None]]:
-    """Radius [m] of the ball on each of `n` sensors as above, and the one measured, None if nothing is."""
+    """Yield the radius [m] of the ball on each of `n` sensors, and the measured one, None if nothing is measured."""
     for _ in range(n):
         radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)

@@ -1,6 +1,6 @@
-"""How often sensors of real gel take a slow change of their light for a contact, and how many light touches they miss.
+"""Slow changes of light that sensors of real gel take for a contact, and light touches that they miss.
 
-Both are decided by the same gate (`DepthStage`): a contact is what a shape explains.
+The same gate (`DepthStage`) decides both: a contact is a change that a shape explains.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from .check_quality import LIGHT_TOUCHES, as_bytes, missed_by_depth, wire
 SLOW_LIGHT = (0.05, 0.1, 0.2, 0.4)
 """Largest change of the light within a record, as a fraction of the no-contact image."""
 RECORDS = (120, 12)
-"""Images of a record: the same change between many, or between few."""
+"""Numbers of images of a record: the same change is spread over many, or over few."""
 _NOISE = 1.5  # grey levels
 _LAMPS = 3
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A sensor of real gel and how it is read. Attributes: what, in words; tdn; background (H, W, 3) uint8, its
-    no-contact image; optics, where they were measured."""
+    """A sensor of real gel and its depth network. Attributes: what: its name in tables; tdn; background: (H, W, 3)
+    uint8, its no-contact image; optics: None if they were not measured."""
 
     what: str
     tdn: DepthNet
@@ -44,7 +44,7 @@ class Reading:
 
 
 def measured_readings(tdn: str, rng: np.random.Generator) -> list[Reading]:
-    """The measured sensors, each read without and with a calibration; tdn, name or file of a depth network."""
+    """Return the measured sensors, each without and with a calibration; tdn: name or file of a depth network."""
     sensor, out = SensorModel.load("digit_real"), []
     for optics in map(MeasuredOptics.load, measured_sensors()):
         background = MeasuredSensor(optics, sensor, rng).background
@@ -57,7 +57,7 @@ def measured_readings(tdn: str, rng: np.random.Generator) -> list[Reading]:
 
 
 def mini_reading(tdn: str) -> Reading:
-    """A GelSight Mini by the calibration of its model, with that one's no-contact colours."""
+    """Return a GelSight Mini read by the calibration of its model, with the no-contact colours of that calibration."""
     mini = SensorModel.load("gelsight_mini")
     colours = SensorCalibration.default(mini).background
     background = cv2.resize(colours, (mini.width, mini.height), interpolation=cv2.INTER_CUBIC)
@@ -65,10 +65,10 @@ def mini_reading(tdn: str) -> Reading:
 
 
 def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generator) -> list[dict]:
-    """By reading, `RECORDS` and `SLOW_LIGHT`: frames without contact and the fraction that is taken for a contact.
+    """Return, by reading, `RECORDS` and `SLOW_LIGHT`, frames without contact and the fraction taken for a contact.
 
-    Readings of the same name count together; `records` of each reading. The light of lamps, a broad lobe of each
-    colour, changes evenly with the time.
+    Readings of the same name count together; records: number of each reading. The light of lamps, a broad lobe of each
+    colour, changes linearly with time.
     """
     seen: dict[tuple[str, int, float], list[bool]] = {}
     for reading in readings:
@@ -94,15 +94,15 @@ def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generat
 
 
 def _lobes(height: int, width: int, rng: np.random.Generator) -> np.ndarray:
-    """Light (H, W, 3) of lamps anywhere beside or over the image, 1 where it is brightest."""
+    """Return the light (H, W, 3) of lamps centred anywhere on the image, 1 at the centre of each."""
     rows, columns = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     lobes = [np.exp(-((columns - x) ** 2) - (rows - y) ** 2) for x, y in rng.uniform(-1, 1, (_LAMPS, 2))]
     return np.stack(lobes, axis=-1)
 
 
 def missed_touches(readings: Sequence[Reading], n: int, rng: np.random.Generator) -> dict[str, list[dict]]:
-    """By object and reading, as `missed_by_depth`: `n` light touches of an eyebolt and of a wire on each measured
-    sensor."""
+    """Return `missed_by_depth`, by object and reading, of `n` light touches of an eyebolt and of a wire on each
+    measured sensor."""
     sensor = SensorModel.load("digit_real")
     seen: dict[str, list[tuple[float, bool]]] = {}
     meshes = {"eyebolt": ObjectMesh.load(bundled_objects()["eyebolt"]), "wire": wire()}
@@ -119,7 +119,7 @@ def missed_touches(readings: Sequence[Reading], n: int, rng: np.random.Generator
 def _touches(
     reading: Reading, maps: np.ndarray, sensor: SensorModel, rng: np.random.Generator
 ) -> Iterator[tuple[float, bool]]:
-    """Deepest penetration [m], and whether a contact is seen, of maps (N, H, W) m."""
+    """Yield the deepest penetration [m] of each of the maps (N, H, W) m, and whether a contact is seen."""
     camera = MeasuredSensor(reading.optics, sensor, rng)
     for penetration, image in zip(maps, camera.images(maps), strict=True):
         stage = DepthStage(reading.tdn)

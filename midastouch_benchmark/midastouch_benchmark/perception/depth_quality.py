@@ -1,4 +1,4 @@
-"""How close predicted penetration maps are to the truth, and what a change of exposure does to them."""
+"""Errors of predicted penetration maps, and the effect of a change of exposure on them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from midastouch_perception.tdn import DepthNet
 
 
 class DepthQuality:
-    """Accumulates errors over the frames of a sequence, at the truth's resolution."""
+    """Accumulator of errors over the frames of a sequence, at the truth's resolution."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -23,8 +23,7 @@ class DepthQuality:
         self._both, self._either = 0, 0
 
     def add(self, predicted: np.ndarray, truth: np.ndarray) -> None:
-        """One frame: penetration maps [m], the prediction (h, w) enlarged bilinearly to the truth's (H,
-        W)."""
+        """Add one frame: penetration maps [m]; the prediction (h, w) is enlarged bilinearly to the truth's (H, W)."""
         enlarged = cv2.resize(predicted, truth.shape[::-1], interpolation=cv2.INTER_LINEAR)
         squares = (enlarged.astype(float) - truth) ** 2
         contact, claimed = truth >= TOUCHED, enlarged >= TOUCHED
@@ -37,8 +36,7 @@ class DepthQuality:
         self._either += int((contact | claimed).sum())
 
     def result(self) -> dict[str, float]:
-        """RMSE [mm] over all pixels and over the truly touched ones, and IoU of the contact over all
-        frames."""
+        """Return RMSE [mm] over all pixels and over the truly touched ones, and IoU of the contact over all frames."""
         return {
             "frames": self.frames,
             "rmse_mm": 1e3 * _root_mean(self._squares, self._pixels),
@@ -62,10 +60,10 @@ CHANGES = 0.9, 1.1
 def brightness_effect(
     tdn: DepthNet, presses: BallPresses, calibrations: Mapping[str, SensorCalibration] | None = None
 ) -> float:
-    """Root mean square over all pixels [m] by which the map of a press changes with its brightness.
+    """Return the root mean square over all pixels [m] by which the map of a press changes with its brightness.
 
-    The larger of the two of `CHANGES` for each press, of which the median. The no-contact image stays as it is;
-    calibrations: of each press, as in `measure_presses`.
+    Of each press the larger effect of the two `CHANGES` counts; the result is the median over presses. The no-contact
+    image stays as it is; calibrations: of each press, as in `measure_presses`.
     """
     effects = []
     for name, image in presses.images.items():

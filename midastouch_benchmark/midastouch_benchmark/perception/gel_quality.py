@@ -1,5 +1,6 @@
-"""How reliably a gel is known by its texture: on presses of real sensors, each against its own no-contact image and
-those of other sensors.
+"""Reliability of recognising a gel by its texture, on presses of real sensors.
+
+Each sensor is compared with its own no-contact image and with those of other sensors.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from midastouch_perception.tdn import DepthNet
 
 from .check_quality import as_bytes
 
-_WINDOW = 12  # images that a verdict is of
+_WINDOW = 12  # images of a verdict
 _DRAWS = 40  # verdicts on each sensor with its own no-contact image
-_TWICE = 2  # and on each other one's
+_TWICE = 2  # verdicts with each no-contact image of another sensor
 _MOVED = (4, -3)  # px, rows and columns
 _SPOT = 60  # px, 3 mm
-_NO_RESPONSE = np.zeros((12, 6, 2))  # of a calibration: another gel is known without it
+_NO_RESPONSE = np.zeros((12, 6, 2))  # of a calibration: another gel is recognised without it
 _BRIGHTER, _NOISE = 0.1, 1.5  # standard deviation of the light's logarithm by colour; of a pixel, grey levels
 
 
@@ -34,10 +35,10 @@ def gels_known(
     sensor: SensorModel,
     rng: np.random.Generator,
 ) -> dict[str, dict[str, float]]:
-    """By case, trials and the fraction of these in which the check on the gel warns.
+    """Return by case the number of trials and the fraction of these in which the check on the gel warns.
 
-    tdn, of the sensors' model; presses of different sensors; backgrounds (B, H, W, 3) uint8 of others, of which each
-    pair is taken for one gel or not; sensor: full size.
+    tdn: of the sensors' model; presses: of different sensors; backgrounds: (B, H, W, 3) uint8 of further sensors, which
+    are also compared pair by pair; sensor: at full size.
     """
     said: dict[str, list[bool]] = {
         name: []
@@ -82,7 +83,7 @@ def gels_known(
 def _calibrations(
     presses: BallPresses, penetrations: list[np.ndarray], sensor: SensorModel
 ) -> list[tuple[SensorCalibration, str]]:
-    """What `midastouch calibrate` would keep of a gel by which it knows it again; without its texture, too."""
+    """Return calibrations with all by which `midastouch calibrate` recognises a gel, and without its texture."""
     seen = sum(
         gel_texture(image, penetration > 0)
         for image, penetration in zip(presses.images.values(), penetrations, strict=True)
@@ -104,13 +105,13 @@ def _calibrations(
 
 
 def _in_another_light(background: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Another no-contact image of the same gel: each lamp brighter or darker, with fresh noise."""
+    """Return another no-contact image of the same gel: each lamp brighter or darker, with fresh noise."""
     light = np.exp(_BRIGHTER * rng.standard_normal(3))
     return as_bytes(background * light + rng.normal(0, _NOISE, background.shape))
 
 
 def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A no-contact image with the grains of another one in a square."""
+    """Return a no-contact image with the grains of another one in a square."""
     row, column = (rng.integers(_SPOT // 2, size - 1.5 * _SPOT) for size in background.shape[:2])
     square = slice(row, row + _SPOT), slice(column, column + _SPOT)
     light = [cv2.GaussianBlur(each.astype(np.float32), (0, 0), 4) for each in (background, other)]

@@ -1,11 +1,11 @@
-"""Presses of a ball of known size on a real sensor: how deep, how round and where is what the depth network feels?
+"""Quality of the depth network on presses of a ball of known size on a real sensor: depth, roundness and place.
 
-What should be measured is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
-somebody labelled, or else the one that the images tell (`press_truth.py`). Where neither is known the outline that is
-measured stands in. It says nothing of the measured depth, but it is the network's own, and so are its errors: depth is
-not judged by it. (Gel sinks in around a ball: the true depth lies between one and two caps.)
+The network should measure the cap of that ball. The cap's outline on the gel gives its depth: the labelled outline or,
+without labels, the one that the images show (`press_truth.py`). If neither is known, the measured outline stands in. It
+does not depend on the measured depth, but it is the network's own, and so are its errors: depth is not judged by it.
+(Gel sinks in around a ball: the true depth lies between one and two caps.)
 
-Only the shape is judged by what fits best: `felt_radius_mm` of the free sphere, `iou` with the nearest cap of the true
+Only the shape is judged by the best fit: `felt_radius_mm` of the free sphere, `iou` with the nearest cap of the true
 radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap under the outline cannot reach 1.
 """
 
@@ -37,9 +37,9 @@ _LARGEST_BALL = 0.1  # m
 
 @dataclasses.dataclass(frozen=True)
 class MeasuredPress:
-    """One press as measured. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; measured
-    and ideal (h, w) m; ideal is None where neither a circle nor an outline tells it; depth m, of the deepest point
-    below the untouched gel; found, the pipeline's contact decision; truth and nearest, centres (3,) m of the ideal ball
+    """One press as measured. Attributes: name; image: (320, 240, 3) uint8; difference: (h, w, 3) grey levels; measured,
+    ideal: maps (h, w) m; ideal is None if neither a circle nor an outline is known; depth [m]: of the deepest point
+    below the untouched gel; found: the pipeline's contact decision; truth, nearest: centres (3,) m of the ideal ball
     and of the one nearest to the measured map, or None.
     """
 
@@ -57,9 +57,9 @@ class MeasuredPress:
 def as_measured(
     tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None
 ) -> Iterator[MeasuredPress]:
-    """Every press with what should be measured of a ball of `radius` m; each with its own sensor calibration, if given.
+    """Yield every press as measured, and its ideal map for a ball of `radius` m; calibrations: of each press, if given.
 
-    Raises InputError if that is no radius of a ball, or smaller than a labelled circle.
+    Raises InputError if the radius is not that of a ball, or too small for a labelled circle.
     """
     if not 0 < radius <= _LARGEST_BALL / 2:
         raise InputError(f"ball of {2 * radius:g} m diameter: give it in metres, 0.0088 for 8.8 mm")
@@ -89,7 +89,7 @@ def measure_presses(
     progress: Callable[[int], object] = lambda presses: None,
     calibrations: Mapping[str, SensorCalibration] | None = None,
 ) -> tuple[list[dict], dict]:
-    """Figures of every press and their summary: the `presses` and `summary` of the `evaluate-presses` JSON."""
+    """Return the figures of every press and their summary: `presses` and `summary` of the `evaluate-presses` JSON."""
     rows = []
     for press in as_measured(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
@@ -98,9 +98,9 @@ def measure_presses(
 
 
 def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Where (H, W) bool a difference image (H, W, 3), grey levels, shows a contact or its shadow.
+    """Return the mask (H, W) bool of a contact and its shadow in a difference image (H, W, 3), grey levels.
 
-    The largest connected region of visible change and what is within half a millimetre of it.
+    It is the largest connected region of visible change and its surroundings within half a millimetre.
     """
     change = np.abs(cv2.GaussianBlur(difference, (0, 0), 1.5)).max(axis=2) > _VISIBLE
     region = _largest_region(change)
@@ -111,12 +111,12 @@ def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
 def _measured_contact(
     difference: np.ndarray, measured: np.ndarray, sensor: SensorModel, above: float = TOUCHED
 ) -> np.ndarray:
-    """Where (H, W) bool a penetration map goes above so many metres, in one region and where something is seen."""
+    """Return the largest region (H, W) bool of visible contact whose penetration exceeds `above` [m]."""
     return _largest_region((measured > above) & visible_contact(difference, sensor))
 
 
 def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor: SensorModel) -> np.ndarray:
-    """The ball's centre (3,) m under a circle labelled in an image with 1 / scale as many pixels a side as the map."""
+    """Return the ball's centre (3,) m under a labelled circle; scale: pixels of the map per pixel of its image."""
     ball = fit_sphere(circle_outline(circle, scale, sensor), radius)
     if ball.residual > _OUTLINE_RESIDUAL:
         raise InputError(
@@ -127,7 +127,7 @@ def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor
 
 
 def _under_measured(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
-    """The ball's centre (3,) m under the outline that is measured; None if that is too short to tell."""
+    """Return the ball's centre (3,) m under the measured outline; None if that is too short."""
     outline = mask_outline(region, sensor)
     return fit_sphere(outline, radius).centre if len(outline) >= _FEWEST else None
 
@@ -173,7 +173,7 @@ def _against_ideal(press: MeasuredPress) -> dict:
 
 
 def _measured_ball(measured: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tuple[float | None, bool]:
-    """Radius [m] of the sphere nearest to the core of a contact, None if it is none; whether the core bulges."""
+    """Return the radius [m] of the sphere nearest to a contact's core, None unless it bulges, and whether it does."""
     inside = np.where(contact, measured, 0)
     core = _largest_region(inside > _CORE * inside.max()) if contact.any() else contact
     if core.sum() < _FEWEST:
@@ -184,13 +184,13 @@ def _measured_ball(measured: np.ndarray, contact: np.ndarray, sensor: SensorMode
 
 
 def _iou(measured: np.ndarray, cap: np.ndarray) -> float:
-    """Intersection over union of two contacts (H, W) m."""
+    """Return the intersection over union of two contacts (H, W) m."""
     claimed, there = measured >= TOUCHED, cap >= TOUCHED
     return float((claimed & there).sum() / max((claimed | there).sum(), 1))
 
 
 def _summary(rows: list[dict], truth: str) -> dict:
-    """Fractions over all presses, medians over those that have the figure, correlation over those with a true depth."""
+    """Return fractions of all presses, medians of those with the figure, correlation of those with a true depth."""
 
     def median(key: str) -> float:
         values = [row[key] for row in rows if row[key] is not None]
@@ -221,14 +221,14 @@ def _summary(rows: list[dict], truth: str) -> dict:
 
 
 def _correlation(pairs: list[tuple[float, float]]) -> float:
-    """Pearson's correlation of pressed and measured peak; nan where fewer than three or one side never changes."""
+    """Return Pearson's correlation of pressed and measured peak; nan for fewer than three, or if one never changes."""
     if len(pairs) < 3 or (np.ptp(pairs, axis=0) == 0).any():
         return float("nan")
     return float(np.corrcoef(np.transpose(pairs))[0, 1])
 
 
 def _roundness(mask: np.ndarray) -> float:
-    """Area over that of the smallest circle around it: 1 for a disc, 0 for nothing."""
+    """Return the area over that of the smallest circle around it: 1 for a disc, 0 for nothing."""
     rows, columns = np.nonzero(mask)
     if not len(rows):
         return 0.0
@@ -238,7 +238,7 @@ def _roundness(mask: np.ndarray) -> float:
 
 
 def _largest_region(mask: np.ndarray) -> np.ndarray:
-    """The largest connected region (H, W) bool of a mask, empty if it is."""
+    """Return the largest connected region (H, W) bool of a mask; empty if the mask is."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     if len(stats) < 2:
         return np.zeros(mask.shape, bool)

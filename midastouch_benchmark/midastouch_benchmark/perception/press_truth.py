@@ -1,8 +1,8 @@
-"""Which presses of a ball can be judged, where the ball is in each, and with which sensor calibration.
+"""Truth of presses of a ball: the usable presses, the ball's place in each, and the sensor calibrations.
 
-The ball is known by labels, else by the images themselves: every press's contact is moved until one light for all
-presses explains the images best, as `midastouch calibrate` does; no network and no label takes part. Else it is taken
-from the outline that the network measures; by that the network seems several times better than it is.
+The ball is known by labels. Without labels the images give it: every press's contact is moved until one light for all
+presses explains the images best, as `midastouch calibrate` does; no network and no label takes part. If that fails, it
+is taken from the outline that the network measures, by which the network seems several times better than it is.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from .press_quality import visible_contact
 
 
 class FittedBall:
-    """Reads a press as `DepthNet` does, but knows the ball: its cap where the images put it.
+    """Replacement of `DepthNet` that knows the ball: it returns the ball's cap at the place that the images give.
 
-    Args: presses; ball_diameter m; sensor at full size. Raises InputError as `calibrate`. Attributes: sensor, at the
-    map's resolution; presses, those that could be fitted, with these circles in place of the labels; unfitted, by file
-    name why the others could not be.
+    Args: presses; ball_diameter: m; sensor: at full size. Raises InputError as `calibrate`. Attributes: sensor: at the
+    map's resolution; presses: those that could be fitted, with these circles in place of the labels; unfitted: reasons
+    by file name why the others could not be fitted.
     """
 
     def __init__(self, presses: BallPresses, ball_diameter: float, sensor: SensorModel):
         names = list(presses.images)
-        # more do not say more, and the fit takes no more
+        # the fit takes no more, and more would not improve it
         chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, MOST).round().astype(int))]
         images = {name: presses.images[name] for name in chosen}
         result = calibrate(images, presses.background, ball_diameter, sensor, diameter_is_right=True)
@@ -49,20 +49,20 @@ class FittedBall:
         self.unfitted = {name: problems.get(name, beyond) for name in names if name not in fitted}
 
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """The press's change (H, W, 3) grey levels."""
+        """Return the press's change (H, W, 3) grey levels."""
         return self._fitted[image.tobytes()][0].change
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray) -> np.ndarray:
-        """Penetration (H, W) m of the ball."""
+        """Return the penetration (H, W) m of the ball."""
         return np.maximum(self._fitted[image.tobytes()][1], 0)
 
     def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
-        """The deepest penetration [m]: how far the gel sinks in beside the ball is not known."""
+        """Return the deepest penetration [m]; the sinking of the gel around the ball is not known."""
         return float(penetration.max())
 
 
 def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
-    """Column, row and radius of a press's contact in pixels of the full image."""
+    """Return column, row and radius of a press's contact in pixels of the full image."""
     contact, scale = press.contact, sensor.width / press.change.shape[1]
     # the middle of a pixel of the map lies between pixels of the image
     u, v = (scale * (place + 0.5) - 0.5 for place in (contact.u, contact.v))
@@ -71,8 +71,8 @@ def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
 
 @dataclasses.dataclass(frozen=True)
 class KnownPresses:
-    """presses, with circles wherever labels or images tell them; unfitted, by file name why the images do not tell a
-    press's; problem, why depth cannot be judged, empty if it can.
+    """Presses and their truth. presses: with a circle for each press whose labels or images give one; unfitted: reasons
+    by file name why the images give none; problem: why depth cannot be judged, empty if it can.
     """
 
     presses: BallPresses
@@ -81,7 +81,7 @@ class KnownPresses:
 
 
 def with_truth(presses: BallPresses, ball_diameter: float, sensor: SensorModel) -> KnownPresses:
-    """The presses with the best circles there are; ball_diameter m, sensor at full size."""
+    """Return the presses with the best circles available; ball_diameter: m; sensor: at full size."""
     if presses.circles is not None:
         return KnownPresses(presses, {})
     try:
@@ -93,9 +93,9 @@ def with_truth(presses: BallPresses, ball_diameter: float, sensor: SensorModel) 
 
 
 def usable_presses(presses: BallPresses, sensor: SensorModel) -> tuple[BallPresses, dict[str, str]]:
-    """The presses that show something on this sensor, and by file name why the others do not.
+    """Return the presses that show something on this sensor, and by file name the reasons why the others do not.
 
-    sensor at full size. Repeated images are not used. Raises InputError if the no-contact image shows nothing,
+    sensor: at full size. Repeated images are not used. Raises InputError if the no-contact image shows nothing,
     or no press can be used.
     """
     if problem := colour_layout.image_problem(presses.background, None):
@@ -116,7 +116,7 @@ def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sen
     seen = light.difference(reduce_image(image))
     return (
         colour_layout.exposure_problem(image, ball_presses.MOST_SPOILED)
-        # an image that is turned differs everywhere too; how it is turned says more
+        # a turned image differs everywhere, too, but its turn is the better explanation
         or colour_layout.turned_since(image, background)
         or ball_presses.sensor_mismatch(image, seen)
         or ("" if visible_contact(without_drift(seen), sensor.for_maps).any() else "nothing touches the gel")
@@ -124,10 +124,11 @@ def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sen
 
 
 def calibrations_of(settings: dict, presses: BallPresses, sensor: SensorModel) -> dict[str, SensorCalibration] | None:
-    """The calibration that each press is judged with, by file name; None where there is none.
+    """Return the calibration by which each press is judged, by file name; None if the settings have none.
 
-    settings: `calibration`, a file, `calibrated_with`, a number of presses, and `seed` and `ball_diameter` of an
-    `evaluate-presses` result; sensor at full size. Raises InputError if it cannot be read or made, or is another gel's.
+    settings: `calibration`, a file, `calibrated_with`, a number of presses, `seed` and `ball_diameter` of an
+    `evaluate-presses` result; sensor: at full size. Raises InputError if a calibration cannot be read or made, or is
+    another gel's.
     """
     if settings.get("calibration"):
         given = SensorCalibration.load(settings["calibration"])
@@ -144,9 +145,9 @@ def calibrations_of(settings: dict, presses: BallPresses, sensor: SensorModel) -
 def held_out_calibrations(
     presses: BallPresses, ball_diameter: float, sensor: SensorModel, n: int, rng: np.random.Generator
 ) -> dict[str, SensorCalibration]:
-    """For every press, by file name, a calibration from `n` of the others, whose labels it does not look at.
+    """Return, for every press by file name, a calibration from `n` of the others; labels are not used.
 
-    The presses are dealt into as few groups, at least two, as leave n outside each; sensor at full size. Raises
+    The presses are divided into as few groups, at least two, as leave n outside each; sensor: at full size. Raises
     InputError as `calibrate`, and for too few presses.
     """
     names = list(presses.images)

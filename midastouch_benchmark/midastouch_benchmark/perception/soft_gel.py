@@ -1,8 +1,8 @@
-"""What soft gel does to penetration maps, depth, poses and codes; these are made for gel that sinks in by a rule.
+"""Effect of soft gel on penetration maps, depth, poses and codes, which were made for gel that sinks in by a rule.
 
-Touches at known poses and presses of known depth, as measured sensors see them: the optics are those of real gel, its
-shape is that of an elastic layer. Beside them the same on gel that sinks in by the rule that was fitted to the sensor's
-presses, which is what every other evaluation simulates.
+Touches at known poses and presses of known depth are seen by measured sensors: the optics are those of real gel, its
+shape is that of an elastic layer. For comparison, the same is done on gel that sinks in by the rule that was fitted to
+the sensor's presses, which every other evaluation simulates.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from ..single_touch.matches import best_matches, single_touch_errors
 from ..trials.real_sensor import calibrate_measured, within_gel
 
 THICKNESSES = (None, 1.5e-3, 3e-3, 6e-3)
-"""m of the elastic layers; None: by the fitted rule."""
+"""Thicknesses [m] of the elastic layers; None: gel that sinks in by the fitted rule."""
 _BOOK = 5000  # poses among which a touch is looked for
 _AROUND = 1e-3  # m above the gel, within which it may bulge out to the object
-_PRIOR = np.diag([1e-3**2] * 3 + [np.radians(4.0) ** 2] * 3)  # of the pose that is aligned: the filter's, converged
+_PRIOR = np.diag([1e-3**2] * 3 + [np.radians(4.0) ** 2] * 3)  # before alignment: as of the converged filter
 _TOUCHES_ONLY = ContactSampling(free_fraction=0.0)
 _CHUNK = 250  # maps rendered at a time: bounds memory
-_COMMANDED = 0.25e-3, 1e-3  # m that something is pressed in
-_FROM_MIDDLE = 2e-3  # m, the most
+_COMMANDED = 0.25e-3, 1e-3  # m, range of the depths of presses
+_FROM_MIDDLE = 2e-3  # m, largest offset of a press
 _RADII = 2.5e-3, 5e-3  # m of balls
 _FACES = 3e-3, 6e-3  # m, sides of flat faces
 
@@ -48,8 +48,8 @@ _FACES = 3e-3, 6e-3  # m, sides of flat faces
 class SoftSensor:
     """A measured sensor whose gel is an elastic layer, or sinks in by the rule.
 
-    Args: optics, measured; sensor, geometry at full size; thickness, one of `THICKNESSES`; presses, of the ten presses
-    of a ball by which it is calibrated, or None if it is not. Attribute: about, what rows of a result say of it.
+    Args: optics: measured; sensor: geometry at full size; thickness: one of `THICKNESSES`; presses: draws the ten
+    presses of a ball that calibrate the sensor, None for no calibration. Attribute: about: its columns in a result.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class SoftSensor:
         if thickness is not None:
             small = sensor.for_maps
             self._layer = ElasticLayer((small.height, small.width), small.pixel_size, thickness)
-            # the layer has sunk in already
+            # the elastic layer already sinks in
             self._optics = dataclasses.replace(optics, shape=dataclasses.replace(optics.shape, fraction=0.0))
         self.about = {
             "sensor": optics.name,
@@ -74,9 +74,9 @@ class SoftSensor:
         self._tdn = load_tdn("fast", sensor, calibration=known)
 
     def contacts(self, depths: np.ndarray, seed: int) -> list[Contact]:
-        """What objects (N, H, W) m, positive in the untouched gel, are taken for; each image is a stream's first.
+        """Return the contacts read from objects at depths (N, H, W) m, positive in the untouched gel.
 
-        seed: of light and noise.
+        Each image is the first of a stream. seed: of light and noise.
         """
         camera = MeasuredSensor(self._optics, self._sensor, np.random.default_rng(seed))
         images = camera.images(self._heights(depths))
@@ -89,7 +89,7 @@ class SoftSensor:
 
 
 class SoftGelTouches:
-    """Touches on one object. Args: mesh; sensor, at full size; tcn; touches, how many; rng."""
+    """Touches on one object. Args: mesh; sensor: at full size; tcn; touches: their number; rng."""
 
     def __init__(
         self, mesh: ObjectMesh, sensor: SensorModel, tcn: TactileCodeNet, touches: int, rng: np.random.Generator
@@ -104,7 +104,7 @@ class SoftGelTouches:
         self._seed = int(rng.integers(2**32))
 
     def seen_by(self, sensor: SoftSensor) -> Iterator[dict]:
-        """A row for each touch; light and noise are those on every other gel."""
+        """Yield a row for each touch; light and noise are the same on every gel."""
         contacts = sensor.contacts(self._depths, self._seed)
         codes = self._tcn.encode(np.stack([contact.penetration for contact in contacts]))
         errors = single_touch_errors(
@@ -129,8 +129,8 @@ class SoftGelTouches:
 
 
 class CommandedPresses:
-    """Balls and flat faces that are pressed into the gel as deep as an arm is told to. Args: sensor, at full size;
-    presses, of each kind; rng."""
+    """Balls and flat faces that are pressed into the gel to a commanded depth. Args: sensor: at full size; presses:
+    number of each kind; rng."""
 
     def __init__(self, sensor: SensorModel, presses: int, rng: np.random.Generator):
         self._depths: dict[str, list[np.ndarray]] = {"ball": [], "flat face": []}
@@ -147,7 +147,7 @@ class CommandedPresses:
         self._seed = int(rng.integers(2**32))
 
     def seen_by(self, sensor: SoftSensor) -> Iterator[dict]:
-        """A row for each press: how deep it is, and what depth is read."""
+        """Yield a row for each press: its commanded depth, and the depth that is read."""
         for kind, depths in self._depths.items():
             contacts = sensor.contacts(np.stack(depths), self._seed)
             for there, contact in zip(depths, contacts, strict=True):

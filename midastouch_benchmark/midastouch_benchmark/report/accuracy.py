@@ -1,4 +1,4 @@
-"""The section of `midastouch benchmark`: errors per object, variants against time, calibration."""
+"""Section of the results page on `midastouch benchmark`: errors per object, variants against time, calibration."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from .trial_figures import final_error_figure
 
 _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
-_POINT = 5.0  # pt, half of what a marker takes
-_NEXT = 9.0  # pt, of a label beside its point
+_POINT = 5.0  # pt, half the size of a marker
+_NEXT = 9.0  # pt, from a point to a label next to it
 _DISTANCES, _ANGLES = np.arange(_NEXT, 160, 8), np.radians(np.arange(0, 360, 15))
 
 
 def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str]) -> None:
-    """Write labels at points in data coordinates, the first ones nearest: each where there is room, rather away from
-    the crowd, and joined by a line where it is not next to its point. The figure must have been laid out."""
+    """Write labels at points in data coordinates, the first ones nearest; the figure must have been laid out. Each goes
+    where there is room, preferably away from the crowd. A line joins a label to its point unless it is next to it."""
     scale = 72 / axes.figure.dpi
     where = scale * axes.transData.transform(np.array(points, float))
     frame = scale * axes.bbox.extents
@@ -58,8 +58,8 @@ def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str
 def _free_box(
     point: np.ndarray, outwards: np.ndarray, width: float, frame: np.ndarray, taken: list[tuple]
 ) -> tuple[tuple, np.ndarray, float]:
-    """A box (left, bottom, right, top) that is free, its corner's offset and its distance from the point; where none is
-    free, the likeliest one within the frame."""
+    """Return a free box (left, bottom, right, top), its corner's offset and its distance from the point; if none is
+    free, the most preferred one within the frame."""
     distance, angle = (grid.ravel() for grid in np.meshgrid(_DISTANCES, _ANGLES))
     away = np.cos(angle - np.arctan2(outwards[1], outwards[0]))
     boxes = []
@@ -94,8 +94,8 @@ _ERROR = "e_trans_mm"
 
 
 def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
-    """Mean final error over the filter's CPU milliseconds per frame, a column per init. `comparison` as of
-    `compare_variants`, `variants` their descriptions by name."""
+    """Plot the mean final error over the filter's CPU milliseconds per frame, a column per init; comparison: rows of
+    `compare_variants`; variants: their descriptions by name."""
     columns = rows_by_init(comparison)
     figure = Figure(figsize=(7 * len(columns), 5.2), layout="constrained")
     (grid,) = figure.subplots(1, len(columns), squeeze=False)
@@ -103,7 +103,7 @@ def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
         _draw(axes, rows, variants)
         axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
     figure.legend(*_handles(grid), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
-    figure.draw_without_rendering()  # where things lie is known only then
+    figure.draw_without_rendering()  # positions are known only after this
     for axes, rows in zip(grid, columns.values(), strict=True):
         label_points(axes, [(row["cpu_ms_filter"], row[_ERROR]) for row in rows], [row["variant"] for row in rows])
     return figure
@@ -150,7 +150,7 @@ _KIND_STYLES = {
 
 
 def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Tables and pictures of result files of `midastouch benchmark`."""
+    """Add tables and pictures of result files of `midastouch benchmark`; the pictures go into `folder`."""
     for k, content in enumerate(contents):
         config = content["config"]
         page.heading(f"Accuracy over {len(content['objects'])} objects, protocol {config['protocol']}")
@@ -182,7 +182,7 @@ def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -
 
 
 def _variants(page: Page, content: dict, path: Path) -> None:
-    """Every variant against the default, if there are any."""
+    """Add every variant against the default, if there are variants."""
     comparison = content["comparison"]
     if len(content["variants"]) < 2 or not comparison:
         return
@@ -195,7 +195,7 @@ def _variants(page: Page, content: dict, path: Path) -> None:
 
 
 def _likelihood(page: Page, content: dict, path: Path) -> None:
-    """Calibration of the likelihood of single touches, per object and over all."""
+    """Add the calibration of the likelihood of single touches, per object and over all."""
     counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
     if not counts:
         return
@@ -208,8 +208,8 @@ def _likelihood(page: Page, content: dict, path: Path) -> None:
 
 
 def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Observed fraction (L,) over predicted fraction `levels` (L,) of each curve, (fractions, line style) by its name;
-    the diagonal is perfect calibration."""
+    """Plot observed over predicted fractions `levels` (L,); the diagonal is perfect calibration. curves: observed
+    fractions (L,) and line style, by name."""
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)

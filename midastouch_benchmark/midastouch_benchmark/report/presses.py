@@ -1,4 +1,4 @@
-"""The section of the results page on real presses of a ball."""
+"""Section of the results page on real presses of a ball."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TITLES = ("image", "difference", "measured", "ideal")
 
 
 def press_figure(presses: list[MeasuredPress]) -> Figure:
-    """Four pictures a press, two presses a row; one colour scale of penetration for all."""
+    """Draw four pictures a press, two presses a row, with one colour scale of penetration for all."""
     rows = -(-len(presses) // _ACROSS)
     figure = Figure(figsize=(12, 2.1 * rows + 0.4), layout="constrained")
     axes = figure.subplots(rows, 4 * _ACROSS, squeeze=False)
@@ -46,8 +46,8 @@ def press_figure(presses: list[MeasuredPress]) -> Figure:
 
 
 def depth_figure(content: dict) -> Figure:
-    """Measured over pressed depth, and the radius measured, of every press of an `evaluate-presses` result, with the
-    truth."""
+    """Plot measured depth and measured radius over the pressed depth, of every press of an `evaluate-presses` result,
+    with the truth."""
     known = [row for row in content["presses"] if row["ideal_peak_mm"] is not None]
     figure = Figure(figsize=(10, 3), layout="constrained")
     depth, radius = figure.subplots(1, 2)
@@ -71,7 +71,7 @@ _SHOWN = 12
 
 
 def press_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Table, measured over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
+    """Add the table of `evaluate-presses` results and, of each, measured over pressed depth and `_SHOWN` presses."""
     page.heading("Real presses of a ball")
     page.note(
         "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
@@ -91,7 +91,7 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 def _measured_again(content: dict) -> list[MeasuredPress]:
-    """Some presses with the network of the result; InputError if that or the images are not there any more."""
+    """Measure some presses again with the network of the result; InputError if it or the images are gone."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:
         sensor = sensor.at_scale(1e3 * content["px_per_mm"])

@@ -1,4 +1,4 @@
-"""The page that `midastouch report` makes of result files."""
+"""Page that `midastouch report` makes of result files."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from .trial_figures import final_error_figure, stage_figure, trial_error_figure
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:
-    """Write `index.html`, its pictures and the same as `index.md` for (file name, content) pairs into `folder`; returns
-    the path of the first.
+    """Write a page on (file name, content) pairs into `folder`, as `index.html` and `index.md` with their pictures.
 
-    Files of the same command go into one section. Raises InputError for a file of no known command.
+    Files of the same command go into one section. Returns the path of `index.html`. Raises InputError for a file of an
+    unknown command, or an incomplete one.
     """
     folder = Path(folder)
     by_kind: dict[Callable, list[dict]] = {}
@@ -109,7 +109,7 @@ def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
-    """The true path on the mesh with where the trials thought they were; a note without the mesh."""
+    """Add a picture of the true path and the published poses on the mesh; without the mesh, a note."""
     if not Path(sequence["mesh"]).is_file():
         page.note(f"no picture of the paths: the mesh {sequence['mesh']} is not there")
         return
@@ -118,7 +118,7 @@ def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
     estimates = []
     for trial in trials:
         known = [row for row in trial["per_frame"]["estimate"] if row is not None]
-        # the path of the second half: the first still searches
+        # only the second half: in the first the filter still searches
         if known:
             estimates.append(se3.from_xyzquat(np.array(known[len(known) // 2 :])))
     with atomic_path(path) as temporary:
@@ -163,7 +163,7 @@ def _identification(page: Page, contents: list[dict], folder: Path) -> None:
         page.note("; ".join(f"{answer}: {times}" for answer, times in wrong.items()) or "every answer is right")
 
 
-# what varies, what stays, label
+# varied number, constant number, label
 _COLUMNS = ("particles", "poses", "hypotheses at the start"), ("poses", "particles", "codebook poses")
 
 
@@ -177,7 +177,7 @@ def _scaling(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 def scaling_figure(points: list[dict]) -> Figure:
-    """CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
+    """Plot CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     columns = figure.subplots(2, 2, sharex="col", sharey="row").T
     for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):

@@ -33,10 +33,10 @@ _LIGHTNESS, _CHROMA = 70.0, 75.0
 
 
 def codebook_places(codebook: Codebook) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (C, 3) m of a codebook with their mean outward normals (C, 3) and mean codes (C, D).
+    """Return places (C, 3) m of a codebook with their mean outward normals (C, 3) and mean codes (C, D).
 
-    A place is 3 mm of the surface on one side of a thin part. The mean over its entries, which differ in yaw, tells
-    of the surface and not of how a finger lies on it.
+    A place is 3 mm of the surface on one side of a thin part. Its entries differ in yaw, so their mean depends on the
+    surface and not on how a finger lies on it.
     """
     position, outward = codebook.poses[:, :3, 3], codebook.poses[:, :3, 2]
     keys = np.hstack([np.rint(position / _CELL), np.rint(outward)])
@@ -50,10 +50,10 @@ def codebook_places(codebook: Codebook) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def code_colours(codes: np.ndarray) -> np.ndarray:
-    """RGB (C, 3) in [0, 1] of codes (C, D): their t-SNE map (as in the paper's figure 3) laid over a plane of CIELAB.
+    """Return RGB (C, 3) in [0, 1] of codes (C, D): their t-SNE map (the paper's figure 3) laid over a plane of CIELAB.
 
-    The map's axes are replaced by ranks, so that the colours are used evenly. Of many codes some are mapped, and the
-    others have the colour of the nearest of those.
+    The map's axes are replaced by ranks, so that the colours are used evenly. If there are many codes, only some are
+    mapped, and each of the others has the colour of the nearest mapped one.
     """
     chosen = np.unique(np.linspace(0, len(codes) - 1, _MAPPED).round().astype(int))
     ranks = _plane(codes[chosen]).argsort(axis=0).argsort(axis=0)
@@ -64,7 +64,7 @@ def code_colours(codes: np.ndarray) -> np.ndarray:
 
 
 def _plane(codes: np.ndarray) -> np.ndarray:
-    """Codes (C, D) as points (C, 2) of a plane, like ones near each other."""
+    """Return codes (C, D) as points (C, 2) of a plane, similar codes near each other."""
     if len(codes) < _FEWEST_MAPPED:
         plane = np.zeros((len(codes), 2))
         plane[:, : codes.shape[1]] = codes[:, :2]
@@ -101,7 +101,7 @@ def single_touch_section(page: Page, contents: list[dict], folder: Path) -> None
 
 
 def _compared(objects: list[dict]) -> dict[str, list[dict]]:
-    """Results by way of encoding, each in the form of an object's entry, of the ways that all objects have."""
+    """Return, for each way of encoding that all objects have, its results in the form of the objects' entries."""
     out = {}
     for way in (OURS, *BASELINES):
         details = [one["baselines"].get("details", {}).get(way) for one in objects]
@@ -142,13 +142,13 @@ def _title(one: dict) -> str:
 
 
 def overview(mesh: ObjectMesh, width: int) -> ObjectView:
-    """The mesh from the side that shows most of its surface."""
+    """Return a view of the mesh from the side that shows most of its surface."""
     points, normals, _ = mesh.sample_surface(400, np.random.default_rng(0))
     return ObjectView(mesh, se3.make(se3.frame_from_normal(normals, np.zeros(len(normals))), points), width)
 
 
 def error_picture(view: ObjectView, cells: np.ndarray) -> np.ndarray:
-    """Mean error by place, rows (C, 8) of `CELL_COLUMNS`, on the object, blue 0 to red 1; (H, W, 3) uint8."""
+    """Paint the mean error by place, rows (C, 8) of `CELL_COLUMNS`, on the object, blue 0 to red 1; (H, W, 3) uint8."""
     error, touches = cells[:, 6], cells[:, 7]
 
     def colours(sums: np.ndarray) -> np.ndarray:
@@ -158,13 +158,13 @@ def error_picture(view: ObjectView, cells: np.ndarray) -> np.ndarray:
 
 
 def codebook_picture(view: ObjectView, codebook: Codebook) -> np.ndarray:
-    """The codebook's codes as colours on the object; (H, W, 3) uint8."""
+    """Paint the codebook's codes as colours on the object; (H, W, 3) uint8."""
     places, outward, codes = codebook_places(codebook)
     return view.painted(places, outward, code_colours(codes), lambda colours: colours)
 
 
 def grid_figure(pictures: dict[str, Callable[[], np.ndarray]], bar: str | None = None) -> Figure:
-    """Pictures with their titles, five a row; `bar` labels a colour bar of the errors' colours."""
+    """Draw pictures with their titles, five a row; bar: label of a colour bar of the errors' colours."""
     columns = min(_COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
     figure = Figure(figsize=(2.6 * columns + (0.7 if bar else 0), 2.2 * rows), layout="constrained")
@@ -182,7 +182,7 @@ def grid_figure(pictures: dict[str, Callable[[], np.ndarray]], bar: str | None =
 
 
 def _framed(picture: np.ndarray) -> np.ndarray:
-    """What is not white in a picture (H, W, 3), in a white frame 4 wide and 3 high."""
+    """Crop a picture (H, W, 3) to its part that is not white, and centre it in a white frame 4 wide and 3 high."""
     rows, columns = (np.flatnonzero((picture < 250).any(axis=(axis, 2))) for axis in (1, 0))
     shown = picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     height, width = shown.shape[:2]
@@ -193,7 +193,7 @@ def _framed(picture: np.ndarray) -> np.ndarray:
 
 
 def violin_figure(results: dict[str, list[dict]]) -> Figure:
-    """Distribution of the normalised top-25 error per object: the paper's figures 4 and 14.
+    """Plot the distribution of the normalised top-25 error per object: the paper's figures 4 and 14.
 
     results: by way of encoding, entries with `object` and `errors`, in the same order for all ways. Two ways share a
     violin, half of it each; more stand side by side.

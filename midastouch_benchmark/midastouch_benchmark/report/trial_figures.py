@@ -9,9 +9,9 @@ from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PAR
 
 
 def trial_error_figure(title: str, trials: list[dict]) -> Figure:
-    """Mean over the trials of one sequence of the particle errors over the frames, with their quartiles.
+    """Plot the median and the quartiles of the errors over the frames, from the trials of one sequence.
 
-    `trials` as in the `evaluate` JSON. Right part of the paper's figures 7, 21, 22.
+    trials: as in the `evaluate` JSON. This is the right part of the paper's figures 7, 21, 22.
     """
     figure = Figure(figsize=(10, 3.2), layout="constrained")
     figure.suptitle(title, fontsize=11)
@@ -37,8 +37,8 @@ def trial_error_figure(title: str, trials: list[dict]) -> Figure:
 
 
 def final_error_figure(trials: list[dict]) -> Figure:
-    """Box plots per object of the final particle errors, beside the closest mode's: the paper's figures 8
-    and 20."""
+    """Draw box plots per object of the final errors of particles, closest mode and published pose: the paper's figures
+    8 and 20."""
     objects = sorted({t["object"] for t in trials})
     figure = Figure(figsize=(max(6.0, 1.5 * len(objects) + 3), 7), layout="constrained")
     for axes, key, label in zip(
@@ -75,7 +75,7 @@ def _finite(values) -> list[float]:
 
 
 def stage_figure(speed: dict) -> Figure:
-    """Milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
+    """Plot the milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
     names, rows = [], []
     for key, label in (
         ("tdn_ms", "TDN"),

@@ -1,6 +1,6 @@
-"""How old an image is when the filter learns where the sensor was at its stamp, beside a fast arm.
+"""Age of an image when the filter finds the sensor's transform at its stamp, while a fast arm publishes.
 
-As a module it is that arm, and a camera: `python -m midastouch_benchmark.ros.pose_age`.
+Run as a module, this file is that arm and a camera: `python -m midastouch_benchmark.ros.pose_age`.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from midastouch_filter.transforms.queue import Wait
 from ..speed.timing import time_calls
 
 TRANSFORMS_HZ, IMAGES_HZ = 500, 30
-_STEPPING = 1 / 3  # of the time, for reading the transforms takes a third of a fast core, and more of a slow one
+_STEPPING = 1 / 3  # of the time: reading the transforms takes a third of a fast core, and more of a slow one
 _TIMED_STEPS = 20
-# An arm on whose last link the gel is, and a hand beside it: 20 links in one message, as of a robot_state_publisher.
+# An arm with the gel on its last link, and a hand: 20 links in one message, as a robot_state_publisher sends them.
 _ARM = ["base_link", *(f"arm_{i}" for i in range(1, 8)), "digit_gel_frame"]
 _HAND = ["arm_7", *(f"hand_{i}" for i in range(1, 13))]
 _SETTLED = 10  # images, until all are connected
@@ -44,10 +44,10 @@ _TIMEOUT_S = 60.0
 
 
 def pose_age(step: Callable[[], object], images: int = 150) -> dict:
-    """pose_age_ms: from an image's stamp until its transform is found, with 500 Hz of transforms of 20 links from
-    another process and `step` called after each image; pose_age_hz: how many images a second, see `followed_rate`.
+    """Measure pose_age_ms, the time from an image's stamp until its transform is found, at pose_age_hz images a second.
 
-    Raises InputError if nothing comes.
+    Another process sends 500 Hz of transforms of 20 links, and `step` is called after each image; `followed_rate` sets
+    the rate of the images. Raises InputError if too few images find their transform in time.
     """
     domain = own_domain()
     rate = followed_rate(1e-3 * float(np.mean(time_calls(step, _TIMED_STEPS).wall_ms)))
@@ -64,12 +64,12 @@ def pose_age(step: Callable[[], object], images: int = 150) -> dict:
 
 
 def followed_rate(step_s: float) -> float:
-    """Images a second that a machine whose step takes so long can follow; beyond, ages are those of a queue."""
+    """Return the images a second that a machine with steps of `step_s` [s] can follow; beyond that, images queue."""
     return min(float(IMAGES_HZ), _STEPPING / step_s)
 
 
 def _listen(context: rclpy.Context, step: Callable[[], object], images: int, seconds: float) -> list[float]:
-    """Age [ms] of each image."""
+    """Return the age [ms] of each image."""
     node = Node("pose_age", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,1 +1,1 @@
-"""How far one touch alone tells where the sensor is."""
+"""Single-touch localisation: the pose of the sensor from one touch alone."""

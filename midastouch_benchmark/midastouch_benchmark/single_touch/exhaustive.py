@@ -1,7 +1,7 @@
-"""How well one touch could be found: its penetration map, compared with what is measured at every pose of a book.
+"""Limit of single-touch localisation: the penetration map of a touch is compared with every pose of a book.
 
-Each pose is aligned with the map, as the filter does, and those that explain most of it are the matches. With the true
-map nobody can do better; with the measured one, no code of it can.
+Each pose is aligned with the map, as in the filter, and the poses that explain most of it are the matches. With the
+true map no method can do better; with the measured map, no code made of it can.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from midastouch_perception.sensor_model import SensorModel
 from .matches import TOP
 
 BOOK = 3000
-"""Poses of the book: a map takes some seconds."""
+"""Number of poses of the book; a map then takes some seconds."""
 
 
 def exhaustive_matches(
@@ -31,8 +31,8 @@ def exhaustive_matches(
     rng: np.random.Generator,
     progress: Callable[[int], object] = lambda maps: None,
 ) -> np.ndarray:
-    """Entries (Q, min(TOP, M)) of a book of poses (M, 4, 4) `T_obj_gel` that explain most of each of the penetration
-    maps (Q, H, W) m; they come in no order. A map of no touch is matched by chance.
+    """Return the entries (Q, min(TOP, M)) of a book of poses (M, 4, 4) `T_obj_gel` that explain most of each of the
+    penetration maps (Q, H, W) m; they come in no order. An empty map is matched by chance.
 
     sensor: at image resolution. progress: called with 1 after each map.
     """

@@ -1,20 +1,20 @@
-"""Single-touch localisation: how near the codebook's best matches for one touch are to where it was.
+"""Errors of single-touch localisation: distances of the codebook's best matches for one touch from its true pose.
 
 Paper section 4.2, figures 4 and 14: "for each query, we get the top-25 highest scores from the tactile codebook, and
 compute their minimum pose-error", "normalized by the error from a randomly-sampled touch". The pose error is the
 distance of the 6-vectors of section 4.2 (alpha = 0.01 m/rad), given here with the geodesic angle on SO(3) as well.
 
-The paper leaves open what a random touch is, and the two readings differ threefold:
+The paper does not define a random touch, and the two readings differ threefold:
 
-- 25 random touches, the nearest of which counts, as it does for the 25 matches. So the authors' published evaluation
-  computes it; a codebook that says nothing scores 1. This is `normalised_top25_error`, and what the paper's 0.473
-  (image embedding: 0.546) can be compared with.
-- One random touch. A codebook that says nothing then scores 0.3 to 0.43, depending on the object. This is
+- 25 random touches, the nearest of which counts, as it does for the 25 matches. The authors' published evaluation
+  computes it in this way; a codebook without information scores 1. This is `normalised_top25_error`, which can be
+  compared with the paper's 0.473 (image embedding: 0.546).
+- One random touch. A codebook without information then scores 0.3 to 0.43, depending on the object. This is
   `normalised_by_single_random`.
 
-Both divide by the mean over all queries, not query by query. The authors query with the codebook's own poses, each
-but itself, and average by the median over objects of the medians over queries; here the queries are fresh poses under
-fresh light, figures are means over queries and objects, and the medians stand beside them.
+Both divide by the mean over all queries, not query by query. The authors query with the codebook's own poses, each of
+which is left out of its matches, and average by the median over objects of the medians over queries. Here the queries
+are fresh poses under fresh light, figures are means over queries and objects, and the medians are given, too.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _QUERIES_A_BLOCK = 256  # 50 MB of scores against 50,000 entries
 class PoseErrors:
     """Errors (Q,) [m] of Q queries under one pose distance.
 
-    Attributes: best, smallest among the matches; random, smallest among as many random entries of the book;
-    single_random, of one random entry.
+    Attributes: best: smallest among the matches; random: smallest among as many random entries of the book;
+    single_random: of one random entry.
     """
 
     best: np.ndarray
@@ -60,8 +60,8 @@ class SingleTouchErrors:
     nearest: np.ndarray
 
     def summary(self) -> dict[str, float]:
-        """The `summary` of the `single-touch` JSON: `random_error` and `single_random_error` in metres, the rest are
-        ratios. `nearest_entry` is what perfect codes would score: the book is no denser than that."""
+        """Return the `summary` of the `single-touch` JSON: `random_error` and `single_random_error` in metres, the rest
+        as ratios. `nearest_entry` is the score of perfect codes, which the density of the book limits."""
         six, geodesic = self.six_vector, self.geodesic
         return {
             "normalised_top25_error": float(six.normalised.mean()),
@@ -77,7 +77,7 @@ class SingleTouchErrors:
 
 
 def best_matches(book_codes: np.ndarray, query_codes: np.ndarray) -> np.ndarray:
-    """Entries (Q, min(TOP, M)) of a book's codes (M, D) with the highest scores for each of the queries (Q, D).
+    """Return the entries (Q, min(TOP, M)) of a book's codes (M, D) with the highest scores for each query (Q, D).
 
     The score is the scalar product, for unit codes the paper's cosine (Eq. 2); the entries come in no order.
     """
@@ -93,9 +93,9 @@ def best_matches(book_codes: np.ndarray, query_codes: np.ndarray) -> np.ndarray:
 def single_touch_errors(
     book_poses: np.ndarray, query_poses: np.ndarray, matches: np.ndarray, rng: np.random.Generator
 ) -> SingleTouchErrors:
-    """Errors of queries at poses (Q, 4, 4) matched with entries (Q, K) of a book of poses (M, 4, 4).
+    """Return the errors of queries at poses (Q, 4, 4) matched with entries (Q, K) of a book of poses (M, 4, 4).
 
-    The random touches are K entries of the book a query, drawn uniformly with replacement.
+    The random touches of a query are K entries of the book, drawn uniformly with replacement.
     """
     drawn = rng.integers(len(book_poses), size=matches.shape)
     book, query = six_vectors(book_poses), six_vectors(query_poses)
@@ -112,6 +112,6 @@ def _pose_errors(distances, matches: np.ndarray, drawn: np.ndarray) -> PoseError
 
 
 def mean_summary(summaries: list[dict[str, float]]) -> dict[str, float]:
-    """Mean over objects of each figure of their `summary`, and the authors' average: `median_of_medians`."""
+    """Return the mean over objects of each figure of their `summary`, and the authors' average, `median_of_medians`."""
     means = {key: float(np.mean([one[key] for one in summaries])) for key in summaries[0]}
     return means | {"median_of_medians": float(np.median([one["median"] for one in summaries]))}

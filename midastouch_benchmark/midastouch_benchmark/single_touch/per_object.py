@@ -1,6 +1,6 @@
-"""The single-touch figures of one object: our codes, and beside them the paper's other ways to encode a touch.
+"""Single-touch figures of one object: of our codes, and of the paper's other ways to encode a touch.
 
-All ways are compared on a smaller book, because an entry costs a rendered image and two networks there. Image
+All ways are compared on a smaller book, because an entry of the others costs a rendered image and two networks. Image
 embedding and MinkLoc3D have a book made as in the paper: images of its poses, through the depth network, under the
 same kind of light as the queries but through other sensors. Our codes keep theirs, encoded from rendered maps.
 """
@@ -27,7 +27,7 @@ OURS = "tcn"
 BASELINES = ("image_embedding", "minkloc3d")
 _SAMPLING = ContactSampling(free_fraction=0.0)
 MAPS = {"measured_maps": "penetration", "true_maps": "truth"}
-"""By the way to compare a touch exhaustively, the map of `Percepts` that it is compared by."""
+"""Maps of `Percepts` with which a touch is compared exhaustively, by the name of the comparison."""
 BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
 _QUANTILES = 501
@@ -36,10 +36,10 @@ CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "err
 
 @dataclasses.dataclass(frozen=True)
 class SingleTouchPlan:
-    """What is measured.
+    """Settings of a single-touch measurement.
 
-    Attributes: queries; lighting; baseline_size, poses of the book on which the ways are compared, 0 for none;
-    minkloc3d, that network, if there are weights; exhaustive, touches that are compared with each pose of a book.
+    Attributes: queries: number of touches; lighting; baseline_size: poses of the book on which the ways are compared, 0
+    for none; minkloc3d: that network, if there are weights; exhaustive: touches compared with each pose of a book.
     """
 
     queries: int
@@ -50,11 +50,11 @@ class SingleTouchPlan:
 
     @property
     def baseline_queries(self) -> int:
-        """The first queries, by which the ways are compared."""
+        """Number of the first queries, on which the ways are compared."""
         return min(self.queries, BASELINE_QUERIES) if self.baseline_size else 0
 
     def touches(self, networks: Networks) -> int:
-        """How many touches have to be simulated for one object, for a progress bar."""
+        """Return the number of touches to simulate for one object, for a progress bar."""
         compared = self.baseline_size if other_encoders(networks, self)[0] else 0
         return self.queries + compared + len(MAPS) * self.exhaustive
 
@@ -67,7 +67,7 @@ def measure_object(
     rng: np.random.Generator,
     progress: Callable[[int], object],
 ) -> dict:
-    """One object's entry of the `single-touch` JSON; `errors` are quantiles, `cells` rows of `CELL_COLUMNS`."""
+    """Return one object's entry of the `single-touch` JSON; `errors`: quantiles; `cells`: rows of `CELL_COLUMNS`."""
     simulator = TouchSimulator(mesh, networks, plan.lighting)
     poses = sample_contact_poses(mesh, plan.queries, rng, networks.sensor, _SAMPLING)
     ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
@@ -101,7 +101,7 @@ def _encode(simulator, poses, encoders, rng, progress) -> tuple[dict[str, np.nda
 
 
 def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str, Encoder], dict[str, str]]:
-    """The baselines that can run here, and for each of the others the reason why it cannot."""
+    """Return the encoders of the baselines that can run here, and the reasons why the others cannot."""
     if not plan.baseline_size:
         return {}, dict.fromkeys(BASELINES, "not asked for")
     encoders: dict[str, Encoder] = {}
@@ -118,7 +118,7 @@ def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str,
 
 
 def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -> dict:
-    """The `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
+    """Return the `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
     chosen = _some_entries(codebook, plan.baseline_size, rng)
     book = {OURS: codebook.codes[chosen]}
     if others:
@@ -133,7 +133,7 @@ def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -
 
 
 def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | None:
-    """Normalised top-25 errors of our codes and of each of `MAPS`, by touch, on one book; None if not asked for."""
+    """Return normalised top-25 errors of our codes and each of `MAPS`, by touch, on one book; None if not asked for."""
     if not plan.exhaustive:
         return None
     poses = sample_contact_poses(simulator.mesh, plan.exhaustive, rng, networks.sensor, _SAMPLING)
@@ -154,19 +154,19 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
 
 
 def _some_entries(codebook: Codebook, size: int, rng: np.random.Generator) -> np.ndarray:
-    """Entries (min(size, M),) of a smaller book."""
+    """Draw the entries (min(size, M),) of a smaller book."""
     return np.sort(rng.choice(len(codebook.poses), min(size, len(codebook.poses)), replace=False))
 
 
 def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
-    """Quantiles (501,) of the normalised errors, evenly spaced: all that a picture of their distribution needs."""
+    """Return evenly spaced quantiles (501,) of the normalised errors, enough to draw their distribution."""
     return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
 
 
 def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
-    """Mean error of the touches in each 5 mm of the surface, one row of `CELL_COLUMNS` a cell.
+    """Return the mean error of the touches in each 5 mm of the surface, one row of `CELL_COLUMNS` for each cell.
 
-    Opposite sides of a thin plate are apart: the cells are of place and, coarsely, of normal.
+    Cells are of place and, coarsely, of normal, which separates the two sides of a thin plate.
     """
     place, normal = poses[:, :3, 3], np.rint(poses[:, :3, 2])
     keys, cell = np.unique(np.hstack([np.rint(place / _CELL), normal]), axis=0, return_inverse=True)
@@ -178,7 +178,7 @@ def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
 
 
 def summarise_objects(objects: list[dict]) -> dict:
-    """`object`, `queries`, `summary` and `baselines` as for one object, means over all of them; and `objects`."""
+    """Return the fields of one object as means over all of them (`missed`: their sum), and the `objects`."""
     name = objects[0]["object"] if len(objects) == 1 else f"mean of {len(objects)} objects"
     baselines = {key: _mean(one["baselines"].get(key) for one in objects) for key in (OURS, *BASELINES)}
     return {
@@ -194,8 +194,8 @@ def summarise_objects(objects: list[dict]) -> dict:
 
 
 def _limits(objects: list[dict]) -> dict | None:
-    """By way: trials, the touches of all objects; error, the mean of their normalised errors; over_codes, by how much
-    it is larger than that of our codes on the same touches."""
+    """Return by comparison: trials, the touches of all objects; error, the mean of their normalised errors; over_codes,
+    the mean excess over our codes on the same touches."""
     known = [one["exhaustive"]["errors"] for one in objects if one["exhaustive"]]
     if not known:
         return None

@@ -1,8 +1,8 @@
 """Simulated touches as the networks perceive them, every few through another imaginary DIGIT.
 
-Rendered at the depth network's resolution, like its training data. For TACTO's optics the mean of four pixels of the
-full image and the image of the reduced map differ by 0.2 grey levels RMS, their codes by a cosine of 0.9998; it is
-four times as fast.
+They are rendered at the depth network's resolution, like its training data. For TACTO's optics the mean of four pixels
+of the full image and the image of the reduced map differ by 0.2 grey levels RMS, and their codes have a cosine of
+0.9998; the reduced map is four times as fast.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _LEAST_IN_CONTACT = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class Lighting:
-    """How the imaginary sensors see.
+    """Light of the imaginary sensors.
 
-    Attributes: kind, `tacto` (TACTO's optics, another no-contact image for each sensor) or `random` (the domain
-    randomisation of the training); backgrounds (B, 160, 120, 3) uint8, no-contact images, or None to invent them.
+    Attributes: kind: `tacto` (TACTO's optics, another no-contact image for each sensor) or `random` (the domain
+    randomisation of the training); backgrounds: (B, 160, 120, 3) uint8, no-contact images, or None to invent them.
     """
 
     kind: str = "tacto"
@@ -44,12 +44,12 @@ class Lighting:
 
     @classmethod
     def load(cls, kind: str, folder: str | Path | None, sensor: SensorModel) -> Lighting:
-        """With those images of `folder` that no training sees; InputError if there are too few in it."""
+        """Load the images of `folder` that no training uses as backgrounds; InputError if there are too few in it."""
         small = sensor.for_maps
         return cls(kind, load_backgrounds(folder, small.height, small.width)[1] if folder else None)
 
     def draw_background(self, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-        """A no-contact image (160, 120, 3) uint8 RGB."""
+        """Draw a no-contact image (160, 120, 3) uint8 RGB."""
         if self.backgrounds is None:
             return no_contact_image(sensor, rng)
         return self.backgrounds[rng.integers(len(self.backgrounds))]
@@ -57,11 +57,11 @@ class Lighting:
 
 @dataclasses.dataclass(frozen=True)
 class Percepts:
-    """What the first stage makes of N touches.
+    """Results of the first stage for N touches.
 
-    Attributes: difference (N, 160, 120, 3) float32 grey levels, image minus background; penetration (N, 160, 120)
-    float32 m, 0 where nothing is touched; in_contact (N,) bool, whether it passes for a contact; truth (N, 160, 120)
-    float32 m, the penetration that there was.
+    Attributes: difference: (N, 160, 120, 3) float32 grey levels, image minus background; penetration: (N, 160, 120)
+    float32 m, 0 where nothing is touched; in_contact: (N,) bool, whether it passes for a contact; truth: (N, 160, 120)
+    float32 m, the true penetration.
     """
 
     difference: np.ndarray
@@ -75,7 +75,7 @@ Encoder = Callable[[Percepts], np.ndarray]
 
 
 class TouchSimulator:
-    """Touches one object with imaginary sensors."""
+    """Simulator of touches on one object by imaginary sensors."""
 
     def __init__(self, mesh: ObjectMesh, networks: Networks, lighting: Lighting):
         self.mesh = mesh
@@ -85,13 +85,13 @@ class TouchSimulator:
         self._tacto = TactoOptics(self._sensor)
 
     def percepts(self, poses: np.ndarray, rng: np.random.Generator) -> Iterator[Percepts]:
-        """The touches at gel poses `T_obj_gel` (N, 4, 4) in their order, one sensor's at a time."""
+        """Yield the touches at gel poses `T_obj_gel` (N, 4, 4) in their order, those of one sensor at a time."""
         for start in range(0, len(poses), _TOUCHES_PER_SENSOR):
             penetration, normals = self._renderer.render_with_normals(poses[start : start + _TOUCHES_PER_SENSOR])
             images, background = self._images(penetration, normals, rng)
             difference = images - background
             seen = self._see(difference, images)
-            # each touch is a sensor's first: nothing of an earlier one may help to feel it
+            # a new detector for each touch: no earlier touch may help to detect it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
             in_contact = np.array([contact.in_contact for contact in contacts])
             measured = np.stack([contact.penetration for contact in contacts])
@@ -100,7 +100,7 @@ class TouchSimulator:
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Images (N, 160, 120, 3) of one imaginary sensor, and without a touch (160, 120, 3); float32 grey levels."""
+        """Return images (N, 160, 120, 3) of one sensor and its no-contact image (160, 120, 3); float32 grey levels."""
         background = self._lighting.draw_background(self._sensor, rng)
         if self._lighting.kind == "random":
             return RandomSensor(self._sensor, background[None], rng).images(penetration, normals, rng)
@@ -111,7 +111,7 @@ class TouchSimulator:
         return np.stack(images).astype(np.float32), background.astype(np.float32)
 
     def _see(self, difference: np.ndarray, images: np.ndarray) -> np.ndarray:
-        """Penetration (N, 160, 120) float32 m as the depth network sees it."""
+        """Return the penetration (N, 160, 120) float32 m that the depth network predicts."""
         if not isinstance(self._tdn, FcrnDepthNet):
             return self._tdn.penetration(difference)
         # FCRN takes whole camera images, and no background
@@ -125,10 +125,9 @@ class TouchSimulator:
         rng: np.random.Generator,
         progress: Callable[[int], object] = lambda touches: None,
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Codes (N, D) by encoder of the touches at `poses` (N, 4, 4), and which (N,) pass for a contact.
+        """Return codes (N, D) by encoder of the touches at `poses` (N, 4, 4), and which (N,) pass for a contact.
 
-        A touch that does not gets a random code, as in the paper (appendix C). Raises InputError if next to none
-        does.
+        A touch that does not gets a random code, as in the paper (appendix C). Raises InputError if hardly any does.
         """
         codes: dict[str, list[np.ndarray]] = {name: [] for name in encoders}
         in_contact = []

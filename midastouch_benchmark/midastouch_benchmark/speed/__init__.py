@@ -1,1 +1,1 @@
-"""How long each stage takes."""
+"""Speed of each stage."""

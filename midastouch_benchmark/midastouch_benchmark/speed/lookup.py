@@ -1,4 +1,4 @@
-"""The look-up of codebook entries, timed on a running filter."""
+"""Look-up of codebook entries, timed on a running filter."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TOLERANCE = 1.01
 
 @dataclasses.dataclass(frozen=True)
 class LookupSpeed:
-    """times of one look-up; exact_fraction, of the poses whose entry is as near, within 1 %, as the nearest one."""
+    """Speed of look-ups. times: of one; exact_fraction: of poses whose entry is as near, within 1 %, as the nearest."""
 
     times: CallTimer
     exact_fraction: float
@@ -27,7 +27,7 @@ class LookupSpeed:
 def lookup_speed(particle_filter: ParticleFilter, motion: np.ndarray) -> LookupSpeed:
     """Look up the untested poses of a filter on one object after a motion (4, 4) of the gel since the last keyframe.
 
-    The walk starts at the entries that the filter's own look-ups have found, so what they missed counts too.
+    The walk starts at the entries that the filter's own look-ups have found, so their misses count, too.
     """
     lookup, untested = particle_filter.object.lookup, particle_filter.belief.untested[0]
     poses = untested.poses @ motion

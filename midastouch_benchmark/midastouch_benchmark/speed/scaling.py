@@ -1,4 +1,4 @@
-"""How a step of the filter and its memory grow with hypotheses and codebook poses, each filter in its own process."""
+"""Time of a filter step and memory over hypotheses and codebook poses, each filter in its own process."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from midastouch_perception.codebook import Codebook
 from .timing import CallTimer, peak_rss_mb
 
 USUAL = 50_000
-"""Poses that are hypotheses at the start, as many as the paper's particles, and poses of a codebook as it is built: the
-one that is not varied."""
+"""Usual number of hypotheses at the start, as many as the paper's particles, and of poses of a codebook; it is kept for
+the one that is not varied."""
 PARTICLES = (100, 1_000, 10_000, USUAL)
 POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
 
 
 @dataclass(frozen=True)
 class Slide:
-    """What every filter gets: touches; measured poses (N, 4, 4) of the gel in any fixed frame, of which only steps
+    """Input of every filter. touches; measured: poses (N, 4, 4) of the gel in any fixed frame, of which only steps
     count."""
 
     touches: Sequence[Measurement]
@@ -38,11 +38,11 @@ class Slide:
 
 
 def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
-    """One step, with what is deferred, on a codebook file of which so many poses are hypotheses at the start.
+    """Measure one step, with its deferred work, on a codebook of which `particles` poses are hypotheses at the start.
 
-    step_ms, as of `CallTimer`; memory_mb, the most that a process with this filter alone needs, MiB.
+    step_ms: as of `CallTimer`; memory_mb: the most that a process with this filter alone needs, MiB.
 
-    InputError if the process dies, as it does where memory is short.
+    InputError if the process dies, as it does if memory is short.
     """
     # spawned: a forked process would begin with the memory of this one
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
@@ -68,5 +68,5 @@ def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> d
 
 
 def sizes(particles: Sequence[int], poses: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Hypotheses and poses of every filter: each number of the one with the usual number of the other."""
+    """Yield hypotheses and poses of every filter: each number of the one with the usual number of the other."""
     yield from dict.fromkeys([*((count, USUAL) for count in particles), *((USUAL, size) for size in poses)])

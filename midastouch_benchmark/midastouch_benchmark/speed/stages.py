@@ -52,7 +52,7 @@ _SENSORS, _SEEDS = ("digit_tacto", "digit_real"), 5
 
 
 class SpeedMeasurement:
-    """Measures on one slide over one object; each method fills in the keys of the JSON it is named after."""
+    """Measurements on one slide over one object; each method returns the keys of the JSON that its docstring names."""
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks):
         self._mesh, self._codebook, self._networks = mesh, codebook, networks
@@ -61,8 +61,9 @@ class SpeedMeasurement:
         self._background = untouched_of(sequence).image
 
     def networks(self) -> dict:
-        """tdn_ms, tcn_ms: one image, one penetration map; calibrated_tdn_ms: one image of a calibrated sensor, whose
-        slopes are integrated, with its depth; fit_check_ms: one frame looked at, every fifth is."""
+        """Return tdn_ms, tcn_ms: of one image, one penetration map; calibrated_tdn_ms: of one image of a calibrated
+        sensor, whose slopes are integrated, with its depth; fit_check_ms: of one checked frame, which is every fifth.
+        """
         tdn, calibrated, tcn, fit = CallTimer(), CallTimer(), CallTimer(), CallTimer()
         check = FitCheck(self._networks.tdn.sensor, every=1)
         mini = load_tdn("fast", SensorModel.load("gelsight_mini"))  # by its model's calibration
@@ -83,18 +84,18 @@ class SpeedMeasurement:
         return {name: stopwatch.summary() for name, stopwatch in timed.items()}
 
     def paper_networks(self) -> dict:
-        """fcrn_ms, minkloc3d_ms: as tdn_ms and tcn_ms, of the paper's networks, on a few of the images."""
+        """Return fcrn_ms, minkloc3d_ms: as tdn_ms and tcn_ms, of the paper's networks, on a few of the images."""
         images = self._images[:: max(1, len(self._images) // _PAPER_IMAGES)]
         penetrations = [self._networks.tdn.predict(image, self._background) for image in images]
         return paper_network_times(images, penetrations, self._networks.sensor)
 
     def localisation(self) -> dict:
-        """Of a 60 Hz camera's frames, as the node handles them: those before the state is `converged`, with nothing
-        known at the start, and those in that state, started near the true pose.
+        """Return times of a 60 Hz camera's frames, handled as in the node: of those before the state is `converged`,
+        with nothing known at the start, and of those in that state, started near the true pose.
 
-        filter_ms: one step, until its answer; deferred_ms: the work after the answer; end_to_end_ms and converged_ms:
-        image in, estimate out; frame_ms and converged_frame_ms: the same, and the work after the answer; end_to_end_hz
-        and converged_hz: such frames in a second.
+        filter_ms: one step, until its answer; deferred_ms: the work after the answer; end_to_end_ms, converged_ms: from
+        image to estimate; frame_ms, converged_frame_ms: the same, and the work after the answer; end_to_end_hz,
+        converged_hz: such frames in a second.
         """
         tracking = self._filter()
         tracking.initialise_gaussian(self._truth[0], *_NEAR)
@@ -108,7 +109,7 @@ class SpeedMeasurement:
         return out
 
     def _run(self, particle_filter: ParticleFilter, converged: bool) -> list[CallTimer]:
-        """Times of the step, the deferred work, image to estimate, and the whole frame: of the frames in state
+        """Return times of the step, the deferred work, image to estimate, and the whole frame: of the frames in state
         `converged`, or of the others."""
         pipeline = self._networks.pipeline()
         steps, deferred, answers, frames = timers = [CallTimer() for _ in range(4)]
@@ -127,11 +128,11 @@ class SpeedMeasurement:
 
     @functools.cached_property
     def _measurements(self) -> list[Measurement]:
-        """What the filter gets of each frame, where the networks are not timed."""
+        """Measurements of all frames, for methods that do not time the networks."""
         return Touches.of_images(self._images, self._background, self._networks, {}).measurements
 
     def alignment(self) -> dict:
-        """align_ms: one pose of the codebook, aligned to the penetration map of a touch."""
+        """Return align_ms: of one pose of the codebook, aligned to the penetration map of a touch."""
         particle_filter, poses = self._filter(), self._codebook.poses[:_ALIGNED]
         spread = np.tile(NoiseModel.of(particle_filter.config).between_entries, (len(poses), 1, 1))
         touch = next(each for each in self._measurements if each.in_contact)
@@ -139,15 +140,15 @@ class SpeedMeasurement:
         return {"align_ms": {name: ms / len(poses) for name, ms in timer.summary().items()}}
 
     def lookup(self) -> dict:
-        """lookup_ms: nearest codebook entries of the poses that no map was compared with, a keyframe after the first;
-        lookup_exact_share: of those given the nearest entry."""
+        """Return lookup_ms: of nearest codebook entries for the poses that no map was compared with, a keyframe after
+        the first; lookup_exact_share: fraction of poses that are given the nearest entry."""
         particle_filter = self._filter()
         particle_filter.step(None, self._measurements[0])
         speed = lookup_speed(particle_filter, se3.inverse(self._measured[0]) @ self._measured[_KEYFRAME])
         return {"lookup_ms": speed.times.summary(), "lookup_exact_share": speed.exact_fraction}
 
     def stepper(self) -> Callable[[], None]:
-        """A function that takes one step of the slide, over and over, with nothing known at the start."""
+        """Return a function that takes one step of the slide, over and over, with nothing known at the start."""
         particle_filter, touches = self._filter(), self._measurements
         frames = itertools.cycle(range(len(touches)))
 
@@ -158,9 +159,9 @@ class SpeedMeasurement:
         return step
 
     def simulator(self) -> dict:
-        """renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses;
-        codebook_poses_per_s, rendered and encoded; mesh_faces of the object both are on; sim_image_ms, one image of
-        `digit_sim` by the light of the sensor, the mean of several imaginary ones."""
+        """Return renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses; codebook_poses_per_s:
+        rendered and encoded; mesh_faces: of the object that both are on; sim_image_ms: of one image of `digit_sim`, by
+        the light of the sensor, over several imaginary ones."""
         rng = np.random.default_rng(0)
         poses = sample_contact_poses(self._mesh, 50, rng, self._networks.sensor)
         renderer = PenetrationRenderer(self._mesh, self._networks.sensor)
@@ -176,7 +177,7 @@ class SpeedMeasurement:
         }
 
     def _simulated_images(self, model: SensorModel) -> dict[str, float]:
-        """Of the slide's touches, each seed's sensor taking its fraction of them."""
+        """Return the times of images of the slide's touches, which the sensors of several seeds divide among them."""
         stopwatch = CallTimer()
         for seed, poses in enumerate(np.array_split(self._truth[: len(self._images)], _SEEDS)):
             background = no_contact_image(model, np.random.default_rng(seed))
@@ -187,7 +188,7 @@ class SpeedMeasurement:
         return stopwatch.summary()
 
     def _filter(self) -> ParticleFilter:
-        """As shipped, with nothing known."""
+        """Return a filter as shipped, with nothing known."""
         particle_filter = ParticleFilter(self._mesh, self._codebook, FilterConfig())
         particle_filter.initialise_uniform()
         return particle_filter
@@ -200,10 +201,10 @@ _VOXEL_SIZE = 1e-3  # the official one
 
 
 def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray], sensor: SensorModel) -> dict:
-    """{"fcrn_ms", "minkloc3d_ms"}: times of one image (320, 240, 3) uint8 and one penetration map (160, 120) m.
+    """Return {"fcrn_ms", "minkloc3d_ms"}: times of one image (320, 240, 3) uint8 and one penetration map (160, 120) m.
 
-    With random weights, on which speed does not depend: official ones need not be at hand. Writes and removes 254 MB
-    of them.
+    The weights are random, since speed does not depend on them, and official ones may be missing. Writes and removes
+    254 MB of them.
     """
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
@@ -218,7 +219,7 @@ def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray]
 
 
 def _each(call: Callable[[np.ndarray], object], inputs: list[np.ndarray]) -> dict[str, float]:
-    call(inputs[0])  # what is made on first use
+    call(inputs[0])  # not timed: some things are made on first use
     stopwatch = CallTimer()
     for values in inputs:
         with stopwatch:

@@ -1,4 +1,4 @@
-"""How soon the filter is ready: its process until it is active, and a pose on an object without a codebook."""
+"""Time until the filter is ready: until its process is active, and until a pose on an object without a codebook."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _REPEATS = 5
 
 
 def node_start(mesh: Path, codebook: Path) -> dict:
-    """filter_start_s {p50, max}: from the start of a process of its own until the filter says that it is active on an
-    object; filter_rss_mb: its resident memory then, MiB, the largest of so many.
+    """Return filter_start_s {p50, max}: from the start of a process of its own until the filter logs that it is active
+    on an object; filter_rss_mb: its resident memory then, MiB, the largest of several starts.
 
-    Said in its log: how soon others find its lifecycle state is up to DDS, at once or 1.5 s later. Raises InputError if
-    it does not become active, NodeFailed if it ends.
+    The log counts, since others find its lifecycle state by DDS, at once or 1.5 s later. Raises InputError if it does
+    not become active, NodeFailed if it ends.
     """
     settings = {_NODE: {"mesh": str(mesh.resolve()), "codebook": str(codebook.resolve())}}
     seconds, memory = [], []
@@ -56,7 +56,7 @@ def node_start(mesh: Path, codebook: Path) -> dict:
 
 
 class _Active:
-    """Hears the output of a lifecycle node; said: that it is active, `at` [s] of the monotonic clock."""
+    """Listener to the output of a lifecycle node; said: set once it is active, at `at` [s] of the monotonic clock."""
 
     def __init__(self) -> None:
         self.said, self.at = threading.Event(), 0.0
@@ -68,10 +68,10 @@ class _Active:
 
 
 def first_poses(mesh: ObjectMesh, cache: Cache, slides: Iterable[int], config: FilterConfig) -> list[dict]:
-    """Of the first touch of each slide over an object that is asked for by its mesh alone.
+    """Return times of the first touch of each slide over an object that is requested by its mesh alone.
 
-    build_s, until the filter has a codebook, once for all slides; step_s, from there to the touch's pose, while the
-    codebook already grows; build_cpu_s, processor time of the former, which survives a busy machine.
+    build_s: until the filter has a codebook, once for all slides; step_s: from there to the touch's pose, while the
+    codebook already grows; build_cpu_s: processor time of the former, which is reliable on a busy machine.
     """
     touches = {
         number: next(frame for frame in cache.frames(mesh, number) if frame.measurement.in_contact) for number in slides
@@ -93,8 +93,8 @@ def first_poses(mesh: ObjectMesh, cache: Cache, slides: Iterable[int], config: F
 
 
 def summarise_first_poses(trials: list[dict]) -> dict:
-    """first_pose_s: median, longest, and the median's 95 % interval over objects; build_cpu_s, mean; trials; objects;
-    enough: whether there are trials enough for a claim."""
+    """Return first_pose_s: median, longest, and the median's 95 % interval over objects; build_cpu_s: mean; trials;
+    objects; enough: whether there are enough trials for a claim."""
     seconds = [trial["build_s"] + trial["step_s"] for trial in trials]
     objects = [trial["object"] for trial in trials]
     return {

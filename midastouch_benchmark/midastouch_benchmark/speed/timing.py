@@ -12,7 +12,7 @@ import numpy as np
 
 
 class CallTimer:
-    """Collects wall time and process CPU time, in milliseconds, of the blocks run under `with stopwatch:`."""
+    """Timer of blocks run under `with stopwatch:`, by wall time and process CPU time, in milliseconds."""
 
     def __init__(self) -> None:
         self.wall_ms: list[float] = []
@@ -33,14 +33,14 @@ class CallTimer:
         del self.wall_ms[:first], self.cpu_ms[:first]
 
     def where(self, chosen: Sequence[bool]) -> CallTimer:
-        """The measurements for which `chosen` says so."""
+        """Return the measurements whose `chosen` is true."""
         out = CallTimer()
         out.wall_ms, out.cpu_ms = (list(itertools.compress(ms, chosen)) for ms in (self.wall_ms, self.cpu_ms))
         return out
 
     def summary(self) -> dict[str, float]:
-        """{"p50", "p95", "cpu"} in milliseconds: wall time, and mean CPU time, which counts every thread and survives a
-        busy machine."""
+        """Return {"p50", "p95", "cpu"} in milliseconds: wall time, and mean CPU time, which counts every thread and is
+        reliable on a busy machine."""
         return {
             "p50": round(float(np.percentile(self.wall_ms, 50)), 4),
             "p95": round(float(np.percentile(self.wall_ms, 95)), 4),
@@ -60,5 +60,5 @@ def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> Ca
 
 
 def peak_rss_mb() -> float:
-    """Largest resident memory of this process so far, MiB. (`getrusage` counts what its parent had at the fork.)"""
+    """Return the largest resident memory of this process so far, MiB. (`getrusage` counts its parent's at the fork.)"""
     return int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1024

@@ -1,1 +1,1 @@
-"""Figures over trials, with their intervals, and what they say."""
+"""Figures over trials, with their intervals."""

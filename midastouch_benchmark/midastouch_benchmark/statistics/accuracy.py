@@ -16,7 +16,7 @@ from .intervals import ENOUGH, Figures
 
 
 def summarise_trials(trials: list[dict]) -> dict:
-    """Mean, median and largest final error per metric, rates and times, over all trials and per object."""
+    """Return statistics of the final errors per metric, rates and times, over all trials and per object."""
     objects = sorted({t["object"] for t in trials})
     return {
         **_summarise(trials),
@@ -25,23 +25,23 @@ def summarise_trials(trials: list[dict]) -> dict:
 
 
 def final_errors(trials: list[dict], key: str) -> np.ndarray:
-    """Final errors (N,) of one metric, nan where a trial has none."""
+    """Return the final errors (N,) of one metric, nan if a trial has none."""
     return np.array([t["final"][key] for t in trials], float)
 
 
 def is_right(trial: dict) -> bool:
-    """Whether the trial ended with a pose that is right by its yardstick, and said so."""
+    """Return whether the trial ended `converged` at a pose that is right by its yardstick."""
     return trial["final"]["state"] == CONVERGED and _judged(trial, "right", "estimate_trans_mm")
 
 
 def is_right_or_among_modes(trial: dict) -> bool:
-    """Whether it ended so, or `ambiguous` with a mode that is right."""
+    """Return whether the trial ended as in `is_right`, or `ambiguous` with a mode that is right."""
     ambiguous = trial["final"]["state"] == AMBIGUOUS
     return is_right(trial) or (ambiguous and _judged(trial, "among_modes", "min_cluster_trans_mm"))
 
 
 def _judged(trial: dict, what: str, error: str) -> bool:
-    """What the trial says of its end; a report of a trial that does not, before `RECORD` 7, judged by a distance."""
+    """Return the verdict in the trial's end; trials before `RECORD` 7 have none and are judged by a distance."""
     final = trial["final"]
     if what in final:
         return final[what]
@@ -49,13 +49,13 @@ def _judged(trial: dict, what: str, error: str) -> bool:
 
 
 def wrong_converged(trials: list[dict]) -> float:
-    """Fraction of all frames in which the filter was converged at a pose that was not right."""
+    """Return the fraction of all frames in which the filter was converged at a wrong pose."""
     wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
     return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
 def said_foreign(trials: list[dict]) -> float:
-    """Fraction of trials that end by saying that another object is touched."""
+    """Return the fraction of trials at whose end the filter reports that another object is touched."""
     return float(np.mean([t["final"]["foreign"] for t in trials]))
 
 
@@ -87,7 +87,7 @@ _SUMMARISED = ("coverage", "reliability", "filter_stages_ms", "initial", "protoc
 
 
 def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
-    """Summary by variant and init, each over all trials; of the default and the paper's filter per object too."""
+    """Return summaries by variant and init, over all trials; of the default and of other methods per object, too."""
     groups: dict[str, dict[str, list[dict]]] = {}
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
@@ -118,13 +118,13 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
 
 
 def stage_means(trials: list[dict]) -> dict[str, float]:
-    """Mean milliseconds per frame of each stage of the filter."""
+    """Return the mean milliseconds per frame of each stage of the filter."""
     names = dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
     return {name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials])) for name in names}
 
 
 def compact_trials(trials: list[dict]) -> list[dict]:
-    """Trials for a result file: without what the summaries hold as well."""
+    """Return the trials for a result file, without the fields that the summaries hold, too."""
     return [
         {key: value for key, value in trial.items() if key not in _SUMMARISED}
         | {"final": {k: v for k, v in trial["final"].items() if not k.startswith("closest_mode")}}
@@ -133,8 +133,8 @@ def compact_trials(trials: list[dict]) -> list[dict]:
 
 
 def recovery(trials: list[dict]) -> dict | None:
-    """How the filter came back after an event: trials; recovered, in how many it was right from some frame to the end;
-    median_frames and p90_frames of sliding until then. None if nothing happened."""
+    """Return the recovery of the filter after an event; None if no trial has one. trials: with an event; recovered:
+    those right from some frame to the end; median_frames, p90_frames: of sliding until that frame."""
     disturbed = [t for t in trials if t["event_at"] is not None]
     if not disturbed:
         return None
@@ -146,8 +146,8 @@ def recovery(trials: list[dict]) -> dict | None:
 
 
 def coverage(trials: list[dict]) -> dict[str, dict]:
-    """By kind of frame: number of frames; observed, fraction of them whose truth lies within each of `LEVELS`;
-    median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
+    """Return by kind of frame: frames, their number; observed, fraction of them whose truth lies within each of
+    `LEVELS`; median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
     out = {}
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
@@ -157,31 +157,31 @@ def coverage(trials: list[dict]) -> dict[str, dict]:
 
 
 def _median_nees(observed: np.ndarray) -> float | None:
-    """Median of a chi-square of six degrees from the fractions (L,) within each of `LEVELS`."""
+    """Return the median of a chi-square of six degrees from the fractions (L,) within each of `LEVELS`."""
     if not observed[-1] >= 0.5:
         return None
     return float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6))
 
 
 SHOWN_LEVELS = {level: int(np.argmin(np.abs(LEVELS - level))) for level in (0.5, 0.9, 0.95, 0.99)}
-"""What tables show of `LEVELS`, and where it is there."""
+"""Levels that tables show, with their indices in `LEVELS`."""
 _ERRORS = ("e", "closest_mode", "estimate")
 
 
 def trust(trials: list[dict]) -> dict:
-    """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
+    """Return the figures of trust with 95 % intervals: {"share", "interval"}, or {"value", "interval"} by statistic.
 
-    converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; ambiguous_frames_among, of
-    the ambiguous frames with a truth those with a mode that is right; right_at_end; right_or_among_modes_at_end, as of
-    that function; right_if_converged_at_end, of trials that end converged; foreign_at_end and foreign_ever, of trials
-    that say that another object is touched; right_or_said_at_end, that or right_or_among_modes_at_end; regions, by kind
-    of frame and level, fraction of frames whose region of that level holds the truth, and region_95, that of converged
-    frames at 95 %; right_before_event, right_after_event, of trials, the latter so many frames later; found_again, of
-    those that were right before; misled, of these too, which are ever converged at a wrong pose, and misled_frames, in
-    how many frames; frames_until_right, infinite where it never is again; final errors of particles, closest mode and
-    published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the
-    published mode, right, fraction of them whose pose is.
-    enough: whether there are trials enough to claim anything.
+    converged_wrong, converged_frames_wrong: converged frames at a wrong pose, of all frames and of the converged ones;
+    ambiguous_frames_among: of the ambiguous frames with a truth, those with a right mode; right_at_end;
+    right_or_among_modes_at_end: as of that function; right_if_converged_at_end: of the trials that end converged;
+    foreign_at_end, foreign_ever: trials that report another object; right_or_said_at_end: foreign_at_end or
+    right_or_among_modes_at_end; regions: by kind of frame and level, frames whose region of that level holds the truth;
+    region_95: the same of converged frames at 95 %; right_before_event, right_after_event: trials, the latter some
+    `frames` later; found_again: those right after, of those right before; misled: of those right before, those that are
+    ever converged at a wrong pose; misled_frames: in how many frames; frames_until_right: infinite if never again;
+    final errors of particles, closest mode and published pose; ms: of a frame; filter_cpu_ms: of the filter; weights:
+    by bin of `WEIGHTS`, frames, mean weight of the published mode, fraction of frames whose pose is right.
+    enough: whether there are enough trials for a claim.
     """
     figures = Figures.by_slide(trials)
     return {
@@ -202,9 +202,9 @@ def trust(trials: list[dict]) -> dict:
 
 
 def counted_anew(summary: dict, trials: list[dict]) -> dict:
-    """The summary of a report over these trials, with the intervals of today for all that is counted in trials.
+    """Return a report's summary over these trials, with all that is counted in trials computed again by today's code.
 
-    One whose trials do not say all that is counted now stays as it is.
+    If the trials lack a field that is counted now, the summary is returned unchanged.
     """
     if "trust" not in summary or any("foreign" not in trial["final"] for trial in trials):
         return summary
@@ -213,29 +213,29 @@ def counted_anew(summary: dict, trials: list[dict]) -> dict:
 
 
 def frames_until_right(trial: dict) -> float:
-    """From the event to where it is right until the end; without an event from the start."""
+    """Return the frames from the event, if any, or the start until it is right to the end; infinite if it never is."""
     if trial["right_from_frame"] is None:
         return np.inf
     return max(trial["right_from_frame"] - (trial["event_at"] or 0), 0)
 
 
 def right_or_among_modes_at_end(trials: list[dict]) -> dict:
-    """Fraction of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
+    """Return the fraction of trials, with its interval, that end right, or `ambiguous` with a mode that is right."""
     return Figures.by_slide(trials).fraction([is_right_or_among_modes(trial) for trial in trials])
 
 
 def pose_right_at_end(trials: list[dict]) -> dict:
-    """Fraction of trials, likewise, whose last published pose is right, whatever the state."""
+    """Return the fraction of trials, with its interval, whose last published pose is right, whatever the state."""
     return Figures.by_slide(trials).fraction([_judged(trial, "right", "estimate_trans_mm") for trial in trials])
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
-    """Frames (T,) that were converged at a wrong pose."""
+    """Return the number of frames of each trial (T,) that were converged at a wrong pose."""
     return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
 
 
 def converged_figures(trials: list[dict]) -> dict:
-    """Of `trust`: converged_frames_wrong, ambiguous_frames_among and right_if_converged_at_end."""
+    """Return converged_frames_wrong, ambiguous_frames_among and right_if_converged_at_end of `trust`."""
     figures = Figures.by_slide(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
     return {
@@ -248,7 +248,7 @@ def converged_figures(trials: list[dict]) -> dict:
 
 
 def _at_the_end(trials: list[dict], figures: Figures) -> dict:
-    """What states promise, and what the last answers are."""
+    """Return the figures of `trust` on states and last answers."""
     wrong = _converged_wrong(trials)
     right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
     return {
@@ -263,7 +263,7 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
 
 
 def _regions(trials: list[dict], figures: Figures) -> dict:
-    """What regions promise."""
+    """Return the figures of `trust` on regions."""
 
     def of(kind: str) -> dict:
         counts = np.array([t["coverage"][kind] for t in trials])
@@ -300,9 +300,9 @@ def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
 
 
 def grasp_summary(trials: list[dict]) -> list[dict] | None:
-    """Of grasps that are held, after each of the times at which they are asked: trials, and with 95 % intervals the
-    fractions of trials that `found` a right mode, whose pose is `right` and that are `converged` (`converged_wrong`),
-    and the mean `share`; None without grasps."""
+    """Return a summary for each time at which held grasps are asked; None without grasps. It has the number of trials
+    and, with 95 % intervals, the fractions of trials that `found` a right mode, whose pose is `right`, and that are
+    `converged` or `converged_wrong`, and the mean `share`, the probability at the true pose."""
     if not all("held" in trial for trial in trials):
         return None
     figures = Figures.by_slide(trials)

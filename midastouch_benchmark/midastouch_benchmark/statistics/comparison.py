@@ -14,18 +14,18 @@ from .intervals import ENOUGH, LEVEL, bootstrap_interval, identity
 
 
 def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
-    """One row per init and variant, all of an init over the same trials: those that every variant has run.
+    """Return one row per init and variant; all rows of an init are over the trials that every variant has run.
 
     Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
     the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
-    mean time of the whole frame. Differences, taken trial by trial, each with its 95 % `_interval` over slides (None
-    where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
-    right at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`,
-    of the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+    mean time of the whole frame. Differences are taken trial by trial, each with its 95 % `_interval` over slides (None
+    with a single slide): `difference_mm`, of the mean final particle error; `right_difference`, of the fraction right
+    at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`, of
+    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
 
-    looks: how often variants are compared, as trials come in, until `decided`. Each is then compared on the trials that
-    it has in common with the default, and the 5 % of its intervals are shared out over the looks: by the union bound
-    all of them hold together in 95 % of cases, whatever is stopped when.
+    looks: how often variants are compared, as trials come in, until `decided`. If there are several, a variant is
+    compared on the trials that it has in common with the default, and the 5 % of its intervals are divided among the
+    looks: by the union bound all of them hold together in 95 % of cases, whenever a variant is stopped.
     """
     level = 1 - (1 - LEVEL) / looks
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
@@ -47,8 +47,8 @@ def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
 
 
 def decided(row: dict) -> bool:
-    """Whether more trials would hardly teach more: an interval of a row of `compare_variants` tells which of the two is
-    better in error, right poses or wrong frames, or all of them tell that it makes no difference to care for."""
+    """Return whether more trials would hardly change the verdict: an interval of a row of `compare_variants` shows
+    which of the two is better in error, right poses or wrong frames, or all intervals lie within `NO_DIFFERENCE`."""
     intervals = [row[f"{name}_interval"] for name in NO_DIFFERENCE]
     if row["trials"] < ENOUGH or None in intervals:
         return False
@@ -58,7 +58,7 @@ def decided(row: dict) -> bool:
 
 
 NO_DIFFERENCE = {"difference_mm": 0.5, "right_difference": 0.05, "wrong_converged_difference": 0.005}
-"""Differences to the default that nobody would change a filter for: mm, and fractions of trials and of frames."""
+"""Largest differences to the default that do not matter: mm, and fractions of trials and of frames."""
 
 
 def _row(trials: list[dict], default: list[dict], level: float) -> dict:
@@ -85,11 +85,12 @@ def _row(trials: list[dict], default: list[dict], level: float) -> dict:
 
 
 SAME_TIME = 0.25
-"""Of the default's CPU time: trials of one report may have run hours apart, beside other work: a fifth is no sign."""
+"""Fraction of the default's CPU time by which a variant may differ and still count as equally fast: trials of a report
+may have run hours apart, while the machine did other work, which can make a fifth."""
 
 
 def verdict(row: dict) -> str:
-    """What the intervals of paired differences of a row tell; "too few" below `ENOUGH` trials."""
+    """Return text on the figures in which a row is shown to be worse or better; "too few" below `ENOUGH` trials."""
     if row["trials"] < ENOUGH:
         return f"too few ({row['trials']:.0f})"
     found: dict[str, list[str]] = {"worse": [], "better": []}
@@ -141,7 +142,7 @@ def _figures(trials: list[dict]) -> dict:
 
 
 def pareto_front(rows: list[dict], error: str) -> list[dict]:
-    """The rows that no other beats in both the filter's CPU time and an error, fastest first."""
+    """Return the rows that no other beats in both the filter's CPU time and an error, fastest first."""
     front: list[dict] = []
     for row in sorted(rows, key=lambda r: (r["cpu_ms_filter"], r[error])):
         if not front or row[error] < front[-1][error]:
@@ -150,7 +151,7 @@ def pareto_front(rows: list[dict], error: str) -> list[dict]:
 
 
 def front_text(rows: list[dict]) -> str:
-    """Where the default lies: on the front, or which variants are both faster and more exact, and by how much."""
+    """Return a text: the default is on the front, or the variants that are both faster and more exact, with numbers."""
     (default,) = (row for row in rows if row["variant"] == DEFAULT)
     if default["trials"] < ENOUGH:
         return f"too few trials ({default['trials']}) to say where the default lies"
@@ -165,7 +166,7 @@ def front_text(rows: list[dict]) -> str:
 
 
 def difference_text(row: dict) -> str:
-    """Difference of the mean error to the default's, with its 95 % interval."""
+    """Return the difference of the mean error to the default's, with its 95 % interval, as text."""
     if row["trials"] < ENOUGH:
         return "too few"
     if row["difference_mm"] is None:
@@ -175,5 +176,5 @@ def difference_text(row: dict) -> str:
 
 
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
-    """Rows of `compare_variants` by their init."""
+    """Return rows of `compare_variants` by their init."""
     return {init: [row for row in rows if row["init"] == init] for init in dict.fromkeys(row["init"] for row in rows)}

@@ -1,8 +1,8 @@
-"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of its weights.
+"""Coverage of the filter's covariances and reliability of its weights: whether its probabilities are right.
 
-Covariances and likelihood are judged by the level at which the truth is found: if a method is calibrated, the truth
-lies within the region to which it gives the fraction q in a fraction q of all cases, for every q. A mode of weight q is
-right in a fraction q of all cases.
+Covariances and likelihood are judged by the level at which the truth is found. If a method is calibrated, its region of
+probability q holds the truth in a fraction q of all cases, for every q. Likewise, a mode of weight q is right in a
+fraction q of all cases.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ KINDS = ("one_mode", "several_modes", "converged", "right")
 
 
 def nees(estimate: Estimate, truth: np.ndarray) -> float:
-    """Normalised estimation error squared of the published pose, e' C^-1 e: about 6 on average if C is right.
+    """Return the normalised estimation error squared of the published pose, e' C^-1 e; mean about 6 if C is right.
 
-    e: translation [m] and rotation vector [rad] from the estimate to the truth (4, 4) `T_obj_gel`, object frame, as the
-    covariance has them.
+    e: translation [m] and rotation vector [rad] from the estimate to the truth (4, 4) `T_obj_gel`, in the object frame
+    and the order of the covariance.
     """
     turn = truth[:3, :3] @ estimate.pose[:3, :3].T
     error = np.concatenate([truth[:3, 3] - estimate.pose[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
-    # particles of one kind only have no spread: a floor of 1 um and 1e-4 rad keeps the inverse
+    # identical particles have no spread: a floor of 1 um and 1e-4 rad keeps the covariance invertible
     covariance = estimate.covariance + np.diag(np.repeat([1e-12, 1e-8], 3))
     return float(error @ np.linalg.solve(covariance, error))
 
 
 class Coverage:
-    """Counts the levels of the truth in the published Gaussians, by kind of frame.
+    """Counter of the levels at which the published Gaussians hold the truth, by kind of frame.
 
-    Kinds: `one_mode`, `several_modes`: how many are reported; `converged`: by state; `right`: the pose is, by
+    Kinds: `one_mode`, `several_modes`: number of reported modes; `converged`: the state; `right`: the pose is right by
     the trial's yardstick, which leaves wrong modes out and judges the covariance alone.
     """
 
@@ -48,7 +48,7 @@ class Coverage:
         self._counts = {kind: np.zeros(len(LEVELS) + 1, int) for kind in KINDS}
 
     def add(self, estimate: Estimate, truth: np.ndarray, right: bool) -> None:
-        """Count a frame with a published pose; truth (4, 4) `T_obj_gel`; whether the pose is `right`."""
+        """Count a frame with a published pose; truth: (4, 4) `T_obj_gel`; right: whether the pose is right."""
         bin_ = int(np.searchsorted(_NEES, nees(estimate, truth)))
         status = estimate.status
         kinds = (status.n_modes == 1, status.n_modes > 1, status.state == CONVERGED, right)
@@ -56,12 +56,12 @@ class Coverage:
             self._counts[kind][bin_] += holds
 
     def counts(self) -> dict[str, list[int]]:
-        """Frames per bin of `LEVELS` and one beyond, by kind."""
+        """Return the frames in each bin of `LEVELS` and in the one beyond, by kind."""
         return {kind: counts.tolist() for kind, counts in self._counts.items()}
 
 
 class WeightReliability:
-    """Counts how often the published pose is right, by the weight of its mode."""
+    """Counter of how often the published pose is right, by the weight of its mode."""
 
     def __init__(self) -> None:
         self._frames, self._right = (np.zeros(len(WEIGHTS) + 1, int) for _ in range(2))
@@ -75,13 +75,13 @@ class WeightReliability:
         self._weight[bin_] += weight
 
     def counts(self) -> dict[str, list]:
-        """Frames, right ones and sum of weights, per bin of `WEIGHTS`."""
+        """Return frames, right ones and sum of weights, in each bin of `WEIGHTS`."""
         sums = np.round(self._weight, 3)
         return {"frames": self._frames.tolist(), "right": self._right.tolist(), "weight": sums.tolist()}
 
 
 def observed_fractions(counts: np.ndarray) -> np.ndarray:
-    """Fraction of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
+    """Return the fraction of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
     counts = np.asarray(counts, float)
     total = counts.sum()
     return np.cumsum(counts)[:-1] / total if total else np.full(len(LEVELS), np.nan)

@@ -1,4 +1,4 @@
-"""Figures of which object it is, and of how a finger finds where it is: right how often, and after how far."""
+"""Figures of identification and of exploration: how often the answer is right, and after how long a path."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from .intervals import ENOUGH, Figures
 
 
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
-    """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
+    """Return figures by policy, over all trials and by object; fractions and medians have 95 % intervals.
 
-    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`; path_m, median until
-    converged and right, infinite for all others; asked_ms, the 95 % quantile over trials of the CPU time of the slowest
-    answer; seconds, of an arm, as path_m, and deepest_mm, the most of all; path_ratio, of the median path to that of
-    `random`.
+    trials: their number; right, wrong: fractions that end converged at such a pose; alike: fraction that ends with
+    hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others; asked_ms:
+    95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m; deepest_mm: of an
+    arm, the largest of all trials; path_ratio: median path over that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -53,13 +53,13 @@ _BINS = 10
 
 
 def summarise_identification(trials: list[dict]) -> dict:
-    """Over all trials: {"share" or "value", "interval"} of each figure, and what they are of.
+    """Return figures over all trials, as {"share" or "value", "interval"}, and the numbers of trials behind them.
 
-    known, unknown: numbers of trials with the object in the catalogue and without; right, of the former, at the end;
-    pose_right, likewise, and alone_pose_right, of the filter that knows the object; refused, of the latter;
-    path_until_right [m], median of the former, infinite where half never are; calibration_error: expected calibration
-    error of the answers at the end and on the way, of both; cpu_ratio: mean CPU of a frame over that of the filter
-    which knows the object; answers: `confusions`; enough: whether there are trials enough for a claim.
+    known, unknown: numbers of trials with the object in the catalogue and without; right: known objects named right at
+    the end; pose_right, alone_pose_right: right poses of known objects, and of the filter that is given the object;
+    refused: unknown objects that are refused; path_until_right [m]: median of known objects, infinite if half never are
+    right; calibration_error: expected calibration error of all answers, at the end and on the way; cpu_ratio: mean CPU
+    of a frame over that of the filter that is given the object; answers: `confusions`; enough: for a claim.
     """
     known = [trial for trial in trials if trial["in_catalogue"]]
     unknown = [trial for trial in trials if not trial["in_catalogue"]]
@@ -85,7 +85,7 @@ def summarise_identification(trials: list[dict]) -> dict:
 
 
 def calibration_error(answers: list[tuple[float, bool]]) -> float | None:
-    """Expected calibration error of answers, each with its probability and whether it is right (Guo et al. 2017)."""
+    """Return the expected calibration error of answers, (probability, whether it is right) each (Guo et al. 2017)."""
     if not answers:
         return None
     confidence, right = (np.array(column, float) for column in zip(*answers, strict=True))
@@ -95,7 +95,7 @@ def calibration_error(answers: list[tuple[float, bool]]) -> float | None:
 
 
 def confusions(trials: list[dict]) -> dict[str, int]:
-    """How often one was taken for another at the end: "truth -> answer" and number, most often first."""
+    """Return the wrong answers at the end, "truth -> answer", with their numbers, the most frequent first."""
     wrong = [t for t in trials if not t["right"]]
     names = [f"{t['object']}{'' if t['in_catalogue'] else ' (left out)'} -> {t['answer']}" for t in wrong]
     return dict(sorted(((name, names.count(name)) for name in dict.fromkeys(names)), key=lambda each: -each[1]))

@@ -1,7 +1,7 @@
 """95 % confidence intervals over trials that are not all independent: those on one slide share it.
 
-The slides are the independent draws. Fractions: Wilson's interval at the effective number of cases, which the variance
-between slides gives (design effect, Kish 1965). Means and medians: percentile bootstrap over slides.
+The slides are the independent draws. Fractions have Wilson's interval at the effective number of cases, which follows
+from the variance between slides (design effect, Kish 1965). Means and medians have a percentile bootstrap over slides.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ ENOUGH = 100
 """Fewer trials than this are no ground for a claim."""
 
 _RESAMPLES = 1000
-_TELLING = 10  # groups that hold some of a part, from which on their variance is known
+_TELLING = 10  # groups with some of the part, and with some of the rest, that make their variance known
 
 
 def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
-    """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
-    where nothing was counted.
+    """Return the interval [low, high] of sum(part) / sum(whole); None if nothing was counted.
 
-    Where few groups hold any of the part, or of the rest, the variance between groups is not known: there are no more
-    cases than groups in which something was counted. One wrong frame would else make surer than none.
+    part, whole: (N,), one number per trial; groups: (N,), equal for trials that belong together. If few groups hold any
+    of the part, or of the rest, the variance between groups is not known. The cases are then no more than the groups in
+    which something was counted; otherwise one wrong frame would give a narrower interval than none.
     """
     index, n_groups = _numbered(groups)
     part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
@@ -50,9 +50,10 @@ def bootstrap_interval(
     statistic: Callable[..., np.ndarray] = np.mean,
     level: float = LEVEL,
 ) -> list[float] | None:
-    """[low, high] of a mean (`np.mean`) or median (`np.median`) of values (N,), nan left out; groups as above.
+    """Return the interval [low, high] of the mean (`np.mean`) or median (`np.median`) of values (N,), nan left out.
 
-    level: probability of the interval. Medians may be of values that are infinite. None with fewer than two groups.
+    groups: as of `fraction_interval`; with fewer than two, None is returned. level: probability of the interval.
+    Medians allow infinite values.
     """
     values = np.asarray(values, float)
     known = ~np.isnan(values)
@@ -66,12 +67,12 @@ def bootstrap_interval(
 
 
 def _means(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Means (R,) of values (N,), each counted as often as the row of the weights (R, N) says."""
+    """Return R means (R,) of values (N,); a row of the weights (R, N) gives how often each value counts."""
     return weights @ values / weights.sum(axis=1)
 
 
 def _medians(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Medians (R,), likewise; of an even number the lower."""
+    """Return R medians (R,), weighted as in `_means`; of an even number of values the lower."""
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[:, order], axis=1)
     return values[order][np.argmax(2 * below >= below[:, -1:], axis=1)]
@@ -81,29 +82,29 @@ _STATISTICS = {np.mean: _means, np.median: _medians}
 
 
 def _numbered(groups: Sequence[Hashable]) -> tuple[np.ndarray, int]:
-    """Number of each item's group (N,), and how many groups there are."""
+    """Return the number of each item's group (N,), and the count of groups."""
     numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
     return np.array([numbers[group] for group in groups], int), len(numbers)
 
 
 class Figures:
-    """Figures over trials, one number of each; groups (N,): which trials belong together, as of `fraction_interval`."""
+    """Figures over trials, one number of each; groups (N,): equal for trials that belong together."""
 
     def __init__(self, groups: Sequence[Hashable]):
         self._groups = groups
 
     @classmethod
     def by_slide(cls, trials: Sequence[dict]) -> Figures:
-        """Trials on one slide over an object are not independent."""
+        """Group trials by object and slide: those on one slide are not independent."""
         return cls([(trial["object"], trial["slide"]) for trial in trials])
 
     @classmethod
     def by_seed(cls, trials: Sequence[dict]) -> Figures:
-        """Trials on one object with one seed begin alike: they are not independent."""
+        """Group trials by object and seed: those with one seed begin alike, so they are not independent."""
         return cls([(trial["object"], trial["seed"]) for trial in trials])
 
     def fraction(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
-        """{"share", "interval"}: what `part` is of `whole`, both summed; of all trials if that is not given."""
+        """Return {"share", "interval"} of sum(part) / sum(whole); without `whole`, of the number of trials."""
         whole = np.ones(len(part)) if whole is None else whole
         total = float(np.sum(whole))
         return {
@@ -112,7 +113,7 @@ class Figures:
         }
 
     def value(self, some: Sequence[float], statistic: Callable[..., np.ndarray]) -> dict:
-        """{"value", "interval"}: `np.mean` or `np.median` of what is not nan."""
+        """Return {"value", "interval"} of the numbers that are not nan; statistic: `np.mean` or `np.median`."""
         some = np.array(some, float)
         known = some[~np.isnan(some)]
         return {
@@ -121,7 +122,7 @@ class Figures:
         }
 
     def values(self, some: Sequence[float]) -> dict:
-        """Mean and median."""
+        """Return mean and median, each as {"value", "interval"}."""
         return {"mean": self.value(some, np.mean), "median": self.value(some, np.median)}
 
 
@@ -129,10 +130,10 @@ _DRAWS = 4000
 
 
 def error_ratio(trials: list[dict], base: list[dict]) -> dict[str, float]:
-    """Final error of the particles in trials over that of others, paired by object, slide, start and seed.
+    """Return the final error of the particles over that of `base`, trials paired by object, slide, start and seed.
 
-    value, of mean errors; low and high, ends of its 95 % interval; median, of the pairs' own ratios. The interval is a
-    bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
+    value: ratio of the mean errors; low, high: ends of its 95 % interval; median: of the pairs' own ratios. The
+    interval is a bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
     """
     one, other = ({identity(trial): trial["final"]["e_trans_mm"] for trial in each} for each in (trials, base))
     common = sorted(one.keys() & other.keys())
@@ -149,5 +150,5 @@ def error_ratio(trials: list[dict], base: list[dict]) -> dict[str, float]:
 
 
 def identity(trial: dict) -> tuple:
-    """What a trial has in common with those that it is compared with."""
+    """Return object, slide, start and seed of a trial, by which trials are paired."""
     return tuple(trial[key] for key in ("object", "slide", "init", "seed"))

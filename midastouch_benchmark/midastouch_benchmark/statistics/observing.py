@@ -1,4 +1,4 @@
-"""How far the filter is from what could be known: its slides compared with those of the ideal observer."""
+"""Comparison of the filter with the ideal observer, which finds what could be known, on the same slides."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from .intervals import ENOUGH, Figures
 
 
 def summarise_observing(trials: list[dict], evidence: tuple[str, ...], spacing: float) -> dict[str, dict]:
-    """By evidence of the observer, {"share" or "value", "interval"} of each figure, and what they are of.
+    """Return, for each kind of evidence of the observer, its figures as {"share" or "value", "interval"}.
 
-    spacing [m]: path between two keyframes, the shortest that an observer is said to need.
+    spacing [m]: path between two keyframes; shorter paths count as this.
 
-    known, filter_known: fractions of slides at whose end, or before whose event, either knows; only_observer and
-    only_filter, the other one does not. path_m, filter_path_m: median until then, infinite where half never know;
-    path_ratio: median of the filter's path over the observer's, of the slides on which the latter knows. soon,
-    filter_soon: fractions that know again some frames after the event; again_ratio: as path_ratio, from there on.
-    sure_right, filter_sure_right: of the answers said to be known, those that are right; calibration_error, of all the
-    observer's answers.
+    known, filter_known: fractions of slides at whose end, or before whose event, observer or filter knows the pose;
+    only_observer, only_filter: the other one does not. path_m, filter_path_m: median path until it is known, infinite
+    if half never know; path_ratio: median of the filter's path over the observer's, of the slides on which the observer
+    knows. soon, filter_soon: fractions that know again some frames after the event; again_ratio: as path_ratio, from
+    the event on. sure_right, filter_sure_right: fractions of the sure answers that are right; calibration_error: of all
+    the observer's answers.
     """
     return {name: _of_evidence(trials, name, spacing) for name in evidence}
 
@@ -58,11 +58,11 @@ def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
 
 
 def _paths(some: list[dict], key: str, spacing: float) -> np.ndarray:
-    """(N,) m until it is known, infinite where it never is."""
+    """Return the paths [m] (N,) until the pose is known, infinite if it never is."""
     return np.array([np.inf if each[key] is None else max(each[key], spacing) for each in some])
 
 
 def _ratio(path: np.ndarray, of_observer: np.ndarray) -> np.ndarray:
-    """(N,), nan where the observer never knows."""
+    """Return the paths over those of the observer (N,), nan if the observer never knows."""
     known = np.isfinite(of_observer)
     return np.where(known, path / np.where(known, of_observer, 1.0), np.nan)

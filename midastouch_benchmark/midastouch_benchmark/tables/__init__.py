@@ -1,1 +1,1 @@
-"""The tables of the documents, from the reports of the repository."""
+"""Tables of results and of the documents, from the reports of the repository."""

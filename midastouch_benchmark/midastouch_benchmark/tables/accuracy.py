@@ -1,4 +1,4 @@
-"""Tables of where the filter ends: over conditions, starts, contacts and objects, and against the paper."""
+"""Tables of the filter's final errors: over conditions, starts, contacts and objects, and against the paper."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ENDS: dict[str, Form] = {
     "closest mode, median": pose("closest_mode", "median", "trust.closest_mode_trans_mm.median.interval"),
     "right": fraction("trust.right_at_end"),
 }
-"""Where the filter ends, by a benchmark's summary."""
+"""Columns on the end of a slide, of a benchmark's summary."""
 
 
 def _found_again(row: Row) -> str:
@@ -44,7 +44,7 @@ OBJECTS: dict[str, Form] = {
     "right": part("right"),
     "rate": text("hz_mean", "{:.0f} Hz"),
 }
-"""Of trials over one object, each column without intervals."""
+"""Columns on the trials over one object, without intervals."""
 _MORE = {
     "pose, median": pose("estimate", "median"),
     "converged": part("converged"),
@@ -56,14 +56,14 @@ PAPER = {"particles, mean": "7.4 mm, 9.4 deg", "closest mode, median": "2.8 mm, 
 
 
 def summary_row(summary: dict, trials: list[dict]) -> dict:
-    """The row of a benchmark's summary over trials of one variant and start in a tidy frame."""
+    """Return a benchmark's summary as a row of a tidy frame; trials: those that it summarises."""
     return {key: each for key, each in summary.items() if key != "objects"} | {
         "among": right_or_among_modes_at_end(trials)
     }
 
 
 def localisation() -> pd.DataFrame:
-    """Ten objects, undisturbed and disturbed, ten further ones, and CAD parts."""
+    """Table of final errors on ten objects, undisturbed and disturbed, ten further ones, and CAD parts."""
     names = {name: what for name, what in (STARTS | CONDITIONS | further()).items() if name in reported()}
     frame = frame_of(names, lambda name: summary_row(benchmark_summary(name), report(name)["trials"]))
     table = written(frame, {"conditions": text("what")}, LOCALISATION, "report")
@@ -72,7 +72,7 @@ def localisation() -> pd.DataFrame:
 
 
 def areas() -> pd.DataFrame:
-    """What a larger contact is worth, among the slides over the same object; the paper's figure 23."""
+    """Table of slides with a smaller or larger contact than usual on their object; the paper's figure 23."""
     trials = [trial for name in STARTS for trial in report(name)["trials"]]
     area = pd.Series([t["contact_area_mm2"] for t in trials], dtype=float)
     smaller = area < area.groupby([t["object"] for t in trials]).transform("median")
@@ -94,7 +94,7 @@ def areas() -> pd.DataFrame:
 
 
 def slides() -> pd.DataFrame:
-    """The slides of another renderer, which development used."""
+    """Table of the slides of another renderer, which development used."""
     rows = [
         {"what": name, "start": start, "report": source} | one
         for source, start in (("evaluate_paper", "as the paper's"), ("evaluate_uniform", "nothing known"))
@@ -106,9 +106,9 @@ def slides() -> pd.DataFrame:
 def objects(
     summary: dict, symmetries: Mapping[str, str] | None = None, beside: Mapping[str, object] | None = None
 ) -> pd.DataFrame:
-    """Objects of one summary of `evaluate` or `benchmark`, and all of them.
+    """Table of one summary of `evaluate` or `benchmark`: a row for each object, and one for all of them.
 
-    symmetries: of the objects, in words, if they are known; beside: words of a last row, by label, such as the paper's.
+    symmetries: a description by object, if known; beside: cells of a last row by label, such as the paper's.
     """
     about: dict[str, Form] = {"object": text("what"), "trials": text("trials")}
     more = {label: _MORE[label] for label in ("pose, median", "converged")}
@@ -123,7 +123,7 @@ def objects(
 
 
 def real_row(content: dict) -> dict | None:
-    """The row beside those of an `evaluate` result that is compared with the paper's real slides; None for others."""
+    """Return the paper's row for an `evaluate` result over its real slides; None for other results."""
     if not (theirs := content.get("paper_real")):
         return None
     words = {"object": "the paper, real slides", "trials": theirs["trials"]}
@@ -133,7 +133,7 @@ def real_row(content: dict) -> dict | None:
 
 
 def paper() -> pd.DataFrame:
-    """The table of the README: figures of this filter beside the paper's."""
+    """Table of the README: figures of this filter and of the paper."""
     there = reported()
 
     @cache

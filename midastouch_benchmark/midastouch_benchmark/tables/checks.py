@@ -9,7 +9,7 @@ from .table import Row, listed, percent, text, tidy, written
 
 
 def checks() -> pd.DataFrame:
-    """False and missed alarms."""
+    """Table of false and missed alarms."""
     content = report("checks")
     rows = [[what, one["alarms"]] for what, one in content["fit_check"].items()]
     rows[0][0] = "all as it should be (false alarms)"
@@ -25,7 +25,7 @@ def checks() -> pd.DataFrame:
 
 
 def diameters(content: dict | None = None) -> pd.DataFrame:
-    """What becomes of a wrong diameter of the ball."""
+    """Table of how often a wrong diameter of the ball is refused."""
     content = content or report("checks")
     about = {
         "diameter given, over the true one": text("factor", "{:.2g}"),
@@ -35,7 +35,7 @@ def diameters(content: dict | None = None) -> pd.DataFrame:
 
 
 def contacts(content: dict | None = None) -> pd.DataFrame:
-    """Presses that the contact decision misses."""
+    """Table of the presses that the contact decision misses."""
     content = content or report("checks")
     missed = {f"{what}; simulator's light": bins for what, bins in content["contact"]["missed"].items()}
     missed |= content["light_touches"]
@@ -54,7 +54,7 @@ def contacts(content: dict | None = None) -> pd.DataFrame:
 
 
 def brightness(content: dict | None = None) -> pd.DataFrame:
-    """How often the contact decision errs after a change of light."""
+    """Table of how often a change of light is taken for a contact."""
     content = content or report("checks")
 
     def light(row: Row) -> str:
@@ -65,14 +65,14 @@ def brightness(content: dict | None = None) -> pd.DataFrame:
 
 
 def gels(content: dict | None = None) -> pd.DataFrame:
-    """How reliably a gel is known by its texture."""
+    """Table of how reliably a gel is recognised by its texture."""
     content = content or report("checks")
     about = {"texture of real gels": text("what"), "trials": text("trials"), "said": percent("said")}
     return written(tidy({"what": what} | one for what, one in content["gels"].items()), about, {})
 
 
 def slow_light(content: dict | None = None) -> pd.DataFrame:
-    """How often a slow change of the light is taken for a contact."""
+    """Table of how often a slow change of the light is taken for a contact."""
     content = content or report("checks")
 
     def light(row: Row) -> str:
@@ -88,7 +88,7 @@ def slow_light(content: dict | None = None) -> pd.DataFrame:
 
 
 def check_tables(content: dict) -> list[pd.DataFrame]:
-    """The tables of an `evaluate-checks` result."""
+    """Return the tables of an `evaluate-checks` result."""
     fit = {
         "fit check, simulated sensors": text("what"),
         "alarms": percent("alarms"),

@@ -21,7 +21,7 @@ COMPARED: dict[str, Form] = {
     "frames converged wrong": percent("wrong_converged", 1),
     "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {verdict(row)}",
 }
-"""A variant against the default on the same trials, by a row of `compare_variants`."""
+"""Columns on a variant against the default on the same trials, of a row of `compare_variants`."""
 METHODS: dict[str, Form] = {
     "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
     "pose right, in any state": fraction("pose_right"),
@@ -45,19 +45,19 @@ def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
 
 
 def compared_frame(content: dict, **about: object) -> pd.DataFrame:
-    """A tidy frame of a result's comparison, with what each variant is, and what else is said of each row."""
+    """Return a tidy frame of a result's comparison, with each variant's summary and group; about: added to each row."""
     words = {name: {key: each[key] for key in ("summary", "group")} for name, each in content["variants"].items()}
     return tidy(one | words[one["variant"]] | about for one in content["comparison"])
 
 
 def compared_table(content: dict) -> pd.DataFrame:
-    """Variants of a result of `midastouch benchmark` against its default, by start."""
+    """Table of variants of a result of `midastouch benchmark` against its default, by start."""
     about = {"start": text("init"), "variant": text("variant"), "trials": text("trials"), "filter": text("summary")}
     return written(compared_frame(content), about | COMPARED, {})
 
 
 def methods_table(content: dict, init: str) -> pd.DataFrame:
-    """The default and other methods behind the same networks, of one start of a result of `midastouch benchmark`."""
+    """Table of the default and other methods behind the same networks, of one start of a `midastouch benchmark`."""
     rows = [
         {"what": content["variants"][name]["summary"], "pose_right": pose_right_at_end(some)}
         | {key: each for key, each in counted_anew(by_init[init], some).items() if key != "objects"}
@@ -69,7 +69,7 @@ def methods_table(content: dict, init: str) -> pd.DataFrame:
 
 
 def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
-    """The belief of grasps that are held; grasps: summaries of `grasp_summary` by name of what grasps."""
+    """Table of the belief while grasps are held; grasps: by label, a summary for each time of `HOLDS`."""
     return written(tidy(_held(grasps)), {"contacts": text("what"), "held": text("seconds", "{} s")}, GRASPS)
 
 
@@ -79,7 +79,7 @@ def _held(grasps: Mapping[str, list[dict]], **about: object) -> list[dict]:
 
 
 def baselines() -> pd.DataFrame:
-    """Other methods behind the same networks, on the same trials."""
+    """Table of other methods behind the same networks, on the same trials."""
     if "peers" not in reported():
         return written(frame_of({"peers": "-"}, report), {"method": text("what"), "trials": text("trials")}, METHODS)
     content = report("peers")
@@ -91,7 +91,7 @@ def baselines() -> pd.DataFrame:
 
 
 def grasps() -> pd.DataFrame:
-    """Grasps without sliding, by how many fingers touch."""
+    """Table of grasps without sliding, by the number of fingers that touch."""
     about = {"objects": text("objects"), "contacts": text("what"), "held": text("seconds", "{} s")}
     rows: list[dict] = []
     for name, objects in {"grasp": "the ten", "grasp_cad": "CAD parts"}.items():
@@ -105,7 +105,7 @@ def grasps() -> pd.DataFrame:
 
 
 def variants() -> pd.DataFrame:
-    """What each part of the filter is worth, under the protocols that exercise it."""
+    """Table of the effect of each part of the filter, under the protocols that exercise it."""
     frames, there = [], reported()
     for name, what in ABLATIONS.items():
         if name in there:
@@ -117,18 +117,18 @@ def variants() -> pd.DataFrame:
 
 
 def front() -> pd.DataFrame:
-    """Run time against error of the default, the presets, and settings with more or less work, poses or modes; fastest
-    first."""
+    """Table of run time and error of the default, the presets, and settings with more or less work, poses or modes;
+    fastest first."""
     if "front" not in reported():
         return written(frame_of({"front": "-"}, report), {"filter": text("what")}, COMPARED, "report")
     return front_table(report("front"))
 
 
 def front_table(content: dict) -> pd.DataFrame:
-    """The same, of a result of `midastouch benchmark --variant front`."""
+    """Table `front` of a result of `midastouch benchmark --variant front`."""
     best = [one["variant"] for one in pareto_front(content["comparison"], "e_trans_mm")]
     frame = compared_frame(content, report="front").sort_values("cpu_ms_filter", kind="stable")
-    if (trials := frame["trials"].iloc[0]) < ENOUGH:  # one row says it for all
+    if (trials := frame["trials"].iloc[0]) < ENOUGH:  # one row stands for all
         frame = tidy([{"summary": f"{len(frame)} variants", "trials": trials, "report": "front", "group": ""}])
 
     def what(row: Row) -> str:

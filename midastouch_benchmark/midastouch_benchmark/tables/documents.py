@@ -1,9 +1,9 @@
-"""The tables of README.md, docs/evaluation.md, docs/trust.md and reports/README.md from the committed reports.
+"""Tables of the documents from the committed reports.
 
 .venv/bin/python -m midastouch_benchmark.tables.documents
 
-A table stands between `<!-- table NAME -->` and `<!-- end -->`; only that is rewritten. Of a report that was made
-several times the newest counts: `reports/<date>/NAME.json`.
+A table stands between `<!-- table NAME -->` and `<!-- end -->`; the rest of a document is not changed. If a report was
+made several times, the newest counts: `reports/<date>/NAME.json`.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from .reports import (
 from .table import UNMEASURED, listed, markdown
 
 HEADLINE = ("README.md", "docs/evaluation.md", "docs/trust.md")
-"""The pages that a user reads: their tables have figures of today's code only."""
+"""Pages that a user reads; their tables have figures of today's code only."""
 ARCHIVE = "reports/README.md"
-"""Shows every report; figures of earlier code are marked."""
+"""Page that shows every report; figures of earlier code are marked."""
 DOCUMENTS = (*HEADLINE, "docs/arm_motion.md", ARCHIVE)
 """Every document with generated tables; a table may stand in several."""
 
 
 def commands() -> pd.DataFrame:
-    """What made each report."""
+    """Table of the command that made each report."""
     return listed(("report", "made by"), ((f"[{name}]", f"`{_made_by(name)}`") for name in reported()))
 
 
 def figure_commands() -> pd.DataFrame:
-    """What made those that the figures of docs/evaluation.md come from."""
+    """Table of the commands that made the reports behind the figures of docs/evaluation.md."""
     table = commands()
     return table[table["report"].str.strip("[]").isin(figures.reports())]
 
 
 def _made_by(name: str) -> str:
-    """The command that the report names itself, without where it wrote to; that of `COMMANDS` if it names none."""
+    """Return the command that is stored in the report, without `--json`; if there is none, that of `COMMANDS`."""
     return re.sub(r" --json \S+", "", report(name).get("command") or COMMANDS[name])
 
 
@@ -70,11 +70,11 @@ TABLES = {
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
 } | {"peers": comparisons.baselines}  # fmt: skip
-"""Tables by the name in their mark."""
+"""Tables by NAME in their mark."""
 
 
 def filled(document: str) -> str:
-    """The text of a document, its tables made anew."""
+    """Return the text of a document with its tables made again."""
     up = "../" * (len((ROOT / document).relative_to(ROOT).parts) - 1)
 
     def table(match: re.Match) -> str:
@@ -88,12 +88,12 @@ def filled(document: str) -> str:
 
 _TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", flags=re.S)
 MARK = "\u2020"
-"""Of a row whose report is of other code than today's."""
+"""Mark of a row whose report was made by other code than today's."""
 
 
 def marked(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
-    """A table's text, its rows marked whose report is stale, and a line on what that means; names of its reports: those
-    that it names, or else those that it was made of."""
+    """Return a table as Markdown, with marked rows and a footnote if reports are stale, and the names of its reports:
+    those in the table or, if it names none, those that were read to make it."""
     with names_read() as read:
         table = make()
     text = markdown(table)
@@ -109,12 +109,12 @@ def marked(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
 
 
 def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
-    """A table's text from the reports of today's code, and a line on what these do not have; names of its reports."""
+    """Return a table as Markdown from today's reports, with a line on the missing ones; names of its reports."""
     names = marked(make)[1]
     try:
         with only_of_today():
             text = markdown(make())
-    except FileNotFoundError:  # all of it is of that report
+    except FileNotFoundError:  # the whole table needs that report
         text = UNMEASURED
     now = ", ".join(f"`{each}`" for each in ids_of_today().values())
     left = [f"[{name}]" for name in stale(names)]
@@ -123,7 +123,7 @@ def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
 
 
 def _footnote(names: list[str], old: list[str]) -> str:
-    """On a table of these reports, some of them stale."""
+    """Return the footnote of a table of these reports, some of them stale."""
     of_old = sorted({fingerprint_of(name) or "unknown" for name in old})
     now = ", ".join(f"`{each}`" for each in ids_of_today().values()) or "none"
     said = f"{MARK} measured with earlier code, fingerprint {', '.join(of_old)}; today's: {now}."
@@ -132,8 +132,7 @@ def _footnote(names: list[str], old: list[str]) -> str:
 
 
 def headline() -> list[str]:
-    """Names of the reports whose figures stand, or will stand, on the pages that a user reads: all documents but that
-    of the reports themselves."""
+    """Return the names of the reports whose figures stand, or will stand, on the pages of `HEADLINE`."""
     names = {*STARTS, *CONDITIONS, *further()}
     for document in HEADLINE:
         for match in _TABLE.finditer((ROOT / document).read_text()):

@@ -1,4 +1,4 @@
-"""Tables of which object it is, and where to touch next."""
+"""Tables of identification and exploration: which object is touched, and where to touch next."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ EXPLORATION: dict[str, Form] = {
 
 
 def identification_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """Which object of a catalogue it is: a frame of summaries, `what` the catalogue is."""
+    """Table of how well objects of a catalogue are identified; frame: of summaries, its `what` names the catalogue."""
     return written(frame, {"catalogue": text("what"), "slides": _slides}, IDENTIFICATION, sources)
 
 
 def identification_row(what: str, summary: dict) -> dict:
-    """The row of a summary in that frame."""
+    """Return the row of a summary in the frame of `identification_table`."""
     trials = summary["known"] if summary["enough"] else min(summary["known"], summary["unknown"])
     return {"what": what, "trials": trials} | {key: one for key, one in summary.items() if key != "answers"}
 
 
 def exploration_rows(trials: list[dict], policies: dict[str, str]) -> list[dict]:
-    """How far a finger goes until it knows where it is, by policy, named in words: over each object, and over all."""
+    """Return rows on the path of a finger until its pose is known, by policy and object, and over all objects."""
     rows = []
     for name, one in summarise_exploration(trials).items():
         for what, each in [*one["objects"].items(), ("all", {key: one[key] for key in one if key != "objects"})]:
@@ -58,20 +58,20 @@ def exploration_rows(trials: list[dict], policies: dict[str, str]) -> list[dict]
 
 
 def exploration_table(trials: list[dict], policies: dict[str, str]) -> pd.DataFrame:
-    """The same as a table."""
+    """Table of `exploration_rows`."""
     about = {"finger goes": text("what"), "object": text("object"), "trials": text("trials")}
     return written(tidy(exploration_rows(trials, policies)), about | EXPLORATION, {})
 
 
 def identification() -> pd.DataFrame:
-    """Which object of a catalogue it is."""
+    """Table of how well objects of a catalogue are identified, from the newest reports."""
     names = {"identify": "the ten", "identify_cad": "CAD parts", "identify_all": "all 78 of YCB"}
     frame = frame_of(names, lambda name: identification_row(names[name], report(name)["identification"]))
     return identification_table(frame, "report")
 
 
 def exploration() -> pd.DataFrame:
-    """A finger that is told where to touch next, against one that goes anywhere."""
+    """Table of fingers that follow suggestions where to touch next, and of one that touches at random."""
     if "exploration" not in reported():
         return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
     rows = []

@@ -1,4 +1,4 @@
-"""The figures of docs/evaluation.md: one cell of a table of reports/README.md each, so that both pages agree."""
+"""Figures of docs/evaluation.md: each is a cell of a table of reports/README.md, so that both pages agree."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ FIGURES = (
     ),
     ("image to pose at 60 images a second, median; 99th percentile", speed.load, "load_eyebolt", "image to pose"),
 )  # fmt: skip
-"""What it is, its table, a report or text in the first cell that names its row, and how its column begins."""
+"""Label, table, row (its report, or how its first cell begins) and column (how its label begins) of each figure."""
 _OTHER_REPORT = {comparisons.baselines: "peers"}
 """Report of a table whose rows name none."""
 
 
 def figures() -> pd.DataFrame:
-    """Number, what, figure with its interval, and report of each."""
+    """Table of the figures: number, label, figure with its interval, and report."""
     rows = (
         (number, what, _cell(table, row, column), f"[{_report(table, row)}]")
         for number, (what, table, row, column) in enumerate(FIGURES, start=1)
@@ -60,7 +60,7 @@ def figures() -> pd.DataFrame:
 
 
 def reports() -> set[str]:
-    """Names of the reports that the figures come from."""
+    """Return the names of the reports that the figures come from."""
     return {_report(table, row) for _, table, row, _ in FIGURES}
 
 
@@ -73,7 +73,7 @@ def _cell(table: Callable[[], pd.DataFrame], row: str, column: str) -> str:
         return UNMEASURED
     try:
         words = table()
-    except FileNotFoundError:  # another report that the table needs beside it
+    except FileNotFoundError:  # the table needs a second report, too
         return UNMEASURED
     named = (words.iloc[:, -1] == f"[{row}]") | words.iloc[:, 0].astype(str).str.startswith(row)
     return words.loc[named, next(label for label in words.columns if label.startswith(column))].iloc[0]

@@ -11,7 +11,7 @@ from .reports import frame_of, report, reported
 from .table import Form, fraction, text, tidy, written
 
 _HALTED = "... of these over an edge, into a corner, off the object"
-_WITHIN, _DEEPEST, _IN_TIME = 0.5, 1.5, 2  # mm beside the wanted depth, mm, and periods of control, as wanted
+_WITHIN, _DEEPEST, _IN_TIME = 0.5, 1.5, 2  # bounds: mm off the wanted depth, mm deep, periods of control
 _CLAIMS: dict[str, Form] = {
     "ended as wanted": fraction("success"),
     "ended with a reason": text("ended"),
@@ -23,19 +23,19 @@ _CLAIMS: dict[str, Form] = {
 
 
 def motion() -> pd.DataFrame:
-    """How an arm touches and slides."""
+    """Table of how an arm touches and slides, from the newest report."""
     if "motion" not in reported():
         return written(frame_of({"motion": "-"}, report), {"motion": text("what")}, _CLAIMS, "report")
     return motion_table(report("motion")["trials"], report("motion")["config"]["depth_mm"])
 
 
 def faults() -> pd.DataFrame:
-    """How it stops."""
+    """Table of how an arm stops after faults, from the newest report."""
     return fault_table(report("motion")["trials"] if "motion" in reported() else [])
 
 
 def motion_table(trials: list[dict], depth_mm: float = 0.5) -> pd.DataFrame:
-    """The same of `evaluate-motion`'s trials."""
+    """Table of how an arm touches and slides, from trials of `evaluate-motion`; depth_mm: the wanted depth."""
     slides = [trial for trial in trials if trial["slide"]]
     touches, slid = [trial["touch"] for trial in trials], [trial["slide"] for trial in slides]
     of_touches, of_slides = Figures.by_seed(trials), Figures.by_seed(slides)
@@ -52,7 +52,7 @@ def motion_table(trials: list[dict], depth_mm: float = 0.5) -> pd.DataFrame:
 
 
 def fault_table(trials: list[dict]) -> pd.DataFrame:
-    """Of each fault: how many times it happened, and the arm was told to stop within two periods of its control."""
+    """Table of faults: how often each happened, and how often the twist was zero within two periods of control."""
     happened: dict[str, list[float]] = {}
     for trial in trials:
         if fault := trial["fault"]:

@@ -1,4 +1,4 @@
-"""Table of how far the filter is from what could be known."""
+"""Tables of the filter against the ideal observer."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _OBSERVED = {
     "observer_kidnap": CONDITIONS["kidnap"],
     "observer_cad": f"{_UNIFORM}; CAD parts",
 }
-"""What is done to the slides, by the name of the report."""
+"""Condition of the slides, by the name of the report."""
 _COMPARED = {"maps": "penetration maps", "codes": "codes"}
 
 
 def _of_event(form: Form) -> Form:
-    """A dash where nothing happened on the way."""
+    """Return a form that gives a dash if the slides have no event."""
     return lambda row: "-" if is_missing(row.get("soon.share")) else form(row)
 
 
@@ -38,12 +38,12 @@ OBSERVING: dict[str, Form] = {
 
 
 def observing_table(summary: dict[str, dict]) -> pd.DataFrame:
-    """By what the observer compares poses with."""
+    """Table of an `ideal-observer` result, a row for each kind of evidence that the observer uses."""
     rows = [{"what": _COMPARED[name], "trials": one["trials"]} | one for name, one in summary.items()]
     return written(tidy(rows), {"compared by": text("what"), "slides": text("trials")}, OBSERVING)
 
 
 def observing() -> pd.DataFrame:
-    """By what is done to the slides; the observer compares penetration maps."""
+    """Table of the reports, a row for each condition of the slides; the observer compares penetration maps."""
     frame = frame_of(_OBSERVED, lambda name: report(name)["ideal_observer"]["maps"])
     return written(frame, {"conditions": text("what")}, OBSERVING, "report")

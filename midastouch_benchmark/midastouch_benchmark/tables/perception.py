@@ -17,10 +17,10 @@ _WANTED = {
     "with 10 others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
     "the model's": ((0.9, 1.1), (0.85, 1.15), 0.07, 0.85),
 }
-"""Of presses, by the calibration: measured over true radius, deepest over deepest, RMSE inside [mm] at most,
-correlation at least."""
+"""Bounds wanted of presses, by calibration: least and most of measured over true radius and of deepest over deepest,
+largest RMSE inside [mm], least correlation."""
 _WANTED_DEPTH = {"ball": 0.05, "flat face": 0.12}
-"""mm, by what is pressed in: error of the depth, at most."""
+"""Largest error of the depth [mm], by what is pressed in."""
 _USUAL_GEL = 3.0  # mm thick
 _DIGIT_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
 _MINI_PRESSES = (
@@ -37,7 +37,7 @@ _FITS: dict[str, Form] = {
     "correlation of both": text("depth_correlation", "{:.2f}"),
     "centres apart": text("centre_mm", "{:.2f} mm"),
 }
-"""What is measured of presses, against the ball that should be."""
+"""Columns that compare a measured press with the ball that should have made it."""
 PRESSES: dict[str, Form] = {
     "RMSE inside": _FITS["RMSE inside"],
     "deepest measured over deepest of the ball": _FITS["deepest over deepest"],
@@ -75,7 +75,7 @@ _TOUCHES: dict[str, Form] = {
 
 
 def real() -> pd.DataFrame:
-    """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
+    """Table of errors over ten objects through the optics of measured sensors, against TACTO's on the same slides."""
 
     def row(name: str) -> dict:
         ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"])
@@ -94,7 +94,7 @@ def real() -> pd.DataFrame:
 
 
 def depth() -> pd.DataFrame:
-    """The depth network where the truth is known."""
+    """Table of errors of the depth network on simulated slides, whose true depth is known."""
     names = {
         "evaluate_tdn": "three slides of another renderer",
         "evaluate_tdn_held_out": "our slides over seven scans that only validate",
@@ -106,14 +106,14 @@ def depth() -> pd.DataFrame:
 
 
 def depth_table(content: dict) -> pd.DataFrame:
-    """Sequences of an `evaluate-tdn` result, and all of them."""
+    """Table of an `evaluate-tdn` result: a row for each sequence, and one for all of them."""
     rows = [{"what": one["sequence"]} | one for one in content["sequences"]] + [{"what": "all"} | content["summary"]]
     about = {"slides": text("what"), "frames": text("frames", "{:.0f}")}
     return written(tidy(rows), about | DEPTH | {"a frame": text("ms_per_frame", "{:.1f} ms")}, {})
 
 
 def labels() -> pd.DataFrame:
-    """The same presses without the labels, and the labels themselves."""
+    """Table of labels and of measurements of DIGIT presses, both against the balls that the images show."""
     rows = []
     for sensor in ("d20641", "vocdex"):
         plain, calibrated = (report(f"presses_{sensor}{how}") for how in ("", "_calibrated"))
@@ -140,25 +140,26 @@ def _press_row(content: dict) -> dict:
 
 
 def presses() -> pd.DataFrame:
-    """Depth on two DIGITs and a GelSight Mini, against the ball under the labelled outline."""
+    """Table of depth on two DIGITs and a GelSight Mini, against the ball under the labelled outline."""
     frame = frame_of(dict.fromkeys((*_DIGIT_PRESSES, *_MINI_PRESSES), "-"), lambda name: _press_row(report(name)))
     return written(frame, {"ball": text("ball"), "calibration": text("how")} | PRESSES, {}, "report")
 
 
 def presses_table(contents: Iterable[dict]) -> pd.DataFrame:
-    """Results of `evaluate-presses`. By the measured outline, which is the network's own, depth is not judged."""
+    """Table of `evaluate-presses` results; depth is not judged by a measured outline, which is the network's own."""
     rows = []
     for content in contents:
-        rows.append({"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content))
+        row = {"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content)
+        rows.append(row)
         for key, what in (("against_fit", "by the images' ball"), ("labels", "labels, by the images' ball")):
             if content.get(key):
-                rows.append(rows[0] | {"what": what, "brightness_mm": None} | content[key])
+                rows.append(row | {"what": what, "brightness_mm": None} | content[key])
     about = {"presses": text("what"), "network": text("network"), "ball": text("ball"), "calibration": text("how")}
     return written(tidy(rows), about | {"outline": text("truth")} | PRESSES | _SHAPE, {})
 
 
 def wanted() -> pd.DataFrame:
-    """What a real sensor is to be read with, and what is missed."""
+    """Table of wanted bounds for the readings of real and simulated sensors, measured values, and bounds missed."""
     checks = report("checks")
     gels, slow_light = checks["gels"], max(row["false_contacts"] for row in checks["slow_light"])
     tacto = report("evaluate_tdn")["summary"]
@@ -189,7 +190,7 @@ def wanted() -> pd.DataFrame:
 
 
 def _wanted_of_presses() -> Iterator[tuple]:
-    """Of DIGITs by the ball that the images show, for their labels are off by as much as is wanted."""
+    """Yield the rows on presses; DIGITs are judged by the balls in the images: their labels are off by the bound."""
     radii = {}
     for name in (*_DIGIT_PRESSES, *_MINI_PRESSES):
         one = report(name)
@@ -208,7 +209,7 @@ def _wanted_of_presses() -> Iterator[tuple]:
 
 
 def _judged(what: str, value: float, digits: int, least: float | None, most: float | None) -> tuple[str, ...]:
-    """A wanted bound and whether it is met, judged as printed."""
+    """Return a row of `wanted`: the bound, and whether the value, rounded as printed, meets it."""
     value = round(value, digits)
     bounds = [("at least", least), ("at most", most)]
     said = " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
@@ -217,7 +218,7 @@ def _judged(what: str, value: float, digits: int, least: float | None, most: flo
 
 
 def single_touch() -> pd.DataFrame:
-    """How far one touch tells where it is."""
+    """Table of pose errors of the best matches of a single touch, by light, with the paper's."""
     names = {"single_touch": "TACTO's", "single_touch_random": "of random sensors"}
     frame = frame_of(names, lambda name: {"summary": report(name)["summary"]})
     table = written(frame, {"light": text("what")} | _TOUCH, {}, "report")
@@ -234,13 +235,13 @@ _COMPARED_BY = {
 
 
 def single_touch_limit() -> pd.DataFrame:
-    """How far one touch could tell where it is."""
+    """Table of pose errors of a single touch that is compared with every pose, from the newest report."""
     name = "single_touch_limit"
     return single_touch_limits(report(name)["exhaustive"] if name in reported() else {}, "report")
 
 
 def single_touch_limits(ways: dict, sources: str | None = None) -> pd.DataFrame:
-    """The exhaustive comparisons of a `single-touch` result, a row for each way to compare a touch."""
+    """Table of the exhaustive comparisons of a `single-touch` result, a row for each way to compare a touch."""
     rows = [
         {"what": what, "report": "single_touch_limit", "measured": way in ways} | ways.get(way, {})
         for way, what in _COMPARED_BY.items()
@@ -254,7 +255,7 @@ def single_touch_limits(ways: dict, sources: str | None = None) -> pd.DataFrame:
 
 
 def single_touch_table(content: dict) -> pd.DataFrame:
-    """The paper's figure 14: objects of a `single-touch` result, the best first, and their mean."""
+    """Table of the paper's figure 14: objects of a `single-touch` result, the best first, and their mean."""
     objects = sorted(content["objects"], key=lambda one: one["summary"]["normalised_top25_error"])
     rows = [
         {key: one[key] for key in ("object", "queries", "missed", "summary")}
@@ -265,7 +266,7 @@ def single_touch_table(content: dict) -> pd.DataFrame:
 
 
 def single_touch_notes(content: dict) -> list[str]:
-    """What has to be known to read it."""
+    """Return the notes that explain the columns of `single_touch_table`."""
     notes = [
         f"pose error (6-vectors) of the nearest of the {TOP} best matches, over that of {TOP} random touches; "
         "geodesic: with the angle on SO(3);",

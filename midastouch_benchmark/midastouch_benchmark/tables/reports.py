@@ -1,4 +1,4 @@
-"""The committed reports, and the commands that make them."""
+"""Committed reports, and the commands that make them."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
 _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
 _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
-"""What is done to the slides, by the name of the protocol and of its report."""
-_PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant; a seed changes only what is drawn of the belief
+"""Condition of the slides, by the name of the protocol and of its report."""
+_PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant; another seed changes only what the belief draws
 FURTHER = {
     "held_out": ("ten further objects", _PAIRED),
     "cad": ("CAD parts", "--slides 4 --seeds 1 --codebook-size 10000"),
 }
-"""Further sets of objects, as `--objects` names them: in words, and what is slid over each object."""
+"""Further sets of objects by their name in `--objects`: label, and options of the slides over each object."""
 
 
 def _evenly(command: str) -> str:
-    """With slides for each of the four differences of protocol `other_shape`, which take turns."""
+    """Return the command, with three slides for each of the four differences if the protocol is `other_shape`."""
     return command.replace("--slides 10", "--slides 12") if "--protocol other_shape" in command else command
 
 
@@ -122,18 +122,18 @@ COMMANDS = {
 }
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
 ABLATIONS = {"ablation": STARTS["accuracy_uniform"]} | {f"ablation_{name}": CONDITIONS[name] for name in _ABLATIONS}
-"""What is done to the slides, by the name of the report on parts of the filter that are off."""
+"""Condition of the slides, by the name of the report on variants without a part of the filter."""
 OPTICS = {
     "real_plain": "TACTO's, on its own sensor",
     "real_sensor": "of two real sensors, not calibrated",
     "real_sensor_calibrated": "of the same, calibrated with ten presses each",
 }
 NO_ESTIMATES = ("soak", "load_eyebolt", "load_mug")
-"""Reports on load and faults of the nodes, which are not about where the gel is."""
+"""Reports on load and faults of the nodes, which hold no estimates and are never stale."""
 
 
 def report_path(name: str) -> Path:
-    """The newest report of that name."""
+    """Return the path of the newest report of that name; FileNotFoundError if there is none."""
     found = sorted((ROOT / "reports").glob(f"*/{name}.json"))
     if not found:
         raise FileNotFoundError(f"no reports/*/{name}.json, made by: {COMMANDS[name]}")
@@ -141,14 +141,14 @@ def report_path(name: str) -> Path:
 
 
 def reported() -> list[str]:
-    """Names of the reports that there are; within `only_of_today`, of those that today's code made."""
+    """Return the names of the reports that exist; within `only_of_today`, of those that today's code made."""
     there = [name for name in COMMANDS if any((ROOT / "reports").glob(f"*/{name}.json"))]
     old = set(stale(there)) if _only_of_today else set()
     return [name for name in there if name not in old]
 
 
 def report(name: str) -> dict:
-    """Its content; FileNotFoundError where `reported` does not name it."""
+    """Return the content of a report; FileNotFoundError if `reported` does not name it."""
     for names in _readers:
         names.add(name)
     if _only_of_today and stale([name]):
@@ -162,7 +162,7 @@ _only_of_today: list[bool] = []
 
 @contextlib.contextmanager
 def only_of_today() -> Iterator[None]:
-    """Meanwhile a report of earlier code counts as not there."""
+    """Treat reports of earlier code as missing within the context."""
     _only_of_today.append(True)
     try:
         yield
@@ -172,7 +172,7 @@ def only_of_today() -> Iterator[None]:
 
 @contextlib.contextmanager
 def names_read() -> Iterator[set[str]]:
-    """The names of the reports that are read meanwhile."""
+    """Collect the names of the reports that are read within the context."""
     names: set[str] = set()
     _readers.append(names)
     try:
@@ -183,12 +183,12 @@ def names_read() -> Iterator[set[str]]:
 
 @cache
 def ids_of_today() -> dict[str, str]:
-    """Those of `reports/fingerprint.json`, by part; none where there is no such file."""
+    """Return the ids of `reports/fingerprint.json` by part; none if there is no such file."""
     return fingerprint.read()[1] if fingerprint.COMMITTED.is_file() else {}
 
 
 def fingerprint_of(name: str) -> str | None:
-    """What a report says of the code that made it; None for one that says nothing, or is not there."""
+    """Return the fingerprint of the code that made a report; None if it stores none, or does not exist."""
     try:
         path = report_path(name)
     except FileNotFoundError:
@@ -198,12 +198,12 @@ def fingerprint_of(name: str) -> str | None:
 
 @cache
 def _fingerprint_in(path: Path, written_ns: int) -> str | None:
-    """Of a file as it was written then: each table asks for that of every report."""
+    """Return the fingerprint in a file; cached until it is written again, as each table asks for every report's."""
     return json.loads(path.read_text()).get("fingerprint")
 
 
 def stale(names: Iterable[str]) -> list[str]:
-    """Those of the reports that are of other code than today's, do not say, or are not there."""
+    """Return the names of reports that other code than today's made, or that store no fingerprint or do not exist."""
     known = set(ids_of_today().values())
     return [
         name for name in names if name not in NO_ESTIMATES and not set((fingerprint_of(name) or "").split("+")) <= known
@@ -211,15 +211,15 @@ def stale(names: Iterable[str]) -> list[str]:
 
 
 def benchmark_summary(name: str) -> dict:
-    """Summary of a benchmark of the filter as shipped, in its only way to start."""
+    """Return the summary of a benchmark of the filter as shipped, which has one way to start."""
     content = report(name)
     (summary,) = content["summary"][DEFAULT].values()
     return counted_anew(summary, [trial for trial in content["trials"] if trial["variant"] == DEFAULT])
 
 
 def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.DataFrame:
-    """A tidy frame of reports, one row each: `what`, as named; `report`; `measured`, whether there is one; its
-    record."""
+    """Return a tidy frame with a row for each report: `what`, its label; `report`, its name; `measured`, whether it
+    exists; and its record."""
     there = reported()
     return tidy(
         {"what": what, "report": name, "measured": name in there} | (record(name) if name in there else {})
@@ -228,7 +228,7 @@ def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.Data
 
 
 def further() -> dict[str, str]:
-    """The same conditions over further sets of objects, by the names of the reports."""
+    """Return the conditions over further sets of objects, by the names of the reports."""
     asked = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | CONDITIONS
     sets = {
         f"{name}_{objects}": f"{what}; {words}"

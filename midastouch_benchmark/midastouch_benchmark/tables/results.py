@@ -1,4 +1,4 @@
-"""The tables of a result, each with its title, in the order in which a terminal and a page show them."""
+"""Tables of a result, each with its title, in the order in which a terminal and a page show them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Titled = tuple[str, pd.DataFrame]
 
 
 def shown(parts: Iterable[Titled]) -> str:
-    """Tables with their titles, for a terminal."""
+    """Return tables with their titles as text for a terminal."""
     return "\n\n".join(f"{title}\n{terminal(table)}".strip() for title, table in parts)
 
 
 def of_start(content: dict, init: str) -> list[Titled]:
-    """The filter as shipped with one start, of a result of `midastouch benchmark`."""
+    """Return the tables on the filter as shipped with one start, of a result of `midastouch benchmark`."""
     summary = content["summary"][DEFAULT][init]
     symmetries = {one["object"]: one["symmetry"] for one in content["objects"]}
     beside = {"object": "the paper's ten"} | accuracy.PAPER if init == "paper" else None
@@ -47,7 +47,7 @@ def of_start(content: dict, init: str) -> list[Titled]:
 
 
 def of_variants(content: dict) -> list[Titled]:
-    """Variants against the default on the same trials, by start, of the same result; none without variants."""
+    """Return a table for each start of variants against the default on the same trials; none without variants."""
     return [
         (f"variants, start: {init}; {front_text(rows)}", comparisons.compared_table(content | {"comparison": rows}))
         for init, rows in rows_by_init(content["comparison"]).items()
@@ -56,7 +56,7 @@ def of_variants(content: dict) -> list[Titled]:
 
 
 def of_identification(content: dict) -> list[Titled]:
-    """A result of `midastouch identify`; none before the first trial."""
+    """Return the table of a result of `midastouch identify`; none before the first trial."""
     if not (summary := content.get("identification")):
         return []
     rows = tidy([exploring.identification_row(f"of {summary['objects']}", summary)])

@@ -1,4 +1,4 @@
-"""Tables of what soft gel does to maps, depth, poses and codes; of an `evaluate-gel` result, or the newest report."""
+"""Tables of the effect of soft gel on maps, depth, poses and codes: of an `evaluate-gel` result, or the newest one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GEL: dict[str, Form] = {
 
 
 def soft_gel(content: dict | None = None) -> pd.DataFrame:
-    """What soft gel does to maps, poses and codes: medians, with 90 % of the touches for the error along the normal."""
+    """Table of soft gel's effect on maps, poses and codes: medians, and the 90 % range of errors along the normal."""
     content = content or report("soft_gel")
     rows = []
     for kind, group in _of_gels(content["touches"]):
@@ -44,7 +44,7 @@ def soft_gel(content: dict | None = None) -> pd.DataFrame:
 
 
 def commanded_depth(content: dict | None = None) -> pd.DataFrame:
-    """How deep presses of a known depth are read on soft gel."""
+    """Table of errors of the depth that is read from presses of a known depth on soft gel."""
     claims = {
         "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
         "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
@@ -54,8 +54,8 @@ def commanded_depth(content: dict | None = None) -> pd.DataFrame:
 
 
 def commanded_depths(content: dict) -> Iterator[dict]:
-    """A row for each kind of press and gel of an `evaluate-gel` result: what was pressed in, how many times, median
-    bias and error [mm] of the depth that is read."""
+    """Yield a row for each kind of press and gel of an `evaluate-gel` result: the pressed shape, the number of presses,
+    median bias and error [mm] of the depth that is read."""
     for kind, group in _of_gels(content["presses"], "press"):
         off = group["depth_mm"] - group["commanded_mm"]
         interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
@@ -64,7 +64,7 @@ def commanded_depths(content: dict) -> Iterator[dict]:
 
 
 def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
-    """Rows of an `evaluate-gel` result by what is told apart: that, and its rows."""
+    """Yield (keys, rows) for each calibration, thickness and `further` key in rows of an `evaluate-gel` result."""
     keys = [*further, "calibrated", "thickness_mm"]
     frame = tidy(rows).sort_values(keys, na_position="first", kind="stable")
     for kind, group in frame.groupby(keys, dropna=False, sort=False):

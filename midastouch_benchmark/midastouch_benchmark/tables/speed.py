@@ -34,23 +34,23 @@ _STAGES = {
     "lookup_ms": "look-up of all untested poses",
     "sim_image_ms": "simulated image, light:",
 }
-"""What is timed by `midastouch bench`: key of its result, and words; with a colon, several of that kind."""
+"""Stages that `midastouch bench` times, with their label, by key of its result; a colon: several of that kind."""
 
 
 def _fractions_of_60_hz(row: Row) -> str:
-    """How much of the sensor's rate the machine can do."""
+    """Return the percentages of the sensor's rate that the machine reaches while searching and converged."""
     rates = (row.get("end_to_end_hz"), row.get("converged_hz"))
     return "; ".join("-" if is_missing(hz) else f"{min(100, 100 * hz / _SENSOR_HZ):.0f} %" for hz in rates)
 
 
 def _over_fcrn(row: Row) -> str:
-    """Times of this pipeline over that of the paper's depth network in the same run."""
+    """Return times of this pipeline over that of the paper's depth network in the same run."""
     times = (row.get(f"{key}.p50") for key in ("end_to_end_ms", "converged_ms", "converged_frame_ms"))
     return "; ".join("-" if is_missing(ms) else f"{ms / row['fcrn_ms.p50']:.3f}" for ms in times)
 
 
 def _several(form: str, unit: str, *keys: str) -> Form:
-    """Values in one cell."""
+    """Form of several values in one cell."""
     return lambda row: "; ".join(str(text(key, form)(row)) for key in keys) + unit
 
 
@@ -102,7 +102,7 @@ _RATES: dict[str, Form] = {
 
 
 def stages(content: dict) -> pd.DataFrame:
-    """Milliseconds of each stage of a `bench` result: wall time and CPU time."""
+    """Table of the milliseconds of each stage of a `bench` result: wall time and CPU time."""
     rows = []
     for key, what in _STAGES.items():
         one = content.get(key, {})
@@ -113,12 +113,12 @@ def stages(content: dict) -> pd.DataFrame:
 
 
 def speed() -> pd.DataFrame:
-    """Each stage on two shared cores."""
+    """Table of each stage on two shared cores."""
     return listed(("what", "[bench]"), _cells(report("bench"), _SPEED))
 
 
 def rates(content: dict) -> pd.DataFrame:
-    """Rates and memory of the same."""
+    """Table of the rates and the memory of a `bench` result."""
     return listed(("what", "measured"), (cell for cell in _cells(content, _RATES) if cell[1] != "-"))
 
 
@@ -128,19 +128,19 @@ def _cells(content: dict, forms: dict[str, Form]) -> list[tuple[str, object]]:
 
 
 def scaling_table(points: list[dict]) -> pd.DataFrame:
-    """Time and memory of a step of the filter over hypotheses at the start and codebook poses."""
+    """Table of time and memory of a step of the filter over hypotheses at the start and codebook poses."""
     return written(tidy(points), SCALING, {})
 
 
 def scaling() -> pd.DataFrame:
-    """The same, of the newest report."""
+    """Table of the newest report on time and memory of a step."""
     if "scale" not in reported():
         return written(frame_of({"scale": "-"}, report), {"hypotheses at the start": text("what")}, {}, "report")
     return written(tidy(one | {"report": "scale"} for one in report("scale")["scaling"]), SCALING, {}, "report")
 
 
 def start() -> pd.DataFrame:
-    """How soon there is a pose on an object that comes without a codebook."""
+    """Table of the time until the first pose on an object that comes without a codebook."""
 
     def row(name: str) -> dict:
         one = report(name)["start"]
@@ -159,7 +159,7 @@ def start() -> pd.DataFrame:
 
 
 def load() -> pd.DataFrame:
-    """Latency at the sensor's rate, also relative to the time of the paper's depth network on the same machine."""
+    """Table of latency at the sensor's rate, also relative to the paper's depth network on the same machine."""
     fcrn = report("bench")["fcrn_ms"]["p50"]
 
     def times(row: Row) -> tuple[float, float]:
@@ -176,7 +176,7 @@ def load() -> pd.DataFrame:
 
 
 def soak() -> pd.DataFrame:
-    """Load and faults."""
+    """Table of load and faults."""
     one = report("soak")
     load, killed, late, plug = one["load"], one["killed"], one["transforms_200_ms_late"], one["unplugged"]
     steps, refused = one["filter"], one["malformed"]["refused"]

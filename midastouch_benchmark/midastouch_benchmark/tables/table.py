@@ -1,8 +1,8 @@
 """One table layer: a result becomes a tidy frame once; terminal, page and document are three ways to write it.
 
-A *tidy frame* has one row for each thing that was measured and one column for each figure, as numbers; what is nested
-in a result is named by its path, `trust.right_at_end.share`. A *form* turns a row into the words of one cell, and a
-table is a frame of such words, its columns named as a reader sees them.
+A *tidy frame* has one row for each thing that was measured and one column for each figure, as numbers; a nested value
+of a result is named by its path, `trust.right_at_end.share`. A *form* turns a row into the text of one cell, and a
+table is a frame of such texts, its columns named as a reader sees them.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ _FEW = 3  # rows
 
 
 def tidy(rows: Iterable[dict]) -> pd.DataFrame:
-    """A tidy frame of results, one row each."""
+    """Return a tidy frame of results, one row each."""
     return pd.json_normalize(list(rows))
 
 
 def written(
     frame: pd.DataFrame, about: Mapping[str, Form], claims: Mapping[str, Form], sources: str | None = None
 ) -> pd.DataFrame:
-    """The table of a tidy frame: columns `about` what was measured, and `claims`, which need `ENOUGH` trials.
+    """Return the table of a tidy frame.
 
-    Of a row whose `measured` is false, nothing is known yet. `sources`: label of a last column with the row's `report`.
-    Labels that a reader sees twice differ by a space at their end.
+    about: columns that describe what was measured; claims: columns that need `ENOUGH` trials. A row whose `measured` is
+    false has no claims yet. sources: label of a last column with the row's `report`. Two columns may show one label:
+    give one of the two a space at its end.
     """
     lines = []
     for row in frame.to_dict("records"):
@@ -55,12 +56,12 @@ def written(
 
 
 def listed(labels: tuple[str, ...], rows: Iterable[tuple]) -> pd.DataFrame:
-    """A table of words that are no figures of one frame, such as a list of quantities with a value each."""
+    """Return a table of finished cells, such as a list of quantities with a value each."""
     return pd.DataFrame(list(rows), columns=list(labels), dtype=object)
 
 
 def upright(table: pd.DataFrame) -> pd.DataFrame:
-    """A wide table of a few rows with its columns as rows; any other as it is."""
+    """Return a wide table of a few rows with its columns as rows; any other table unchanged."""
     if len(table.columns) < _WIDE or len(table) > _FEW:
         return table
     turned = table.to_numpy().T.tolist()
@@ -69,7 +70,7 @@ def upright(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def terminal(table: pd.DataFrame) -> str:
-    """For a screen: padded columns, the first one aligned left, the others right."""
+    """Return a table as text for a screen: padded columns, the first one aligned left, the others right."""
     table = upright(table)
     align = ("left", *["right"] * (len(table.columns) - 1))
     return tabulate(
@@ -78,39 +79,40 @@ def terminal(table: pd.DataFrame) -> str:
 
 
 def on_page(page: Page, table: pd.DataFrame) -> None:
-    """On a page, as HTML and Markdown."""
+    """Add a table to a page, as HTML and Markdown."""
     table = upright(table)
     page.table(list(table.columns), table.to_numpy().tolist())
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """For a document; not padded, so that a changed figure changes one line."""
+    """Return a table as Markdown for a document; not padded, so that a changed figure changes one line."""
     lines = [list(table.columns), ["---"] * len(table.columns), *table.to_numpy().tolist()]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
 def is_missing(value: object) -> bool:
-    """None or nan, as a figure is that a result does not have."""
+    """Return whether a value is None or nan, like a figure that a result lacks."""
     return value is None or value != value
 
 
 def text(key: str, form: str = "{}") -> Form:
-    """A value; a dash where there is none."""
+    """Form of a value; a dash if it is missing."""
     return lambda row: "-" if is_missing(row.get(key)) else form.format(row[key])
 
 
 def percent(key: str, digits: int = 0) -> Form:
-    """A fraction in percent."""
+    """Form of a fraction in percent."""
     return lambda row: "-" if is_missing(row.get(key)) else f"{100 * row[key]:.{digits}f} %"
 
 
 def part(key: str) -> Form:
-    """So many of so many trials."""
+    """Form of a number of trials, of all trials."""
     return lambda row: f"{row[key]:.0f} of {row['trials']:.0f}"
 
 
 def pose(prefix: str, statistic: str, interval: str | None = None) -> Form:
-    """An error in mm and deg, of `<prefix>_trans_mm.<statistic>` and its like; interval: key of that of the former."""
+    """Form of an error in mm and deg, `<prefix>_trans_mm.<statistic>` and `<prefix>_rot_deg.<statistic>`; interval: key
+    of the interval in mm."""
 
     def form(row: Row) -> str:
         errors = [row.get(f"{prefix}_{unit}{statistic and '.' + statistic}") for unit in ("trans_mm", "rot_deg")]
@@ -123,7 +125,7 @@ def pose(prefix: str, statistic: str, interval: str | None = None) -> Form:
 
 
 def fraction(key: str, digits: int = 0) -> Form:
-    """A fraction with its 95 % interval: `<key>.share` and `<key>.interval`."""
+    """Form of a fraction with its 95 % interval: `<key>.share` and `<key>.interval`."""
 
     def form(row: Row) -> str:
         if is_missing(row.get(f"{key}.share")):
@@ -134,8 +136,8 @@ def fraction(key: str, digits: int = 0) -> Form:
 
 
 def value(key: str, form: str, unit: str = "", never: bool = False, scale: float = 1.0) -> Form:
-    """A value with its 95 % interval: `<key>.value` and `<key>.interval`, times `scale`. never: one that is missing is
-    infinite."""
+    """Form of a value with its 95 % interval: `<key>.value` and `<key>.interval`, times `scale`. never: a missing value
+    is infinite."""
 
     def words(row: Row) -> str:
         number = row.get(f"{key}.value")
@@ -147,10 +149,10 @@ def value(key: str, form: str, unit: str = "", never: bool = False, scale: float
 
 
 def between(interval: list[float] | None, form: str, scale: float = 1.0) -> str:
-    """The bounds of an interval, times `scale`."""
+    """Return the bounds of an interval, times `scale`, as text."""
     return "-" if is_missing(interval) else "...".join(_or_never(bound, form, scale) for bound in interval)
 
 
 def _or_never(number: float | None, form: str, scale: float) -> str:
-    """A result file has no infinite numbers: it has none in their place."""
+    """Return a number as text; a missing one was infinite, since result files store None for infinity."""
     return "never" if is_missing(number) or math.isinf(number) else form.format(scale * number)

@@ -1,4 +1,4 @@
-"""Tables of docs/trust.md: what the states promise, and how often it is kept."""
+"""Tables of docs/trust.md: the promises of states and regions, and how often they are kept."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap
 EVENTS = ("rest", "lift", "kidnap", "jump", "unexplained", "push")
 """Protocols in which something happens on the way."""
 PROMISED_WRONG, PROMISED_REGION = 1 - FilterConfig().converged_probability, 0.95
-"""What is promised: at most so many of the converged frames are wrong, and the 95 % region holds the truth."""
+"""Promised bounds: the largest fraction of wrong converged frames, and how often the 95 % region holds the truth."""
 _LEVELS = {"50 %": "0.5", "90 %": "0.9", "95 %": "0.95", "99 %": "0.99"}
 
 
 def conditions() -> dict[str, str]:
-    """What trust is asked of: every protocol, and over further objects and real optics what there is."""
+    """Return the conditions of the tables: every protocol, and those over further objects and optics with a report."""
     optics = {name: f"light {what}" for name, what in OPTICS.items() if name != "real_plain"}
     there = reported()
     return STARTS | CONDITIONS | {name: what for name, what in (further() | optics).items() if name in there}
 
 
 def verdict(key: str, limit: float, below: str, above: str, undecided: str) -> Form:
-    """Which side of a limit a fraction is on, by its whole interval."""
+    """Form of the side of a limit on which the whole interval of a fraction lies; `undecided` if it crosses it."""
 
     def form(row: Row) -> str:
         if is_missing(row.get(f"{key}.interval")):
@@ -79,22 +79,22 @@ _EVENTS = {
 
 
 def converged_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """How often the state `converged` is right, of a frame of summaries."""
+    """Table of a frame of summaries: how often the state `converged` is right."""
     return written(frame, {"conditions": text("what")}, _CONVERGED, sources)
 
 
 def regions_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """How often the published covariance holds the truth, likewise."""
+    """Table of a frame of summaries: how often the published covariance holds the truth."""
     return written(frame, {"conditions": text("what")}, _REGIONS, sources)
 
 
 def events_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """How long it takes until something is noticed, and until the filter is right again, likewise."""
+    """Table of a frame of summaries: how often an event misleads the filter, and how long until it is right again."""
     return written(frame, {"event": text("what")}, _EVENTS, sources)
 
 
 def weights_table(trusts: Mapping[str, dict]) -> pd.DataFrame:
-    """How often a published pose is right, by the weight of its mode; what is known of trust, by the column's label."""
+    """Table of how often a published pose is right, by the weight of its mode; trusts: `trust` figures by label."""
     shown = {label: trust["weights"] for label, trust in trusts.items() if trust["enough"]}
     cell = fraction("right")
     rows = []
@@ -107,7 +107,7 @@ def weights_table(trusts: Mapping[str, dict]) -> pd.DataFrame:
 
 
 def converged() -> pd.DataFrame:
-    """How often the state `converged` is right."""
+    """Table of how often the state `converged` is right, by condition."""
     frame = frame_of(conditions(), benchmark_summary)
     names = [name for name in (STARTS | CONDITIONS) if name != "wrong_mesh" and name in reported()]
     trials = [trial for name in names for trial in report(name)["trials"]]
@@ -117,7 +117,7 @@ def converged() -> pd.DataFrame:
 
 
 def weights() -> pd.DataFrame:
-    """How often a published pose is right, by the weight of its mode."""
+    """Table of how often a published pose is right, by the weight of its mode, from the newest reports."""
     there = reported()
     return weights_table(
         {f"right, {what}": benchmark_summary(name)["trust"] for name, what in _WEIGHED.items() if name in there}
@@ -125,17 +125,17 @@ def weights() -> pd.DataFrame:
 
 
 def regions() -> pd.DataFrame:
-    """How often the published covariance holds the truth."""
+    """Table of how often the published covariance holds the truth, by condition."""
     return regions_table(frame_of(conditions(), benchmark_summary), "report")
 
 
 def foreign() -> pd.DataFrame:
-    """How often the filter says that another object than its mesh is touched."""
+    """Table of how often the filter reports that another object than its mesh is touched."""
     return written(frame_of(conditions(), benchmark_summary), {"conditions": text("what")}, _FOREIGN, "report")
 
 
 def shapes() -> pd.DataFrame:
-    """What becomes of objects that differ from their mesh, by what differs, over all sets of objects."""
+    """Table of slides over objects that differ from their mesh, by the difference, over all sets of objects."""
     names = [name for name in ("other_shape", *(f"other_shape_{objects}" for objects in FURTHER)) if name in reported()]
     trials = [trial for name in names for trial in report(name)["trials"]]
     rows = []
@@ -153,5 +153,5 @@ def shapes() -> pd.DataFrame:
 
 
 def events() -> pd.DataFrame:
-    """How long it takes until something that happened is noticed, and until the filter is right again."""
+    """Table of how often an event misleads the filter, and how long until it is right again, by event."""
     return events_table(frame_of({name: CONDITIONS[name] for name in EVENTS}, benchmark_summary), "report")

@@ -1,8 +1,8 @@
-"""The pictures of docs/trust.md from the committed reports.
+"""Pictures of docs/trust.md from the committed reports.
 
 .venv/bin/python -m midastouch_benchmark.tables.trust_plots
 
-Each PNG holds, as text, a digest of the numbers that it shows, so that a test can tell whether it is of the newest
+Each PNG holds, as text, a digest of the numbers that it shows, so that a test can check that it shows the newest
 reports.
 """
 
@@ -35,10 +35,11 @@ _TOO_MANY = "#f6dedb"
 
 
 def shown() -> dict[str, dict]:
-    """By condition, what today's reports with trials enough say: levels and the fraction of frames whose region of that
-    level holds the truth, by kind of frame; fraction of converged frames that are wrong; each with intervals.
+    """Return the numbers of the pictures by condition, from today's reports of at least `ENOUGH` trials.
 
-    Reports of earlier code are left out, as in the tables beside the pictures."""
+    observed: fraction of frames whose region of each of the `levels` holds the truth, by kind of frame; regions: the
+    same with intervals, at the levels of the tables; wrong: fraction of converged frames that are wrong.
+    """
     out, asked = {}, conditions()
     old = stale(asked)
     for name, what in asked.items():
@@ -58,14 +59,14 @@ def shown() -> dict[str, dict]:
 
 
 def digest(content: dict) -> str:
-    """Of everything that the pictures show."""
+    """Return a digest of everything that the pictures show."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def regions_figure(content: dict[str, dict]) -> Figure:
-    """Measured over nominal fraction of frames whose region holds the truth, one line per condition; intervals at the
-    levels of the tables. On the diagonal the covariance means what it says, below it is too small.
+    """Plot the measured over the nominal fraction of frames whose region holds the truth, a line for each condition.
 
+    On the diagonal the covariance is right; below it, too small. Intervals stand at the levels of the tables.
     Conditions whose 95 % region is too small in either kind of frame have colours and names; the others are grey."""
     figure = Figure(figsize=(11, 5.4), layout="constrained")
     too_small = [what for what, one in content.items() if _too_small(one["regions"])]
@@ -95,7 +96,7 @@ def regions_figure(content: dict[str, dict]) -> Figure:
 
 
 def wrong_figure(content: dict[str, dict]) -> Figure:
-    """Fraction of converged frames that are wrong by condition, with its interval; shaded: more than is promised."""
+    """Plot the fraction of wrong converged frames by condition, with its interval; shaded: more than is promised."""
     kept = {what: one["wrong"] for what, one in content.items() if one["wrong"]["interval"]}
     figure = Figure(figsize=(9, 0.36 * len(kept) + 1.1), layout="constrained")
     axes = figure.subplots()
@@ -106,7 +107,7 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     axes.axvspan(promised, 100, color=_TOO_MANY, lw=0, zorder=0)
     axes.errorbar(fractions, rows, xerr=np.maximum([fractions - low, high - fractions], 0), color=_POINT, ms=5, **_BARS)
     axes.set_yticks(rows, list(kept), fontsize=9)
-    axes.set_xscale("symlog", linthresh=promised)  # linear as far as the promise; the wrong object is at 100
+    axes.set_xscale("symlog", linthresh=promised)  # linear up to the promise; the wrong object is at 100
     axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], ticks)
     axes.set_xlim(0, 102)
     axes.set_xlabel("converged frames at a wrong pose, %, with 95 % interval", fontsize=9)
@@ -115,14 +116,14 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
 
 
 def _intervals(regions: dict[str, dict]) -> tuple[list[float], list[float], np.ndarray]:
-    """Levels (L,), fractions (L,), and how far their intervals reach down and up (2, L)."""
+    """Return levels (L,), fractions (L,), and the lengths of their intervals below and above (2, L)."""
     fractions = np.array([one["share"] for one in regions.values()])
     low, high = np.array([one["interval"] for one in regions.values()]).T
     return [float(level) for level in regions], fractions.tolist(), np.maximum([fractions - low, high - fractions], 0)
 
 
 def _too_small(regions: dict[str, dict]) -> bool:
-    """Whether the whole interval at the promised level is below it, in any kind of frame."""
+    """Return whether the whole interval at the promised level is below it, in any kind of frame."""
     intervals = [one[str(PROMISED_REGION)]["interval"] for one in regions.values()]
     return any(interval is not None and interval[1] < PROMISED_REGION for interval in intervals)
 
@@ -143,7 +144,7 @@ def write(folder: Path) -> None:
     content = shown()
     for name, draw in FIGURES.items():
         with atomic_path(folder / name) as temporary:
-            # no name of the library: the same numbers give the same file
+            # without the library's name and version, the same numbers give the same file
             draw(content).savefig(
                 temporary, format="png", dpi=110, metadata={DIGEST: digest(content), "Software": None}
             )

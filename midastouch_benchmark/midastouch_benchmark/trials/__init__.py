@@ -1,1 +1,1 @@
-"""Campaigns of trials on slides: protocols, what is done to a slide, variants, and what one trial is."""
+"""Campaigns of trials on slides: protocols, disturbances, variants, and single trials."""

@@ -1,5 +1,4 @@
-"""An arm in MuJoCo with sensor and controller: delays, friction, mount, and how firmly the object is held, are drawn at
-random."""
+"""An arm in MuJoCo with sensor and controller; delays, friction, mount, and the hold of the object are random."""
 
 from __future__ import annotations
 
@@ -21,23 +20,23 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 
 DEPTH = 5e-4
-"""m that is held."""
+"""Depth [m] that the controller keeps."""
 AT = np.array([0.45, 0.0, 0.3])
-"""m in the base frame: where the object is touched."""
+"""Point [m] in the base frame at which the object is touched."""
 
 _MOUNT = 2e-3, np.radians(2.0)
-_ARM_LATENCY = 0.05  # s that the controller takes it for
-_LATENCIES = 0.02, 0.08  # s of the arm
+_ARM_LATENCY = 0.05  # s, assumed by the controller
+_LATENCIES = 0.02, 0.08  # s, the arm's own
 _DELAYS, _JITTER = (0.02, 0.04), 0.01  # s of images: at 30 Hz the newest is no older than the guard allows
 _FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
 _RATES = 30.0, 60.0  # Hz
 
 
 class ArmRig:
-    """Args: mesh; sensor, full size; base_from_object T_base_obj and start T_base_gel (4, 4); guard; see(T_obj_gel):
-    the contact that an image there shows; rng.
+    """Arm, controller and their rehearsal. Args: mesh; sensor: full size; base_from_object: T_base_obj (4, 4); start:
+    T_base_gel (4, 4); guard; see(T_obj_gel): returns the contact in an image there; rng.
 
-    Attributes: arm; controller; rehearsal; frame_time [s] between images.
+    Attributes: arm; controller; rehearsal; frame_time [s]: between images.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class ArmRig:
 
 
 def turn(rng: np.random.Generator, angle: float) -> np.ndarray:
-    """A turn (4, 4) by `angle` rad about a random axis in the plane x y."""
+    """Return a turn (4, 4) by `angle` rad about a random axis in the plane x y."""
     about = rng.uniform(0, 2 * np.pi)
     return se3.exp(np.array([0, 0, 0, angle * np.cos(about), angle * np.sin(about), 0]))
 

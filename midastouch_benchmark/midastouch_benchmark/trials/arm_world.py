@@ -23,25 +23,24 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .arm_rig import AT, DEPTH, ArmRig
 
-_ABOVE = 0.01  # m over the highest point of the object, where the gel begins
+_ABOVE = 0.01  # m, height of the gel over the object's highest point at the start
 _TIMEOUT = 120.0  # s of an act
 
 _T = TypeVar("_T")
 
 
 class Sensed(NamedTuple):
-    """Of an image: what was measured, and T_base_gel (4, 4) as the arm's own joints have it."""
+    """Touch measured in an image, and T_base_gel (4, 4) according to the arm's own joints."""
 
     touch: Touched
     measured: np.ndarray
 
 
 class ArmWorld:
-    """Limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
+    """World of an arm; limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
 
-    Attributes: reach, of the arm; sensed, of the image last yielded; deepest [m] that the object was in the gel.
-    Args: mesh, which lies on a random side; sensor, full size; perceive(T_obj_gel): what an image there is measured as;
-    rng.
+    Attributes: reach: of the arm; sensed: of the image last yielded; deepest [m]: largest depth of the object in the
+    gel so far. Args: mesh: lies on a random side; sensor: full size; perceive(T_obj_gel): measures an image there; rng.
     """
 
     def __init__(
@@ -59,32 +58,32 @@ class ArmWorld:
         self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=True)
         self._perceive, self._coming = perceive, []
         self.deepest = 0.0
-        self._rig: ArmRig | None = None  # which takes its first image as it is made
+        self._rig: ArmRig | None = None  # takes its first image while it is made
         base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)
         start = over(mesh, base_from_object, _ABOVE)
         self._rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
 
     @property
     def base_from_gel(self) -> np.ndarray:
-        """T_base_gel (4, 4), as the arm has it."""
+        """T_base_gel (4, 4) according to the arm."""
         return self._rig.arm.pose
 
     @property
     def seconds(self) -> float:
-        """Simulated so far."""
+        """Time simulated so far [s]."""
         return self._rig.rehearsal.now
 
     @property
     def frame_time(self) -> float:
-        """s between images."""
+        """Time between images [s]."""
         return self._rig.frame_time
 
     def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
-        """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns what it came to."""
+        """Carry out a plan; yield T_obj_gel (4, 4), one per image, and return the plan's result."""
         return (yield from carried_out(plan, self.carry_out))
 
     def carry_out(self, act: Act | CheckReach) -> Generator[np.ndarray, None, Done]:
-        """Move the arm; yields T_obj_gel (4, 4), one per image, once it is done, and returns how it ended. A question
+        """Move the arm; when it is done, yield T_obj_gel (4, 4), one per image, and return how it ended. A `CheckReach`
         is answered as `mujoco_arm` does."""
         if isinstance(act, CheckReach):
             reached = bool(self._rig.arm.reaches(act.poses).all())

@@ -33,8 +33,8 @@ _STAGES = ("tdn", "tcn")
 
 @dataclass(frozen=True)
 class Touches:
-    """Of N frames: measurements, what the filter is told; ms (N, 2), time of depth and code network; made_from, what
-    they depend on."""
+    """Touches of N frames. measurements: inputs of the filter; ms: (N, 2), time of depth and code network; made_from:
+    all that they depend on."""
 
     measurements: list[Measurement]
     ms: np.ndarray
@@ -77,7 +77,7 @@ class Touches:
 
     @classmethod
     def load(cls, path: Path) -> Touches:
-        """Read what `save` wrote; InputError for anything else."""
+        """Read a file of `save`; InputError for any other."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 origin = json.loads(str(data["made_from"]))
@@ -95,7 +95,7 @@ class Touches:
         return cls(measurements, ms, origin)
 
     def frames(self, sequence: Sequence, stride: int) -> list[TrialFrame]:
-        """Frames of a trial over the sequence, every `stride`-th."""
+        """Return the frames of a trial over the sequence, every `stride`-th."""
         return [
             TrialFrame(
                 i,
@@ -110,7 +110,7 @@ class Touches:
 
 
 def made_from(sequence: Sequence, networks: Networks) -> dict:
-    """What the touches of a sequence depend on."""
+    """Return all that the touches of a sequence depend on."""
     return {"sequence": str(sequence.path.name), "frames": sequence.n_frames, **networks.describe()}
 
 
@@ -121,8 +121,8 @@ LIGHT = "additive"  # of the slides: TACTO's
 
 @dataclass(frozen=True)
 class SlideKind:
-    """length [m]; leap, on the way; grasp, in place of a slide; first [m]: as much of it is followed, so
-    that protocols that need less share the slides of those that need more (None: all)."""
+    """Kind of slides. length [m]; leap: on the way; grasp: in place of a slide; first [m]: the part that is followed
+    (None: all), so that protocols that need less share the slides of those that need more."""
 
     length: float = 0.5
     leap: Leap | None = None
@@ -131,21 +131,21 @@ class SlideKind:
 
     @property
     def followed(self) -> float:
-        """Length [m] of what a trial follows."""
+        """Length [m] that a trial follows."""
         return self.first or self.length
 
     def of_length(self, length: float | None) -> SlideKind:
-        """The same of another length [m], all of it followed; as it is for None."""
+        """Return the same kind with another length [m], all of it followed; for None, the kind itself."""
         return dataclasses.replace(self, length=length, first=None) if length else self
 
     @property
     def name(self) -> str:
-        """For keys."""
+        """Name for keys."""
         return f"{1e3 * self.first:.0f}mm_of_{self.folder}" if self.first else self.folder
 
     @property
     def folder(self) -> str:
-        """For folders: of slides that are made alike."""
+        """Name for folders, the same for slides that are made alike."""
         if self.grasp:
             return "grasp"
         parts = [f"{1e3 * self.length:.0f}mm"]
@@ -157,10 +157,10 @@ class SlideKind:
 
 @dataclass(frozen=True)
 class Cache:
-    """What trials are made of.
+    """Inputs of trials: slides, codebooks, touches and symmetries.
 
-    folder: where it is kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides, their kind;
-    codebook_size, poses.
+    folder: where they are kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides: their
+    kind; codebook_size: poses.
     """
 
     folder: Path
@@ -171,29 +171,29 @@ class Cache:
     codebook_size: int = 50_000
 
     def __getstate__(self) -> dict:
-        """Without the networks: another process loads its own."""
+        """Return the state without the networks: another process loads its own."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def networks(self) -> Networks:
-        """Loaded on first use; for the light of the slides, which is TACTO's."""
+        """Networks for the light of the slides, which is TACTO's; loaded on first use."""
         return Networks.load(self.tdn, self.tcn, self.sensor, LIGHT)
 
     def describe(self) -> dict[str, str]:
-        """What the touches of every slide depend on, for the JSON."""
+        """Return all that the touches of every slide depend on, for the JSON."""
         return self.networks.describe()
 
     def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
-        """The object's codebook; of `size` poses if they are not `codebook_size`."""
+        """Return the object's codebook, of `size` poses if given, or of `codebook_size`."""
         networks = self.networks
         return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks, jobs=1)
 
     def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
-        """Hash of the same codebook, which must have been made."""
+        """Return a hash of the same codebook, which must have been made."""
         return sha256(self.codebook_path(mesh, size))[:12]
 
     def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
-        """Where `codebook` keeps it."""
+        """Return the path at which `codebook` keeps it."""
         return cached_codebook_path(mesh.name, size or self.codebook_size, self._codebooks)
 
     @property
@@ -213,7 +213,7 @@ class Cache:
         return self.slides.folder
 
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
-        """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
+        """Return slide `number` over the object. The number is its seed; if that gets stuck, 1000 is added to it."""
         kind = f"{self._kind}_{mesh.sha256[:8]}"
         path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
         if not path.is_dir():
@@ -221,7 +221,7 @@ class Cache:
         return load_sequence(path)
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        # caches whose networks are for other light share the slides and use their paths alone
+        # caches with networks for other light share the slides, of which they use the paths only
         kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=LIGHT)
         for attempt in range(_SEEDS):
             seed = number + _NEXT_SEED * attempt
@@ -233,7 +233,7 @@ class Cache:
         raise InputError(f"{mesh.name}: no slide of {kind.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
 
     def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
-        """Slide `number` over the object and what the networks make of it."""
+        """Return slide `number` over the object and its touches, as the networks measure them."""
         sequence = self.slide(mesh, number)
         origin = made_from(sequence, self.networks) | self.describe()
         path = self._home / self._touches / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
@@ -249,7 +249,7 @@ class Cache:
         return sequence, touches
 
     def frames(self, mesh: ObjectMesh, number: int, stride: int = 1) -> list[TrialFrame]:
-        """Every `stride`-th frame of slide `number` over the object, as a trial takes them."""
+        """Return every `stride`-th frame of slide `number` over the object, as a trial takes them."""
         sequence, touches = self.touches(mesh, number)
         frames, first = touches.frames(sequence, stride), self.slides.first
         return frames if first is None else [frame for frame in frames if frame.index < round(first / STEP)]
@@ -258,5 +258,5 @@ class Cache:
         return Touches.perceive(sequence, self.networks)
 
     def symmetry(self, mesh: ObjectMesh) -> ObjectSymmetry:
-        """The object's symmetry."""
+        """Return the object's symmetry."""
         return symmetry_of(mesh, self.codebook(mesh))

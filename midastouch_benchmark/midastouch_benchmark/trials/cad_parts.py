@@ -1,6 +1,6 @@
 """The set `cad`: industrial and household parts of 60 to 160 mm with flat walls, sharp edges and known symmetries.
 
-Nothing may be fitted on them: they judge. Sizes in m, after catalogues of machine elements where there are any.
+Nothing may be fitted on them: they are for judging. Sizes in m, if possible from catalogues of machine elements.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _flange(name: str, holes: int, plugged: int = 0) -> ObjectMesh:
 
 
 def _gear(name: str, teeth: int, holes: int = 0, hub: bool = False, missing: int = 0) -> ObjectMesh:
-    """Spur gear of about 90 mm with a bore; with lightening holes, a hub on one side, without its last teeth."""
+    """Spur gear of about 90 mm with a bore; holes: for lightening; hub: on one side; missing: number of last teeth."""
     bore = circle(0.009, sides=4 * teeth)
     drilled = repeated(circle(0.004, 0.025, sides=24), holes) if holes else ()
     layers = [Layer(0.014, (gear_outline(teeth, 0.038, 0.045, missing),), (bore, *drilled))]
@@ -77,7 +77,7 @@ def _bottle(name: str, sides: int, radius: float) -> ObjectMesh:
 
 
 def _labelled_bottle(name: str) -> ObjectMesh:
-    """Six-sided, with steps in place of the shoulder, and a recess for a label on one side."""
+    """Six-sided bottle, with steps in place of the shoulder, and a recess for a label on one side."""
     hexagon = circle(0.035, sides=6)
     half = 0.035 * np.cos(np.pi / 6)
     # a recess in the side around 30 deg
@@ -89,7 +89,7 @@ def _labelled_bottle(name: str) -> ObjectMesh:
 
 
 def _carton(name: str, size: tuple[float, float, float], grip: bool = False) -> ObjectMesh:
-    """Box; with a recess to grip it by in the middle of one side."""
+    """Box; grip: with a recess to grip it by, in the middle of one side."""
     outline, (_, _, height) = rectangle(*size[:2]), size
     if not grip:
         return stacked([Layer(height, (outline,))], name)
@@ -117,14 +117,14 @@ def _housing_with_boss(name: str) -> ObjectMesh:
 
 
 def _shaft(name: str, keyways: int) -> ObjectMesh:
-    """Three steps, 110 mm; blind keyways in the middle one."""
+    """Shaft of three steps, 110 mm, with blind keyways in the middle one."""
     ways = repeated(rectangle(0.01, 0.006, x=0.018), keyways)
     sizes = (0.012, 0.035, ()), (0.018, 0.01, ()), (0.018, 0.025, ways), (0.018, 0.01, ()), (0.01, 0.03, ())
     return stacked([Layer(length, (circle(radius, sides=72),), cuts) for radius, length, cuts in sizes], name)
 
 
 def _bracket_layers() -> list[Layer]:
-    """An L of sheet with three holes, and a rib along the edge of one leg, on one side only."""
+    """Layers of an L of sheet with three holes, and a rib along the edge of one leg, on one side only."""
     legs = rectangle(0.1, 0.036, 0.0, -0.022), rectangle(0.036, 0.08, -0.032, 0.0)
     holes = tuple(circle(0.0045, x, y, sides=24) for x, y in ((0.035, -0.018), (0.012, -0.018), (-0.032, 0.026)))
     return [Layer(0.006, legs, holes), Layer(0.012, (rectangle(0.1, 0.006, 0.0, -0.037),))]
@@ -179,4 +179,4 @@ CAD_PARTS = {
     "cone": KnownPart(_cone, ROUND),
     "ring": KnownPart(partial(_disc, radius=0.045, height=0.018, bore=0.032), ROUND_BOTH_WAYS),
 }
-"""By name; each with its known symmetry."""
+"""Parts by name, each with its known symmetry."""

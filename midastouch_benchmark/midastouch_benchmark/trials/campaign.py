@@ -1,4 +1,4 @@
-"""Accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster."""
+"""Campaign on accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ from .variants import VARIANTS, AnyConfig
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
-THREADS = 1  # of a filter: trials run beside each other
+THREADS = 1  # of a filter: trials run in parallel
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What is run: cache; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
-    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`."""
+    """Settings of a campaign. cache; config: the default's filter settings; variants: by name; inits: "paper" or
+    "uniform"; beta: of the former; slides, seeds: their numbers; stride: every n-th frame is used; protocol: one of
+    `PROTOCOLS`."""
 
     cache: Cache
     config: FilterConfig
@@ -49,7 +50,7 @@ class Plan:
     protocol: str = PLAIN
 
     def describe(self) -> dict:
-        """For the JSON; `midastouch report` shows it."""
+        """Return the settings for the JSON; `midastouch report` shows them."""
         return {
             "inits": self.inits,
             "beta": self.beta,
@@ -66,7 +67,7 @@ class Plan:
         }
 
     def key(self, mesh: ObjectMesh, foreign: ObjectMesh | None, codebook_digest: str, labels: dict) -> str:
-        """Name of everything that the trial with these labels depends on; foreign, the other object touched."""
+        """Return the key of everything that the trial with these labels depends on; foreign: the other object."""
         variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
@@ -86,10 +87,10 @@ class Plan:
 
 
 def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet, as `run_open`; first the slides and codebooks that this needs.
+    """Run the trials that the log does not hold yet, as `run_open`; slides and codebooks that they need are made first.
 
-    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the cache's
-    folder. Raises InputError if the protocol needs another object, and there is none.
+    Seeds come outermost, so that the trials that a bounded run leaves out are spread over all objects. Workers must see
+    the cache's folder. Raises InputError if the protocol needs another object, and there is none.
     """
     foreign = _foreign(PROTOCOLS[plan.protocol], meshes)
     sizes = tuple(dict.fromkeys(VARIANTS[name].codebook_size for name in plan.variants))  # None: the cache's own
@@ -111,7 +112,7 @@ def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce:
 
 
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
-    """For each object the other one that is touched, if the protocol has one."""
+    """Return for each object the other one that is touched, None if the protocol has none."""
     if protocol.foreign == NEXT:
         if len(meshes) < 2:
             raise InputError("the wrong object cannot be touched with one object only; give two with --objects")
@@ -127,9 +128,9 @@ def _make_touches(cache: Cache, path: Path, slide: int) -> None:
 def _run_unit(
     plan: Plan, path: Path, foreign_path: Path | None, variant_name: str, code: str, trials: dict[str, dict]
 ) -> dict[str, dict]:
-    """Trials of one variant on one object, `foreign_path` the other one's: by key, their labels in, with results out.
+    """Run trials of one variant on one object, given as labels by key, and return the labels with the results.
 
-    InputError if this worker's code is not the campaign's.
+    foreign_path: mesh of the other object. InputError if this worker's code is not the campaign's.
     """
     if _filter_code() != code:
         raise InputError(f"worker {socket.gethostname()}: has another version of the filter; install the same there")
@@ -159,12 +160,12 @@ def _run_unit(
 
 @cache
 def _filter_code() -> str:
-    """Digest of the code of the filter, its kernels and the other methods: workers must have the same."""
+    """Return a digest of the code of the filter, its kernels and the other methods, which all workers must share."""
     packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
     return source_digest(*packages, *_METHODS)
 
 
 def _unlike_defaults(config: AnyConfig) -> dict:
-    """Settings by name that are not as they are by default: those are part of the fingerprint."""
+    """Return the settings that differ from the defaults, by name; the defaults are part of the fingerprint."""
     usual = type(config)()
     return {name: value for name, value in dataclasses.asdict(config).items() if value != getattr(usual, name)}

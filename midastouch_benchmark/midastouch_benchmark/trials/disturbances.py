@@ -1,7 +1,7 @@
-"""What real arms, hands and work do to a slide: each takes a scene and returns the frames of the disturbed one.
+"""Disturbances of a slide by real arms, hands and work: each takes a scene and returns the disturbed frames.
 
-Only what the filter is told differs, except for rests and slow cameras, which repeat frames, and for a touch of the
-wrong object, which has no truth. Lift, kidnap and jump need a slide with a `Leap`.
+Only the filter's inputs differ, except that rests, lifts and slow cameras add frames, and that a touch of the wrong
+object has no truth. Lift, kidnap and jump need a slide with a `Leap`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _UNEXPLAINED = 12  # frames
 
 @dataclass(frozen=True)
 class Scene:
-    """frames of a slide; rng; foreign, frames of a slide over another object, and codebook, of the slide's own, for
-    those that need them."""
+    """Slide to disturb. frames; rng; foreign: frames of a slide over another object; codebook: of the slide's own
+    object; both only for disturbances that need them."""
 
     frames: list[TrialFrame]
     rng: np.random.Generator
@@ -44,7 +44,7 @@ class Scene:
 
     @property
     def middle(self) -> int:
-        """Position of the frame at which something happens: after a third, as a `Leap` of the slide."""
+        """Position of the frame at which an event happens: after a third, like the slide's `Leap`."""
         if len(self.frames) < 3:
             raise InputError(f"a slide of {len(self.frames)} frames is too short to disturb it; give a longer one")
         return len(self.frames) // 3
@@ -52,7 +52,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Disturbed:
-    """frames as the trial has them; event, None if nothing happened at a certain frame."""
+    """Disturbed slide. frames: of the trial; event: None if nothing happens at a certain frame."""
 
     frames: list[TrialFrame]
     event: Event | None = None
@@ -62,18 +62,18 @@ Disturbance = Callable[[Scene], Disturbed]
 
 
 def plain(scene: Scene) -> Disturbed:
-    """Nothing is wrong."""
+    """Leave the slide undisturbed."""
     return Disturbed(scene.frames)
 
 
 def tool_bias(scene: Scene) -> Disturbed:
-    """A wrong hand-eye calibration: the same 2 mm and 2 deg, in a random direction, on every measured pose."""
+    """Use a wrong hand-eye calibration: the same 2 mm and 2 deg, in a random direction, on every measured pose."""
     bias = _random_motion(scene.rng, _BIAS_T, _BIAS_R)
     return Disturbed([dataclasses.replace(frame, measured=frame.measured @ bias) for frame in scene.frames])
 
 
 def late(scene: Scene) -> Disturbed:
-    """Clocks that disagree: each image gets the arm's pose of 50 ms before."""
+    """Let clocks disagree: each image gets the arm's pose of 50 ms before."""
     frames = scene.frames
     measured = np.array([frame.measured for frame in frames])
     before = np.maximum(np.arange(len(frames)) - _DELAY / FRAME_TIME, 0)
@@ -85,23 +85,23 @@ def late(scene: Scene) -> Disturbed:
 
 
 def jump(scene: Scene) -> Disturbed:
-    """The slide leaps, and the odometry says so."""
+    """Let the slide leap; the odometry reports it."""
     k = _leap(scene)
     return Disturbed(scene.frames, Event(k, k))
 
 
 def lift(scene: Scene) -> Disturbed:
-    """The arm lifts the sensor and puts it down where the slide leaps to, which the odometry tells."""
+    """Lift the sensor and put it down where the slide leaps to; the odometry reports it."""
     return _moved_away(scene, reported=True)
 
 
 def kidnap(scene: Scene) -> Disturbed:
-    """The sensor is lifted, and the object is moved before the next touch: nothing tells the filter."""
+    """Lift the sensor and move the object before the next touch, which is not reported to the filter."""
     return _moved_away(scene, reported=False)
 
 
 def push(scene: Scene) -> Disturbed:
-    """The object is pushed by 5 mm and 5 deg under contact, within 5 frames: the arm's poses do not know.
+    """Push the object by 5 mm and 5 deg under contact, within 5 frames; the arm's poses do not show it.
 
     With D the object's motion in the base, about the contact, the arm is at D T_obj_gel.
     """
@@ -117,7 +117,7 @@ def push(scene: Scene) -> Disturbed:
 
 
 def unexplained(scene: Scene) -> Disturbed:
-    """12 consecutive touches are those of another object: of its slide, the ones that the codebook explains least."""
+    """Replace 12 consecutive touches by those of another object's slide that the codebook explains least."""
     frames, start = scene.frames, scene.middle
     touches = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
     strange = [dataclasses.replace(f, measurement=each) for f, each in zip(frames[start:], touches, strict=False)]
@@ -126,20 +126,20 @@ def unexplained(scene: Scene) -> Disturbed:
 
 
 def wrong_mesh(scene: Scene) -> Disturbed:
-    """Another object is touched: no pose is true."""
+    """Touch another object, on which no pose is true."""
     nowhere = np.full((4, 4), np.nan)
     return Disturbed([dataclasses.replace(frame, truth=nowhere) for frame in scene.foreign])
 
 
 def rest(scene: Scene) -> Disturbed:
-    """The arm stops in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
+    """Stop the arm in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
     frames, k = scene.frames, scene.middle
     still = [at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
     return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], Event(k + 1, k + 1 + _RESTING))
 
 
 def slow_camera(scene: Scene) -> Disturbed:
-    """Every image comes twice, the second time half-way to where the next one is taken."""
+    """Send every image twice, the second time half-way to where the next one is taken."""
     out = scene.frames[:1]
     for frame, following in pairwise(scene.frames):
         half = {
@@ -155,14 +155,14 @@ def slow_camera(scene: Scene) -> Disturbed:
 
 
 def _random_motion(rng: np.random.Generator, translation: float, rotation: float) -> np.ndarray:
-    """A motion (4, 4) of so many m and rad in a random direction, about a random axis."""
+    """Return a motion (4, 4) by `translation` [m] in a random direction and `rotation` [rad] about a random axis."""
     directions = rng.standard_normal((2, 3))
     directions *= np.array([[translation], [rotation]]) / np.linalg.norm(directions, axis=1, keepdims=True)
     return se3.exp(directions.reshape(6))
 
 
 def at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
-    """A frame again: its codes and its measured pose with the noise of camera and joints."""
+    """Return a frame again, its codes and its measured pose with the noise of camera and joints."""
     measurement, noise = _seen_again(frame.measurement, rng), rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
     others = {name: _seen_again(each, rng) for name, each in frame.others.items()}
     return dataclasses.replace(frame, measurement=measurement, measured=frame.measured @ se3.exp(noise), others=others)
@@ -176,14 +176,14 @@ def _seen_again(measurement: Measurement, rng: np.random.Generator) -> Measureme
 
 
 def _leap(scene: Scene) -> int:
-    """Position of the first frame after the slide's longest step, of those around the middle."""
+    """Return the position of the first frame after the slide's longest step, of those around the middle."""
     around = range(max(scene.middle - 1, 1), scene.middle + 2)
     truth = [frame.truth[:3, 3] for frame in scene.frames]
     return max(around, key=lambda k: np.linalg.norm(truth[k] - truth[k - 1]))
 
 
 def _moved_away(scene: Scene, reported: bool) -> Disturbed:
-    """Frames without contact, in which the sensor goes up and down again, before the slide's leap."""
+    """Insert frames without contact, in which the sensor goes up and down again, before the slide's leap."""
     k = _leap(scene)
     before, after = scene.frames[:k], scene.frames[k:]
     last = before[-1]
@@ -199,8 +199,8 @@ def _moved_away(scene: Scene, reported: bool) -> Disturbed:
 
 
 def _least_explained(foreign: list[TrialFrame], codebook: Codebook, n: int) -> list[Measurement]:
-    """n consecutive touches whose best match in the codebook is the worst, by the cosine of their codes, in the mean;
-    InputError if there are not so many."""
+    """Return the n consecutive touches whose best matches in the codebook are the worst, by the mean cosine of their
+    codes; InputError if there are not n in a row."""
     codes = codebook.codes / np.linalg.norm(codebook.codes, axis=1, keepdims=True)
     best = np.array([_best_cosine(frame.measurement, codes) for frame in foreign])
     if len(best) < n or not np.isfinite(means := np.convolve(best, np.full(n, 1 / n), "valid")).any():

@@ -1,7 +1,6 @@
-"""Closed loop: a simulated finger, or that of an arm in MuJoCo, explores until the filter is converged, where it is
-told to or at random.
+"""Closed loop: a simulated finger, or that of an arm in MuJoCo, explores until the filter is converged.
 
-It decides as the node `explorer` does, by the same code.
+It goes where the filter suggests or at random. It decides as the node `explorer` does, by the same code.
 """
 
 from __future__ import annotations
@@ -53,14 +52,14 @@ POLICIES = {
     "random": "slides and lifts in random directions",
     "arm": "of an arm in MuJoCo, where `suggest_motion` says, which is asked for lifts, too",
 }
-_BY_DEFAULT = "suggested", "lifts", "random"  # what needs no further package
+_BY_DEFAULT = "suggested", "lifts", "random"  # those that need no further package
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
 
 
 @dataclasses.dataclass(frozen=True)
 class ExplorationPlan:
-    """What is run: cache, of codebooks and symmetries; config of the filter; policies, of `POLICIES`; trials per object
-    and policy, whose numbers are their seeds; length [m], after which a trial is given up."""
+    """Settings of a run. cache: of codebooks and symmetries; config: of the filter; policies: of `POLICIES`; trials:
+    per object and policy, with seeds from 0; length [m]: after which a trial is given up."""
 
     cache: Cache
     config: FilterConfig
@@ -69,7 +68,7 @@ class ExplorationPlan:
     length: float = 1.0
 
     def describe(self) -> dict:
-        """For the JSON."""
+        """Return the settings for the JSON."""
         return {
             "policies": {name: POLICIES[name] for name in self.policies},
             "trials": self.trials,
@@ -83,13 +82,13 @@ class ExplorationPlan:
         }
 
     def key(self, mesh: ObjectMesh, labels: dict) -> str:
-        """Name of everything that the trial with these labels depends on."""
+        """Return the key of everything that the trial with these labels depends on."""
         depends_on = self.describe() | {"policies": None, "trials": None, "mesh": mesh.sha256}
         return key_of(labels | depends_on | {"codebook": self.cache.codebook_digest(mesh)})
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
-    """Policies by name, by default those without an arm; InputError for an unknown one, or one without MuJoCo."""
+    """Return policies by name, by default those without an arm; InputError if one is unknown, or lacks MuJoCo."""
     for name in names or ():
         if name not in POLICIES:
             raise InputError(f"--policy {name}: not known; there are {', '.join(POLICIES)}")
@@ -101,9 +100,9 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
 def run_exploration(
     plan: ExplorationPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet, as `run_open`. Trials of all policies with one seed begin at the same place.
+    """Run the trials that the log does not hold yet, as `run_open`; with one seed, all policies begin at one place.
 
-    Seeds come outermost, so that what a bounded run leaves out is spread over all objects.
+    Seeds come outermost, so that the trials that a bounded run leaves out are spread over all objects.
     """
     make_books(plan.cache, [mesh.path for mesh in meshes], workforce.cluster)
     units = [
@@ -115,7 +114,7 @@ def run_exploration(
 
 
 def _run(plan: ExplorationPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
-    """Trials on one object, by key: labels in, with what was found out."""
+    """Run trials on one object, given as labels by key, and return the labels with the results."""
     mesh = ObjectMesh.load(path)
     return {key: labels | _explore(plan, mesh, labels["policy"], labels["seed"]) for key, labels in trials.items()}
 
@@ -130,14 +129,14 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
 def _arm(
     mesh: ObjectMesh, sensor: SensorModel, perceive: Callable[[np.ndarray], Touch], rng: np.random.Generator
 ) -> ArmWorld:
-    """Its settings are in a launch file's: of ROS, which fingers without mechanics do without."""
+    """Return the world of an arm; imported only here, since it needs ROS for its settings, and other fingers do not."""
     from .arm_world import ArmWorld
 
     return ArmWorld(mesh, sensor, perceive, rng)
 
 
 class _Trial:
-    """One finger on one object, until it is known where it is."""
+    """Exploration of one object by one finger, until its pose is known."""
 
     def __init__(
         self,
@@ -167,12 +166,12 @@ class _Trial:
         self.estimate: Estimate | None = None
 
     def run(self) -> dict:
-        """How it ended.
+        """Explore, and return the result.
 
-        ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
-        the first touch to where that began; error_mm of the pose then, modulo symmetry, and whether it is right;
-        asked_ms, median and longest CPU time of an answer. Of an arm the pose counts as known by its explorer, and the
-        path is that in contact: seconds, simulated, until then; deepest_mm, how far the object was in the gel.
+        ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m:
+        from the first touch to where that began; error_mm: of the last pose, modulo symmetry; right: whether it is;
+        asked_ms: median and longest CPU time of an answer. With an arm, its explorer decides when the pose is known,
+        and only the path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel.
         """
         ending, began = self._follow(self._exploration.touch())
         while self._path < self._length and ending == "given up" and self._exploration.verdict is None:
@@ -190,7 +189,7 @@ class _Trial:
         }
 
     def _answer(self) -> dict:
-        """What the last estimate comes to, if there is one."""
+        """Return the error of the last estimate and whether it is right; None and False without one."""
         if self.estimate is None or not self.estimate.modes:
             return {"error_mm": None, "right": False}
         truth, pose = self._before, self.estimate.pose[None]
@@ -200,7 +199,7 @@ class _Trial:
         }
 
     def _advice(self) -> Advice | None:
-        """Where to touch next, if the policy asks for that, as `explorer` does while the finger touches something."""
+        """Ask where to touch next, if the policy does; as `explorer` does, only while the finger touches something."""
         if self._policy == "random" or self.estimate is None or not self._exploration.motions.touching:
             return None
         began = time.process_time()
@@ -210,14 +209,14 @@ class _Trial:
         return advice
 
     def _around(self) -> Surroundings:
-        """What is around the gel by the best mode."""
+        """Return the surroundings of the gel according to the best mode."""
         gel = self._world.base_from_gel
         if self.estimate is None:
             return Surroundings(gel)
         return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self._mesh)
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
-        """Carry out a plan, until a trial's end."""
+        """Carry out a plan, at most until the trial's end; return the ending and the path [m] to it."""
         for pose in self._world.follow(plan):
             self._frame(pose)
             if self._arm is None and self._lasts():
@@ -230,7 +229,7 @@ class _Trial:
         return self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
 
     def _is_known(self) -> bool:
-        """Whether the pose is known after a motion, as the node `explorer` judges that."""
+        """Return whether the pose is known after a motion, as the node `explorer` judges that."""
         if self.estimate is not None:
             status = self.estimate.status
             self._exploration.judge(status.state, status.reason, measured=True)
@@ -238,13 +237,13 @@ class _Trial:
         return verdict is not None and verdict.known
 
     def _perceive(self, pose: np.ndarray) -> Touch:
-        """What an image at a pose (4, 4) shows."""
+        """Return the touch that an image at a pose (4, 4) shows."""
         penetration, normals = self._renderer.render_with_normals(pose[None])
         image = self._camera.image(penetration[0], normals[0], self._rng)
         return self._pipeline.process(image, self._camera.background)
 
     def _frame(self, pose: np.ndarray) -> None:
-        """One image at a pose (4, 4)."""
+        """Process one image at a pose (4, 4)."""
         if self._arm:
             touch, measured = self._arm.sensed
         else:

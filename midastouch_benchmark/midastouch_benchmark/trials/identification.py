@@ -1,4 +1,4 @@
-"""How well the objects of a catalogue are told apart: slides over each of them, with it and without it in there."""
+"""Trials of identification: slides over each object of a catalogue, with it and without it in the catalogue."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source
 from .yardstick import Yardstick
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
-"""m of path at which probabilities are kept besides those of the end."""
+"""Paths [m] at which probabilities are kept, in addition to those at the end."""
 
 _THREADS = 1
 
 
 @dataclasses.dataclass(frozen=True)
 class IdentityPlan:
-    """cache; config, filter settings; slides, their numbers."""
+    """Settings of a run. cache; config: of the filter; slides: their numbers."""
 
     cache: Cache
     config: FilterConfig
@@ -41,11 +41,11 @@ class IdentityPlan:
 
     @property
     def settings(self) -> FilterConfig:
-        """Those of a filter, beside which others run."""
+        """Settings of a filter that runs in parallel with others."""
         return dataclasses.replace(self.config, threads=_THREADS)
 
     def describe(self) -> dict:
-        """For the JSON."""
+        """Return the settings for the JSON."""
         return {
             "slides": self.slides,
             "slide_length_m": self.cache.slides.followed,
@@ -61,9 +61,9 @@ class IdentityPlan:
 def run_identification(
     plan: IdentityPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet, as `run_open`, both trials of a slide as one.
+    """Run the trials that the log does not hold yet, as `run_open`, both trials of a slide as one.
 
-    Slides come outermost, so that what a bounded run leaves out is spread over all objects.
+    Slides come outermost, so that the trials that a bounded run leaves out are spread over all objects.
     """
     paths = [mesh.path for mesh in meshes]
     make_books(plan.cache, paths, workforce.cluster)
@@ -79,7 +79,7 @@ def run_identification(
 
 
 def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[str, int]]) -> dict[str, dict]:
-    """Both trials of each slide, given by the object's name and number; by key."""
+    """Return both trials of each slide by key; slides are given by the object's name and their number."""
     return {key: {"trials": _run_slide(plan, paths, name, slide)} for key, (name, slide) in slides.items()}
 
 
@@ -105,10 +105,10 @@ def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> C
 
 
 def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig) -> dict:
-    """A slide over an object that is not named; truth, the answer that is right.
+    """Run a slide over an object that is not named; truth: the right answer.
 
-    What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose right
-    (`Yardstick`); cpu_ms of a frame, of all but the networks.
+    Returns the fields of `Answers.describe`, and pose_right: the object is right, the state converged and the published
+    pose right (`Yardstick`); cpu_ms: of a frame, without the networks.
     """
     localiser, answers = CatalogueLocaliser(catalogue, config, seed=0), Answers(truth)
     cpu, count, stamp = 0.0, 0, 0
@@ -126,14 +126,14 @@ def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, con
 
 
 class Answers:
-    """Answers along a slide, with the path at each. Args: truth, the right answer. Attributes: path [m], so far."""
+    """Answers along a slide, with the path at each. Args: truth: the right answer. Attributes: path [m]: so far."""
 
     def __init__(self, truth: str):
         self._truth, self.path, self._last = truth, 0.0, None
         self._given: list[tuple[float, float, bool]] = []
 
     def note(self, frame: TrialFrame, identity: Identity) -> None:
-        """What a frame has led to."""
+        """Note the identity after a frame."""
         if self._last is not None:
             self.path += Odometry.from_matrix(se3.inverse(self._last) @ frame.measured).distance
         self._last, self._answer = frame.measured, identity.answer
@@ -141,8 +141,8 @@ class Answers:
         self._given.append((self.path, sure, identity.answer == self._truth))
 
     def describe(self) -> dict:
-        """answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
-        right_from_m: path from which the answer is right until the end, None if it is not; length_m."""
+        """Return answer, right, and confidence, its probability, at the end; asked: [path m, confidence, right] on the
+        way; right_from_m: path from which the answer is right until the end, None if the last is wrong; length_m."""
         wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
         since = wrong[-1] + 1 if wrong else 0
         asked = [next(each for each in self._given if each[0] >= at) for at in ASKED_AT_M if at <= self.path]
@@ -157,13 +157,14 @@ class Answers:
 
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
-    """On an object of that name: its own, that of one of the same shape, or `UNKNOWN` if none is in the catalogue."""
+    """Return the right answer on an object: its name, or that of an object of the same shape, in the catalogue; if
+    neither is there, `UNKNOWN`."""
     name = catalogue.duplicates.get(name, name)
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
 
 def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame], entry: Entry) -> dict:
-    """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
+    """Return alone_cpu_ms of a frame and alone_pose_right, as in `identify`, of the filter that is given the object."""
     particle_filter.initialise_uniform()
     start = time.process_time()
     for frame, odometry in with_odometry(frames):
@@ -173,7 +174,7 @@ def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame], entry: Ent
 
 
 def _is_right(estimate: Estimate | None, frame: TrialFrame, entry: Entry) -> bool:
-    """Whether the state is converged, and the published pose on the object right."""
+    """Return whether the state is converged, and the published pose on the object right."""
     if estimate is None or estimate.status.state != CONVERGED:
         return False
     yardstick = Yardstick.of(entry.mesh, entry.model.symmetry.exact)

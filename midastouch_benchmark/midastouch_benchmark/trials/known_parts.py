@@ -1,4 +1,4 @@
-"""Parts made by code whose symmetry is known because they were made so: what a set of them is, and common groups."""
+"""Parts made by code, whose symmetry is known by construction: sets of them, and common symmetry groups."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _ORIGIN = np.zeros(3)
 
 @dataclass(frozen=True)
 class KnownPart:
-    """make, by the part's name; exact, all motions that map it onto itself; near, those after which most of it is the
-    same (the exact ones among them), None if these are all."""
+    """Part of known symmetry. make: takes its name, returns its mesh; exact: all motions that map it onto itself; near:
+    those after which most of it is the same (the exact ones among them), None if the exact ones are all."""
 
     make: Callable[[str], ObjectMesh]
     exact: Symmetry
@@ -26,7 +26,7 @@ class KnownPart:
 
 
 def write_parts(parts: Mapping[str, KnownPart], folder: Path) -> list[ObjectMesh]:
-    """All parts by name, their meshes written into the folder."""
+    """Write the meshes of all parts, by name, into the folder and return them."""
     meshes = []
     for name, part in parts.items():
         path = folder / f"{name}.ply"
@@ -38,22 +38,22 @@ def write_parts(parts: Mapping[str, KnownPart], folder: Path) -> list[ObjectMesh
 NONE = Symmetry()
 ROUND = Symmetry(free="axis")
 ROUND_BOTH_WAYS = Symmetry(about(_ORIGIN, np.stack([np.eye(3), np.diag([1.0, -1, -1])])), "axis")
-"""Alike after any turn about z; the latter also after a half turn across it."""
+"""Symmetries of parts that are alike after any turn about z; the latter also after a half turn across z."""
 
 
 def turns(count: int) -> Symmetry:
-    """The turns about z by whole parts of a circle."""
+    """Return the turns about z by multiples of 1 / count of a circle."""
     return Symmetry(about(_ORIGIN, _about_z(count)))
 
 
 def turns_and_flips(count: int) -> Symmetry:
-    """These, and half turns across z, the first of them about x."""
+    """Return the turns of `turns`, and half turns across z, the first of them about x."""
     rotations = _about_z(count)
     return Symmetry(about(_ORIGIN, np.concatenate([rotations, rotations @ np.diag([1.0, -1, -1])])))
 
 
 def half_turn(axis: tuple[float, float, float]) -> Symmetry:
-    """The half turn about an axis through the origin."""
+    """Return the half turn about an axis through the origin."""
     direction = np.array(axis) / np.linalg.norm(axis)
     return Symmetry(about(_ORIGIN, np.stack([np.eye(3), 2 * np.outer(direction, direction) - np.eye(3)])))
 

@@ -1,4 +1,4 @@
-"""Does the likelihood of a single touch mean what it says? It judges the likelihood temperature of a codebook."""
+"""Calibration of the likelihood of a single touch, by which a codebook's likelihood temperature is judged."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .trial_log import TrialLog, key_of
 
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
-    """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
+    """Count the levels at which the likelihoods of single touches put their true poses, over the plan's slides."""
     networks = plan.cache.describe()
     digest = plan.cache.codebook_digest(mesh)
     content = [mesh.sha256, networks, digest, plan.cache.slides.name, plan.slides, fingerprint.of_estimates()]

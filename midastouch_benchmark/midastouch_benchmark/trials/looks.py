@@ -1,6 +1,6 @@
-"""Comparisons that stop when they are decided: slides are added to those variants alone that nothing is known of yet.
+"""Comparisons that stop when they are decided: slides are added only for the variants that are still undecided.
 
-Group-sequential, with equal looks and the error probability shared out evenly (Bonferroni), which is conservative.
+They are group-sequential with equal looks; the error probability is divided evenly (Bonferroni), which is conservative.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .variants import DEFAULT
 def run_in_looks(
     plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce, looks: int
 ) -> tuple[list[dict], int]:
-    """As `run_campaign`; then, up to so many looks in all, as many new slides for the variants that are not decided."""
+    """Run as `run_campaign`, then again with as many new slides for the undecided variants, at most `looks` times."""
     count, open_, trials = len(plan.slides), plan.variants, []
     for look in range(looks):
         slides = tuple(range(look * count, (look + 1) * count))

@@ -1,4 +1,4 @@
-"""Closed loop: an arm in MuJoCo touches and slides by what the depth network reads, and something goes wrong."""
+"""Closed loop: an arm in MuJoCo touches and slides by the readings of the depth network, and then a fault happens."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
 from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
-_REACH, _CONE = np.radians((75.0, 90.0))  # of where it is asked to go, and keeps to
+_REACH, _CONE = np.radians((75.0, 90.0))  # tilt of the surfaces it is sent to, and the guard's limit
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
 _LENGTHS, _ONWARD = (0.02, 0.06), 0.03  # m
 _TIMEOUT = 20.0  # s of a motion
 _STEP = 3e-3  # m, along the surface
-_GOES_ON = np.radians(30.0)  # the surface turns by less in a step
+_GOES_ON = np.radians(30.0)  # largest turn in a step of a surface that continues
 _TRIES = 32
 _BOX, _FORCE, _STALE = 1.5, 40.0, 0.1  # m around the base, N, s: what the guard stops at
 
@@ -60,7 +60,7 @@ def _set(name: str, value: object) -> Fault:
 
 
 def _outside(rehearsal: Rehearsal, twist: np.ndarray) -> float:
-    """Out of the box where the twist leads: what leads back into it would be allowed."""
+    """Set the gel out of the box, in the direction of the twist: a twist back into the box would be allowed."""
     leads = rehearsal.seen.gel[:3, :3] @ twist[:3]
     away = se3.translation(_BOX * leads / np.abs(leads).max() * 1.5)
     return _set("gel", away @ rehearsal.seen.gel)(rehearsal, twist)
@@ -77,19 +77,19 @@ FAULTS: dict[str, Fault] = {
     "nobody follows": _set("listeners", 0),
     "another commands": _set("commanders", 2),
 }
-"""What goes wrong during a slide, by its twist (6,): each makes it happen, and returns the s after which the arm has to
-know."""
+"""Faults during a slide by name: each gets the slide's twist (6,), makes the fault happen, and returns the time [s]
+after which the guard must notice it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MotionPlan:
-    """What is run: trials per object, whose numbers are their seeds; sensor, by name."""
+    """Settings of a run. trials: per object, with seeds from 0; sensor: by name."""
 
     trials: int = 10
     sensor: str = "digit_tacto"
 
     def describe(self) -> dict:
-        """For the JSON."""
+        """Return the settings for the JSON."""
         here = Path(midastouch_motion.__file__).parent
         return {
             "trials": self.trials,
@@ -103,7 +103,7 @@ class MotionPlan:
 def run_motion(
     plan: MotionPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet, as `run_open`; seeds outermost, so that a bounded run covers all objects."""
+    """Run the trials that the log lacks, as `run_open`; seeds come outermost: a bounded run covers all objects."""
     described = plan.describe() | {"trials": None}
     units = []
     for seed in range(plan.trials):
@@ -119,7 +119,7 @@ def _run(plan: MotionPlan, path: Path, trials: dict[str, dict]) -> dict[str, dic
 
 
 class _Trial:
-    """One approach, one slide, and one that something interrupts."""
+    """One approach, one slide, and one slide that a fault interrupts."""
 
     def __init__(self, mesh: ObjectMesh, sensor_name: str, seed: int):
         self._mesh, self._seed = mesh, seed
@@ -133,7 +133,7 @@ class _Trial:
         self._arm, self._controller, self._rehearsal = rig.arm, rig.controller, rig.rehearsal
 
     def _placed(self, sensor: SensorModel) -> ArmRig:
-        """An arm whose gel is over a random place that can be touched."""
+        """Return an arm whose gel is over a random place that can be touched."""
         rng, mesh = self._rng, self._mesh
         guard = Guard(np.full(3, -_BOX), np.full(3, _BOX), Limits().depth, stale=_STALE, force=_FORCE, cone=_CONE)
         reachability, why = Reachability(mesh, sensor), ""
@@ -154,10 +154,12 @@ class _Trial:
         return self._stage.process(self._digit.look(T_obj_gel).image, self._background)
 
     def run(self) -> dict:
-        """touch and slide: how each ended, in words; whether it did, and succeeded; deepest_mm; touch: depth_mm in
-        the end; slide: images, and how many of them within 0.25 mm of the depth; path_mm; whether the contact was
-        lost where the surface goes on. fault: which, and periods until the twist was zero, None if it never was; None
-        if there was no slide left to disturb."""
+        """Run the trial and return touch, slide and fault.
+
+        touch, slide: whether each ended, and succeeded; message; deepest_mm; path_mm; touch: depth_mm at the end;
+        slide: images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although
+        the surface continues. fault: name; periods until the twist was zero, None if it never was. slide is None if the
+        touch failed, fault if there was no slide left to disturb."""
         rng = self._rng
         touch = self._motion(Touch(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
         trial = {"touch": touch, "slide": None, "fault": None}
@@ -192,7 +194,7 @@ class _Trial:
         self._moments.append((self._arm.deepest, moment.image))
 
     def _heading(self, length: float) -> float:
-        """A direction of the gel's plane; the arm reaches the surface on the way there if any such was found."""
+        """Return a direction in the gel's plane, if possible one in which the arm reaches the surface all the way."""
         for _ in range(_TRIES):
             heading = self._rng.uniform(-np.pi, np.pi)
             normals = [each.normal for each in self._ahead(heading, length)]
@@ -201,12 +203,12 @@ class _Trial:
         return heading
 
     def _goes_on(self, heading: float) -> bool:
-        """Whether the surface below the gel goes on in a direction of its plane, about as it is."""
+        """Return whether the surface below the gel continues, hardly turned, in a direction of the gel's plane."""
         begin, *ahead = self._ahead(heading, _STEP)
         return len(ahead) == 1 and bool(begin.normal @ ahead[0].normal > np.cos(_GOES_ON))
 
     def _ahead(self, heading: float, length: float) -> list[Ahead]:
-        """Steps over the surface from below the gel on, in a direction of its plane, as far as they lead."""
+        """Return steps over the surface from below the gel, in a direction of its plane, as far as the surface goes."""
         pose = self._arm.gel_on_object
         (point,), _, _ = self._mesh.closest_points(pose[None, :3, 3])
         (normal,) = self._mesh.smooth_normals(point[None])
@@ -219,7 +221,7 @@ class _Trial:
         return way
 
     def _fault(self) -> dict | None:
-        """Something goes wrong while it slides on."""
+        """Slide on, and let a fault happen; None if the arm was at rest then."""
         name = list(FAULTS)[self._seed % len(FAULTS)]
         begin = self._rehearsal.now + self._rng.uniform(0.2, 0.5)
         known, moving, stopped = math.inf, False, math.inf

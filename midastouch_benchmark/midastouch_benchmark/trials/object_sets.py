@@ -1,4 +1,4 @@
-"""Which objects are measured: by name or by set; those made by code; those that a fit may see."""
+"""Objects that are measured, by name or by set; sets made by code; and objects that a fit may use."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ _MADE: dict[str, Callable[[Path], list[ObjectMesh]]] = {
     "small_parts": small_parts,
     "small_cad": partial(write_parts, SMALL_CAD_PARTS),
 }
-"""By the name by which `--objects` asks for them. Each writes its meshes into a folder and returns them."""
+"""Sets made by code, by their name in `--objects`. Each writes its meshes into a folder and returns them."""
 _HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
-"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
-seven only validated."""
+"""Ten further objects for judging, on which no setting may be chosen. The networks were trained on 008, 028 and 033;
+the other seven only validated them."""
 
 
 def meshes_to_fit_on(folder: Path) -> list[Path]:
-    """Mesh files of a folder that judge nothing: neither the paper's ten objects nor the ten held out."""
+    """Return the mesh files of a folder that are not for judging: neither the paper's ten objects nor `_HELD_OUT`."""
     return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *_HELD_OUT))]
 
 
 def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> list[ObjectMesh]:
-    """The meshes asked for, by name; those of a set made by code are written under `out`. InputError for a name that
-    fits none or several."""
+    """Return the meshes asked for, by name; those of a set made by code are written under `out`. InputError for a name
+    that fits none or several."""
     names = list(names or ())
     if len(names) == 1 and names[0] in _MADE:
         return _MADE[names[0]](Path(out).resolve() / "meshes")  # workers may run elsewhere

@@ -1,7 +1,7 @@
-"""The filter with and without a budget over the same slides: from where on does either know where it is?
+"""Trials of the filter with and without a budget over the same slides: the path after which each knows the pose.
 
 Without a budget it is the ideal observer: at the first touch, and after each lift, it aligns every pose of the
-codebook, and at each keyframe every hypothesis that matters. That shows what could be known by the filter's own
+codebook, and at each keyframe every hypothesis that matters. It knows all that can be known with the filter's own
 measurement model.
 """
 
@@ -31,19 +31,19 @@ from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source
 from .yardstick import Yardstick
 
 EVIDENCE = ("maps", "codes")
-"""What the observer compares poses with."""
+"""Kinds of evidence with which the observer compares poses."""
 OBSERVED = ("uniform", "plain", "lift", "kidnap")
 """Protocols in which the object rests between lifts."""
 AFTER_EVENT = 20
-"""Frames after an event at which it is asked whether the pose is known again."""
+"""Frames from an event to the check whether the pose is known again."""
 
 _LIMITED = "filter"
 
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """frame, position among the frames; path_m so far; probability of the published pose; sure, whether it is said to
-    be known; right, whether it is."""
+    """Answer at a frame. frame: position among the frames; path_m: so far; probability: of the published pose; sure:
+    whether the state is `converged`; right: whether the pose is right."""
 
     frame: int
     path_m: float
@@ -54,8 +54,8 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class ObservedPlan:
-    """What is run: cache, of the protocol's slides; config of the filter; evidence, some of `EVIDENCE`; slides, their
-    numbers; protocol, one of `OBSERVED`."""
+    """Settings of a run. cache: of the protocol's slides; config: of the filter; evidence: some of `EVIDENCE`; slides:
+    their numbers; protocol: one of `OBSERVED`."""
 
     cache: Cache
     config: FilterConfig
@@ -64,13 +64,13 @@ class ObservedPlan:
     protocol: str = "uniform"
 
     def observer(self, evidence: str) -> FilterConfig:
-        """Settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
+        """Return settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
         every = max(self.config.max_particles, self.cache.codebook_size)
         free = {"alignments_per_second": 0, "max_particles": every, "refinement": evidence == "maps"}
         return dataclasses.replace(self.config, **free)
 
     def describe(self) -> dict:
-        """For the JSON."""
+        """Return the settings for the JSON."""
         protocol = PROTOCOLS[self.protocol]
         return {
             "evidence": self.evidence,
@@ -85,14 +85,14 @@ class ObservedPlan:
         }
 
     def key(self, mesh: ObjectMesh, labels: dict) -> str:
-        """Name of everything that the trial with these labels depends on."""
+        """Return the key of everything that the trial with these labels depends on."""
         depends_on = self.describe() | {"slides": self.cache.slides.name, "mesh": mesh.sha256}
         depends_on |= {"code": source_digest(Path(__file__)), "codebook": self.cache.codebook_digest(mesh)}
         return key_of(labels | depends_on | {"fingerprint": fingerprint.of_estimates()})
 
 
 def chosen_observed(protocol: str) -> str:
-    """The protocol of that name; InputError for one that the observer is not made for."""
+    """Return the protocol's name; InputError if the observer is not made for it."""
     if protocol not in OBSERVED:
         raise InputError(f"--protocol {protocol}: not one that can be observed; there are {', '.join(OBSERVED)}")
     return protocol
@@ -101,8 +101,8 @@ def chosen_observed(protocol: str) -> str:
 def run_observed(
     plan: ObservedPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet, as `run_open`; slides come outermost, so that what a bounded run leaves out
-    is spread over all objects."""
+    """Run the trials that the log does not hold yet, as `run_open`; slides come outermost, so that the trials that a
+    bounded run leaves out are spread over all objects."""
     make_books(plan.cache, [mesh.path for mesh in meshes], workforce.cluster)
     units = [
         ((plan, mesh.path), {plan.key(mesh, labels): labels})
@@ -113,10 +113,10 @@ def run_observed(
 
 
 def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
-    """Trials on one object, by key: labels in, with what was found out.
+    """Run trials on one object, given as labels by key, and return the labels with the results.
 
-    frames; event_at, position of the first frame after the event; filter and, by evidence, observers: as `found_out`,
-    with the columns probability and right of all answers.
+    frames: their number; event_at: position of the first frame after the event; filter and, by evidence, observers: as
+    `found_out`, with the columns probability and right of all answers.
     """
     mesh, protocol, out = ObjectMesh.load(path), PROTOCOLS[plan.protocol], {}
     codebook = plan.cache.codebook(mesh)
@@ -143,7 +143,7 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
 
 
 def answers(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:
-    """What a started filter answers at each frame in contact."""
+    """Return the answers of a started filter at the frames in contact."""
     given: list[Answer] = []
     paths = path_along(scene.frames)
 
@@ -157,11 +157,12 @@ def answers(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardst
 
 
 def found_out(answers: Sequence[Answer], event: Event | None) -> dict:
-    """From where on it is known where the gel is: said, right, and so on to the end, or to the event.
+    """Return where the pose becomes known: from there to the end, or to the event, all answers are sure and right.
 
-    known_frame and known_m, path from the start, None if never; after the event again_m, path from there, None if not
-    by the end, and known_soon, whether it is `AFTER_EVENT` frames later, None if there was no event or the slide ends
-    before; sure and sure_right, numbers of answers that were said to be known, and of the right ones of these.
+    known_frame, known_m: that frame, and its path from the start, None if never; again_m: path from the event until the
+    pose is known to the end, None if it is not; known_soon: whether it is known `AFTER_EVENT` frames after the event,
+    None without an event, or if the slide ends before; sure, sure_right: numbers of sure answers, and of right ones of
+    these.
     """
     before = [answer for answer in answers if event is None or answer.frame < event.start]
     after = [answer for answer in answers if event is not None and answer.frame >= event.end]
@@ -180,7 +181,7 @@ def found_out(answers: Sequence[Answer], event: Event | None) -> dict:
 
 
 def _known_from(answers: Sequence[Answer]) -> Answer | None:
-    """The first of those, to the last one, that are sure and right."""
+    """Return the first answer from which all are sure and right to the last; None if the last is not."""
     found = None
     for answer in reversed(answers):
         if not (answer.sure and answer.right):
@@ -190,6 +191,6 @@ def _known_from(answers: Sequence[Answer]) -> Answer | None:
 
 
 def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
-    """True path (N,) [m] of the gel up to each frame."""
+    """Return the true path (N,) [m] of the gel up to each frame."""
     positions = np.array([frame.truth[:3, 3] for frame in frames])
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))

@@ -1,6 +1,6 @@
-"""Objects that differ a little from the mesh that the filter has of them: what is touched in protocol `other_shape`.
+"""Objects that differ a little from the mesh that the filter has of them, for protocol `other_shape`.
 
-The pose stays that of the mesh's frame, so an estimate is right or wrong as ever.
+The pose stays that of the mesh's frame, so estimates are judged as usual.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _EDGE = 2e-3  # m, longest edge of a surface that is bent
 
 
 def scaled(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
-    """3 % larger or smaller, about the middle of its box."""
+    """Return the object 3 % larger or smaller, about the middle of its box."""
     middle = mesh.bounds.mean(axis=0)
     return _other(mesh, middle + (mesh.vertices - middle) * _SCALE ** rng.choice([-1.0, 1.0]))
 
 
 def cut_off(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
-    """Without what sticks out farthest from its middle, a tenth of its surface, such as a handle: flat there."""
+    """Return the object without the tenth of its surface that sticks out most, such as a handle; it is flat there."""
     bent = mesh.refined(_EDGE)
     out = bent.vertices - mesh.bounds.mean(axis=0)
     farthest = out[np.linalg.norm(out, axis=1).argmax()]
@@ -43,7 +43,7 @@ def cut_off(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 
 
 def dented(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
-    """With a dent of 3 mm, 30 mm wide, somewhere."""
+    """Return the object with a dent of 3 mm, 30 mm wide, somewhere."""
     bent = mesh.refined(_EDGE)
     points, normals, _ = mesh.sample_surface(1, rng)
     away = np.linalg.norm(bent.vertices - points[0], axis=1) / _DENT_RADIUS
@@ -52,7 +52,7 @@ def dented(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 
 
 def noisy(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
-    """Off by 0.5 mm, sigma, in waves of 8 to 25 mm: as a scan is."""
+    """Return the object with its surface off by 0.5 mm, sigma, in waves of 8 to 25 mm, like a scan."""
     bent = mesh.refined(_EDGE)
     directions = rng.standard_normal((3, _WAVES))
     waves = 2 * np.pi * directions / np.linalg.norm(directions, axis=0) / rng.uniform(*_WAVELENGTHS, _WAVES)
@@ -66,7 +66,7 @@ DIFFERENCES: dict[str, Callable[[ObjectMesh, np.random.Generator], ObjectMesh]] 
     "a dent of 3 mm": dented,
     "the surface is off by 0.5 mm, in waves": noisy,
 }
-"""What differs, slide by slide in turn, in words."""
+"""Differences by description; slides take them in turn."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,5 +1,4 @@
-"""The test protocols of `midastouch benchmark`, by name: what is slid over or grasped, what happens on the way, how it
-starts."""
+"""Test protocols of `midastouch benchmark`, by name: the slides or grasps, the events on the way, and the starts."""
 
 from __future__ import annotations
 
@@ -28,7 +27,7 @@ from .trial import FRAME_TIME, AnyFilter, TrialFrame
 from .yardstick import Yardstick
 
 HOLDS = 0.5, 5.0
-"""s after which the filter's belief about a grasp is judged, which is held until the last of them."""
+"""Times [s] at which the filter's belief about a grasp is judged; the grasp is held until the last of them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,9 +39,9 @@ class GraspCache(Cache):
 
 
 def grasp(scene: Scene) -> Disturbed:
-    """The hand holds still: poses and codes differ by the noise of joints and camera only.
+    """Hold the hand still: poses and codes differ by the noise of joints and camera only.
 
-    The pose of each further finger relative to the first one has an error, which stays.
+    The pose of each further finger relative to the first one has a constant error.
     """
     first, *others = scene.frames
     back = se3.inverse(first.truth)
@@ -55,7 +54,7 @@ def grasp(scene: Scene) -> Disturbed:
 
 
 class GraspRecord:
-    """What the filter believes of a grasp after each of the times `HOLDS`; an `Observer` of a trial."""
+    """Record of the filter's belief about a grasp at each of the times `HOLDS`; an `Observer` of a trial."""
 
     def __init__(self, yardstick: Yardstick):
         self._yardstick, self._frames = yardstick, 0
@@ -77,30 +76,30 @@ class GraspRecord:
         )
 
     def result(self) -> dict:
-        """For the trial: `held`, after each time whether a right mode is `found`, the belief's `share` that is right,
-        and whether the published pose is `right`."""
+        """Return `held` for the trial: at each time, whether a right mode is `found`, the `share` of the belief that is
+        right, whether the published pose is `right`, and whether the state is `converged`."""
         return {"held": self._rows}
 
 
 NEXT = "next"
-"""Foreign touches are those of the next object of the campaign."""
+"""Value of `Protocol.foreign`: foreign touches are those of the next object of the campaign."""
 PLAIN = "plain"
 PAPER, UNIFORM = "paper", "uniform"
 
 _SHORT = SlideKind(first=0.3)
-"""Long enough to converge by far: what goes wrong then goes wrong all the time."""
+"""Slides for faults that last all the time; by far long enough to converge."""
 _EVENT = 0.27
-"""m: 60 frames to converge from a narrow start (after 40 half of the filters have not); then the event, and 120 to find
-back."""
+"""Length [m] of slides with an event: 60 frames to converge from a narrow start (after 40 half of the filters have
+not), then the event, and 120 frames to recover."""
 _NARROW = 0.2  # of the paper's start
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
-    paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; objects, touched where
-    nobody names others; make_cache, of slides as its sensors see them; codebook_size, poses;
-    record, of what a trial is asked on its way; real_gel, whether the images are those of real gel."""
+    """Test protocol. summary: for tables; disturb: changes the frames; slides: their kind; starts; beta: width of the
+    paper's start; foreign: the bundled object whose touches are mixed in, by name, or NEXT; objects: by default;
+    make_cache: of slides as its sensors see them; codebook_size: poses; record: makes an `Observer` whose result is
+    added to the trial; real_gel: whether the images are those of real gel."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -115,12 +114,12 @@ class Protocol:
     real_gel: bool = False
 
     def describe(self) -> dict:
-        """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
+        """Return the fields that results depend on, for keys and JSON, without slides and starts, which options set."""
         return {"foreign": self.foreign}
 
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
-    """One that happens at a certain frame to a filter that has converged."""
+    """Return a protocol whose event happens at a certain frame to a filter that has converged."""
     slides = SlideKind(first=_EVENT) if leap is None else SlideKind(_EVENT, leap)
     return Protocol(summary, disturb, slides, beta=_NARROW, foreign=foreign)
 
@@ -168,7 +167,7 @@ PROTOCOLS = {
 
 
 def chosen_protocol(name: str) -> Protocol:
-    """The protocol of that name; InputError for an unknown one."""
+    """Return the protocol of that name; InputError for an unknown one."""
     if name not in PROTOCOLS:
         raise InputError(f"--protocol {name}: not known; there are {', '.join(PROTOCOLS)}")
     return PROTOCOLS[name]

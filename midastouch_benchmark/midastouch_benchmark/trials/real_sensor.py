@@ -1,7 +1,7 @@
 """Slides seen by measured sensors in place of TACTO's camera: gel, light and exposure as on real DIGITs.
 
-The path is the plain slide's; the images are made anew by `MeasuredSensor`, sensors in turn. The depth network is that
-for real gel. Calibrated: the same sensor's presses of a ball go through `midastouch calibrate` first.
+The path is the plain slide's; `MeasuredSensor` makes the images, the sensors in turn. The depth network is that for
+real gel. To calibrate a sensor, its presses of a ball go through `midastouch calibrate` first.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _CHUNK = 32  # maps rendered at a time: bounds memory
 
 @dataclasses.dataclass(frozen=True)
 class RealSensorCache(Cache):
-    """A cache whose slides are seen by measured sensors. calibrated: whether each was calibrated before."""
+    """A cache whose slides are seen by measured sensors; calibrated: whether each is calibrated first."""
 
     calibrated: bool = False
 
     @cached_property
     def networks(self) -> Networks:
-        """Loaded on first use. Raises InputError for a sensor whose light is none of real gel."""
+        """Networks, loaded on first use. Raises InputError for a sensor whose light is not that of real gel."""
         networks = Networks.load(self.tdn, self.tcn, self.sensor)
         if networks.sensor.light != "relative":
             raise InputError(
@@ -58,7 +58,7 @@ class RealSensorCache(Cache):
         return {}
 
     def calibration(self, which: int) -> SensorCalibration:
-        """The calibration of one of the measured sensors, made on first use."""
+        """Return the calibration of one of the measured sensors, made on first use."""
         if which not in self._calibrations:
             rng = np.random.default_rng(which)
             self._calibrations[which] = calibrate_measured(self.optics[which], self.networks.sensor, rng)
@@ -84,7 +84,7 @@ class RealSensorCache(Cache):
 
 
 def within_gel(depths: np.ndarray) -> np.ndarray:
-    """Penetration (N, H, W) m of objects that are so deep in the untouched gel, negative outside of it."""
+    """Return the penetration (N, H, W) m of objects: their depths in the untouched gel, 0 where they are negative."""
     return np.maximum(depths, 0)
 
 
@@ -94,9 +94,10 @@ def calibrate_measured(
     rng: np.random.Generator,
     gel: Callable[[np.ndarray], np.ndarray] = within_gel,
 ) -> SensorCalibration:
-    """What a person with a ball gets from a sensor: ten presses spread over the gel. Raises InputError as `calibrate`.
+    """Calibrate a sensor as a person would, by ten presses of a ball spread over the gel.
 
-    gel: what the optics see of objects, given as to `within_gel`.
+    gel: turns depths of objects, like `within_gel`, into the heights that the optics see. Raises InputError as
+    `calibrate`.
     """
     camera = MeasuredSensor(optics, sensor, rng)
     heights = gel(np.stack(_ball_presses(sensor.for_maps, rng)))
@@ -105,7 +106,7 @@ def calibrate_measured(
 
 
 def _ball_presses(sensor: SensorModel, rng: np.random.Generator) -> list[np.ndarray]:
-    """Penetration (H, W) m of a ball in cells of a grid, as a careful hand spreads them."""
+    """Return the penetrations (H, W) m of a ball in cells of a grid, as a careful hand spreads them."""
     radius, columns = 0.5 * _BALL_DIAMETER, 2
     rows, out = _PRESSES // columns, []
     for cell in rng.permutation(_PRESSES):

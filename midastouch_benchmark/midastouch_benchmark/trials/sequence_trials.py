@@ -1,4 +1,4 @@
-"""How a sequence is evaluated: start of the filter, seeds, frames (paper sections 4.3 and 6)."""
+"""Evaluation of a sequence: start of the filter, seeds, frames (paper sections 4.3 and 6)."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from .yardstick import Yardstick
 
 @dataclasses.dataclass(frozen=True)
 class TrialPlan:
-    """init "paper" or "uniform"; beta, width of the paper's start; seeds, trials per sequence; every
-    `stride`-th frame is used, at most `max_frames` of them."""
+    """Settings of trials. init: "paper" or "uniform"; beta: width of the paper's start; seeds: trials per sequence;
+    stride: every n-th frame is used; max_frames: at most so many of them."""
 
     init: str = "paper"
     beta: float = 1.0
@@ -35,7 +35,7 @@ class TrialPlan:
     max_frames: int | None = None
 
     def frame_indices(self, sequence: Sequence) -> list[int]:
-        """Frames of the sequence that are processed."""
+        """Return the indices of the frames that are processed."""
         return list(range(0, sequence.n_frames, self.stride))[: self.max_frames]
 
 
@@ -49,7 +49,7 @@ def start_filter(particle_filter: AnyFilter, mesh: ObjectMesh, truth: np.ndarray
 
 
 def paper_start(mesh: ObjectMesh, beta: float) -> tuple[float, float]:
-    """Sigmas per axis, m and rad, of the paper's start of width beta."""
+    """Return the sigmas per axis, m and rad, of the paper's start of width beta."""
     return beta * mesh.diagonal / 3, beta * np.radians(60)
 
 
@@ -63,11 +63,10 @@ def run_sequence(
     progress: Callable[[int], object] = lambda frames: None,
     untouched: Untouched | None = None,
 ) -> tuple[dict, list[dict]]:
-    """All trials of one sequence: its entry under `sequences` of the JSON, and its `trials`.
+    """Run all trials of one sequence; return its entry under `sequences` of the JSON, and its `trials`.
 
-    untouched: its no-contact image; None: as `untouched_of`.
-    The seed of a trial is its number: 0, 1, ... Networks run anew in every trial, so that its times hold.
-    `progress` is called with the number of frames done since the last call.
+    untouched: its no-contact image; None: as `untouched_of`. progress: called with the number of frames done since the
+    last call. The seed of a trial is its number: 0, 1, ... Networks run again in every trial, so that its times hold.
     """
     indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
@@ -99,19 +98,19 @@ def run_sequence(
 def perceived(
     sequence: Sequence, indices: list[int], images: list[np.ndarray], background: np.ndarray, networks: Networks
 ) -> Iterator[TrialFrame]:
-    """What networks without a memory of earlier frames make of the images (320, 240, 3) at these indices."""
+    """Yield the frames that networks without memory of earlier ones read from the images (320, 240, 3) at `indices`."""
     pipeline = networks.pipeline()
     for i, image in zip(indices, images, strict=True):
         measurement = measurement_of(pipeline.process(image, background))
         yield TrialFrame(i, measurement, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
 
 
-_NEAR, _FAR = 5e-3, 20e-3  # m: gel is pressed 2 mm deep, trackers are some millimetres off; no surface there
+_NEAR, _FAR = 5e-3, 20e-3  # m: gel is pressed 2 mm deep, and trackers are some millimetres off, but not so far
 _MESH_FRAME = {"tactile_tracking": "the gel frame of the trial's first image"}
 
 
 def mesh_doubt(sequence: Sequence, indices: list[int], mesh: ObjectMesh) -> str:
-    """What to think of a mesh some millimetres off the true poses of these frames; empty if it is near.
+    """Return a warning if a mesh is some millimetres off the true poses of these frames; empty if it is near.
 
     Raises InputError if it is so far off that the sensor cannot have touched it there.
     """
@@ -139,7 +138,7 @@ PAPER_REAL = {
 
 
 def require_real(sequences: Iterable[Sequence]) -> None:
-    """Raises InputError naming the first sequence that is not a real one of YCB-Slide."""
+    """Raise InputError naming the first sequence that is not a real one of YCB-Slide."""
     for sequence in sequences:
         if sequence.layout != "real":
             raise InputError(

@@ -1,4 +1,4 @@
-"""What every evaluation starts from: networks, background of a sequence, filter settings from a file."""
+"""Inputs of every evaluation: networks, background of a sequence, filter settings from a file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from midastouch_bringup.processes.parameter_files import of_node, read_parameter
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 from midastouch_filter.core.config import FilterConfig, by_present_names
-from midastouch_filter.core.presets import BALANCED, preset
+from midastouch_filter.core.presets import BALANCED, PAPER, preset
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
@@ -24,7 +24,7 @@ from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 
 _BACKGROUND_FRAMES = 60
-_ALIKE = 0.8  # of two names: no parameter of the node is as like a setting's
+_ALIKE = 0.8  # similarity of two names; no other parameter of the node is as similar to a setting's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,19 +44,19 @@ class Networks:
         light: str | None = None,
         calibration: str | None = None,
     ) -> Networks:
-        """By name or file; light: as `SensorModel.light`, the model's own by default; calibration: a file of the very
-        sensor, or none. InputError for what is not there, or another sensor model's."""
+        """Load by name or file; light: as `SensorModel.light`, the model's own by default; calibration: a file of the
+        very sensor, or None. InputError for a file that is missing, or of another sensor model."""
         model = SensorModel.load(sensor)
         model = dataclasses.replace(model, light=light or model.light)
         known = SensorCalibration.load(calibration) if calibration else None
         return cls(load_tdn(tdn, model, known), load_tcn(tcn, model), model)
 
     def pipeline(self) -> TouchPipeline:
-        """A pipeline without memory of earlier frames."""
+        """Return a pipeline without memory of earlier frames."""
         return TouchPipeline(self.tdn, self.tcn, time.perf_counter)
 
     def describe(self) -> dict[str, str]:
-        """Ids of networks, sensor and sensor calibration, for result files."""
+        """Return the ids of networks, sensor and sensor calibration, for result files."""
         ids = {"tdn": self.tdn.network_id, "tcn": self.tcn.network_id, "sensor": self.sensor.name}
         known = self.tdn.calibration
         return ids if known is None else ids | {"calibration": f"{known.touched}, {known.date}"}
@@ -64,8 +64,8 @@ class Networks:
 
 @dataclasses.dataclass(frozen=True)
 class Untouched:
-    """A sequence's no-contact image (320, 240, 3) uint8 RGB; source, where it comes from; doubt, why it may show
-    contacts, and the fix, empty if nothing speaks for that."""
+    """A sequence's no-contact image (320, 240, 3) uint8 RGB; source: its origin; doubt: why it may show contacts, and
+    the fix, empty without a doubt."""
 
     image: np.ndarray
     source: str
@@ -73,9 +73,9 @@ class Untouched:
 
 
 def untouched_of(sequence: Sequence, given: str | None = None) -> Untouched:
-    """The image file `given`, else the sequence's own no-contact image, else what its images have in common.
+    """Return the no-contact image in the file `given`; without it, the sequence's own; without both, an estimate.
 
-    Raises InputError if the file cannot be read.
+    The estimate is made from the sequence's images. Raises InputError if the file cannot be read.
     """
     if given:
         return Untouched(sequence.read_background(Path(given)), given)
@@ -95,14 +95,14 @@ def untouched_of(sequence: Sequence, given: str | None = None) -> Untouched:
 
 
 def require_same_gel(tdn: DepthNet, untouched: Iterable[Untouched]) -> None:
-    """Raises InputError if the network's calibration is of another gel than one of these no-contact images."""
+    """Raise InputError if the network's calibration is of another gel than one of these no-contact images."""
     for each in untouched:
         if tdn.calibration is not None and (problem := tdn.calibration.background_problem(each.image)):
             raise InputError(f"{each.source}: {problem}")
 
 
 def sensor_of(sequences: Iterable[Sequence]) -> str:
-    """Name of the sensor model that sequences were recorded with. Raises InputError if they differ in it."""
+    """Return the name of the sensor model that sequences were recorded with; InputError if they differ in it."""
     names = sorted({sequence.sensor for sequence in sequences})
     if len(names) > 1:
         raise InputError(f"sequences of different sensors ({', '.join(names)}); evaluate them apart, or give --sensor")
@@ -110,14 +110,15 @@ def sensor_of(sequences: Iterable[Sequence]) -> str:
 
 
 def load_filter_config(path: str | None, preset_name: str | None = None) -> FilterConfig:
-    """Filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
+    """Return filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
 
-    What the file does not set is as in a preset: the one named, or else the file's. In a ROS parameter file the entries
-    of `particle_filter`, in whatever namespace, and of every node count; those that concern only the node (topics,
-    frames, files) are passed over. Raises InputError on unknown names, in a ROS parameter file those that are nearly a
-    setting's, and values out of range. Former names of settings count, with a FutureWarning.
+    Settings that the file lacks are those of a preset: the one named or, without it, the file's. In a ROS parameter
+    file the entries of `particle_filter`, in any namespace, and of every node count; those that concern only the node
+    (topics, frames, files) are skipped. Raises InputError for values out of range and for unknown names; in a ROS
+    parameter file, only for unknown names that resemble a setting's. Former names of settings count, with a
+    FutureWarning.
     """
-    settings = preset(preset_name or BALANCED)
+    settings = _settings(preset_name or BALANCED)
     if path is None:
         return FilterConfig(**settings)
     content = read_yaml(path, "configuration") or {}
@@ -133,7 +134,13 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
             values = {name: value for name, value in values.items() if name in known}
         if unknown:
             raise InputError(f"unknown filter settings: {', '.join(unknown)}; check the spelling")
-        of_file = preset(values.pop("preset", BALANCED))
+        of_file = _settings(values.pop("preset", BALANCED))
         return FilterConfig(**((settings if preset_name else of_file) | values))
     except InputError as error:
         raise InputError(f"{Path(path)}: {error}") from error
+
+
+def _settings(name: str) -> dict[str, int]:
+    if name == PAPER:
+        raise InputError(f"preset {PAPER} is another filter; `midastouch benchmark --variant {PAPER}` measures it")
+    return preset(name)

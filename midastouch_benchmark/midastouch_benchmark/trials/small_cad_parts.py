@@ -36,7 +36,7 @@ def _prism(name: str, outline: Outline, height: float) -> ObjectMesh:
 
 
 def _gear(name: str, teeth: int, keyed: bool = False) -> ObjectMesh:
-    """Of 14 mm, with a hub on one side; keyed: a keyway in its bore."""
+    """Gear of 14 mm, with a hub on one side; keyed: with a keyway in its bore."""
     bore = circle(0.002, sides=2 * teeth)
     way = (rectangle(0.0016, 0.0016, x=0.0022),) if keyed else ()
     wheel = Layer(0.004, (gear_outline(teeth, 0.0056, 0.007),), (bore, *way))
@@ -48,14 +48,14 @@ def _plug(name: str, pins: Sequence[Outline]) -> ObjectMesh:
 
 
 def _screw(name: str, drive: Sequence[Outline]) -> ObjectMesh:
-    """M5, a flat head of 10 mm with a drive cut into it."""
+    """M5 screw with a flat head of 10 mm, and a drive cut into it."""
     head = circle(0.005, sides=72)
     shank = Layer(0.014, (circle(0.0024, sides=72),))
     return stacked([shank, Layer(0.0025, (head,)), Layer(0.0018, (head,), tuple(drive))], name)
 
 
 def _keyed_pin(name: str) -> ObjectMesh:
-    """Of 6 mm, a collar at one end, a flat at the other."""
+    """Pin of 6 mm, with a collar at one end and a flat at the other."""
     rod, collar = circle(0.003, sides=72), circle(0.0048, sides=72)
     flat = rectangle(0.002, 0.008, x=0.0032)
     return stacked([Layer(0.003, (collar,)), Layer(0.011, (rod,)), Layer(0.006, (rod,), (flat,))], name)
@@ -78,4 +78,4 @@ SMALL_CAD_PARTS = {
     "socket_screw": KnownPart(partial(_screw, drive=[circle(0.004, sides=6)]), turns(6)),
     "keyed_pin": KnownPart(_keyed_pin, NONE, ROUND),
 }
-"""By name; each with its known symmetry."""
+"""Parts by name, each with its known symmetry."""

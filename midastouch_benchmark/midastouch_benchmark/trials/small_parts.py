@@ -1,7 +1,7 @@
-"""The set `small_parts`: smaller than the gel, what a hand picks out of a box of screws (paper appendix G).
+"""The set `small_parts`: parts smaller than the gel, as in a box of screws (paper appendix G).
 
-Sizes in m. Each is a signed distance function turned into a mesh; threads are rings, as one turn more or less is not
-what a touch can tell.
+Sizes in m. Each is a signed distance function turned into a mesh. Threads are rings, since no touch can tell one turn
+more or less.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _THREAD = 2e-4, 1.25e-3  # amplitude, pitch
 
 
 def small_parts(folder: Path) -> list[ObjectMesh]:
-    """All parts, their meshes written into the folder."""
+    """Return all parts; meshes that the folder lacks are written into it."""
     meshes = []
     for make in _PARTS:
         shape, half = make()

@@ -24,19 +24,19 @@ from .yardstick import Yardstick
 
 STAGES = ("tdn", "tcn", "filter")
 RECORD = 8
-"""Version of what `run_trial` returns: kept trials of another one are run again."""
+"""Version of the result of `run_trial`; kept trials of another version are run again."""
 
 AFTER_EVENT = 30
-"""Frames after an event at which the filter is asked again whether it is right."""
+"""Frames from an event to the next check whether the filter is right."""
 
 AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
 
 
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
-    """Input of one step: index in the sequence, measurement and the time [ms] of the networks for it, measured and true
-    `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
-    before, None where nobody knows; others, what further fingers measured, by name.
+    """Input of one step. index: in the sequence; measurement; ms: time [ms] of the networks for it; measured, truth:
+    `T_obj_gel` (4, 4), the truth nan if there is none, as on the wrong object; seconds: since the frame before, None if
+    unknown; others: measurements of further fingers, by name.
 
     Only differences of the measured pose reach the filter.
     """
@@ -51,18 +51,18 @@ class TrialFrame:
 
 
 def with_odometry(frames: Iterable[TrialFrame]) -> Iterator[tuple[TrialFrame, np.ndarray | None]]:
-    """Each frame with the odometry (4, 4) since the one before it, None at first."""
+    """Yield each frame with the odometry (4, 4) since the one before it, None at first."""
     frames, again = itertools.tee(frames)
     return zip(frames, se3.odometry(frame.measured for frame in again), strict=True)
 
 
 FRAME_TIME = 0.05
-"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+"""Time [s] between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Event:
-    """Positions of frames: start, the first that something happens to; end, the first ordinary one after it."""
+    """Event on a slide, by positions of frames: start: the first one affected; end: the first ordinary one after it."""
 
     start: int
     end: int
@@ -79,16 +79,15 @@ def run_trial(
     series: bool = True,
     event: Event | None = None,
 ) -> dict:
-    """Run an initialised filter over the frames; the `trials` entry of the `evaluate` JSON without its
-    labels.
+    """Run an initialised filter over the frames; return the `trials` entry of the `evaluate` JSON without its labels.
 
-    Time counts from the image to the estimate (networks and filter); reading files and computing errors do not. The
-    filter's CPU time, of all its threads, is what holds on a busy machine.
+    Time counts from the image to the estimate (networks and filter); reading files and computing errors do not count.
+    On a busy machine only the filter's CPU time, of all its threads, is reliable.
     Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
     Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take longer
-    than the filter. All errors are modulo the yardstick's symmetry, and it says which poses are right. `observe` sees
-    every frame with its estimate and the filter, outside the timing. `event`: what happens on the way, after which it
-    is asked again whether the pose is right.
+    than the filter. All errors are modulo the yardstick's symmetry, and the yardstick decides which poses are right.
+    `observe` is called with every frame, its estimate and the filter, outside the timing. `event`: on the way, after
+    which the pose is judged again.
     """
     record = _Record(yardstick or Yardstick(), series, event)
     for frame, odometry in with_odometry(frames):
@@ -122,7 +121,7 @@ class _Record:
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
-        """Errors before the first step, of the start itself; truth (4, 4) `T_obj_gel`."""
+        """Record the errors of the start itself, before the first step; truth: (4, 4) `T_obj_gel`."""
         poses = self._yardstick.counted(particle_filter.poses, truth)
         self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
 
@@ -154,7 +153,7 @@ class _Record:
             self._rows.append(self._row(frame, estimate, particle_filter))
 
     def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
-        """Everything that is told of one frame."""
+        """Return all that `per_frame` has of one frame."""
         status, truth, counted = estimate.status, frame.truth, self._yardstick.counted
         poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
         modes = counted(_mode_poses(estimate), truth)
@@ -219,14 +218,14 @@ class _Record:
         return out
 
     def _right_after_event(self, right: np.ndarray) -> bool | None:
-        """Whether it is right (N,) some frames after the event; None without one, or if the slide ends before."""
+        """Return whether it is right (N,) some frames after the event; None without one, or if the slide is shorter."""
         if self._event is None or self._event.end + AFTER_EVENT >= len(right):
             return None
         return bool(right[self._event.end + AFTER_EVENT])
 
 
 def _from_then_on(holds: np.ndarray) -> int | None:
-    """Index of the frame from which something holds (N,) to the end; None if it does not hold at the end."""
+    """Return the index of the frame from which something holds (N,) to the end; None if it does not at the end."""
     fails = np.flatnonzero(~holds)
     first = int(fails[-1]) + 1 if len(fails) else 0
     return first if first < len(holds) else None
@@ -241,7 +240,7 @@ FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state", "foreign", "right", "among_mo
 
 
 def _mode_poses(estimate: Estimate) -> np.ndarray:
-    """(K, 4, 4)."""
+    """Return the poses of the modes (K, 4, 4)."""
     return np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
 
 

@@ -1,4 +1,4 @@
-"""Finished trials on disk, one JSON line each, so that a long run goes on where it was stopped."""
+"""Finished trials on disk, one JSON line each, so that a long run continues where it was stopped."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .cache import Cache
 
 
 class TrialLog:
-    """Trials by the key of what was run; only appended to. A line cut off by a crash is passed over."""
+    """Log of trials by key, to which trials are only appended. A line cut off by a crash is skipped."""
 
     def __init__(self, path: str | os.PathLike):
         self._path = Path(path)
@@ -34,7 +34,7 @@ class TrialLog:
                     continue
 
     def get(self, key: str) -> dict | None:
-        """The trial, None if it was not run yet."""
+        """Return the trial; None if it was not run yet."""
         return self._trials.get(key)
 
     def add(self, key: str, trial: dict) -> None:
@@ -54,13 +54,13 @@ class TrialLog:
 
 
 def key_of(content: dict) -> str:
-    """A name for everything that a trial depends on."""
+    """Return a key for everything that a trial depends on."""
     return hashlib.sha256(json.dumps(to_json(content), sort_keys=True).encode()).hexdigest()[:24]
 
 
 def source_digest(*places: Path) -> str:
-    """Hash of files, and of the Python files and compiled modules in folders and their rooms: results of older code are
-    not taken for those of the new."""
+    """Return a hash of files, and of the Python files and compiled modules in folders and below, so that results of
+    older code are not taken for those of newer code."""
     digest = hashlib.sha256()
     inside = [path for place in places for pattern in ("*.py", "*.so") for path in place.rglob(pattern)]
     for path in sorted([*inside, *(place for place in places if place.is_file())]):
@@ -70,10 +70,10 @@ def source_digest(*places: Path) -> str:
 
 @dataclass(frozen=True)
 class Workforce:
-    """Who runs trials, and until when.
+    """Cluster that runs trials, and its deadline.
 
-    Attributes: cluster; deadline, in seconds of `time.monotonic`, after which nothing new is started; start_progress is
-    called with the number of trials to run, what it returns with the number done since.
+    Attributes: cluster; deadline: in seconds of `time.monotonic`, after which nothing new is started; start_progress:
+    called with the number of trials to run; the function that it returns is called with the number done since.
     """
 
     cluster: Cluster
@@ -82,7 +82,7 @@ class Workforce:
 
 
 def make_books(cache: Cache, meshes: Iterable[Path], cluster: Cluster, sizes: tuple[int | None, ...] = (None,)) -> None:
-    """Codebooks of these sizes, as far as they are not there, whatever the time: keys of trials depend on them."""
+    """Make the missing codebooks of these sizes, even after the deadline: keys of trials depend on them."""
     for _ in cluster.map(_make_book, [(cache, path, sizes) for path in meshes]):
         pass
 
@@ -99,10 +99,10 @@ def run_open(
     log: TrialLog,
     workforce: Workforce,
 ) -> tuple[list[dict], int]:
-    """Run the trials that the log lacks; all that are done then, in order, and how many are not.
+    """Run the trials that the log lacks; return all finished trials, in order, and the number of unfinished ones.
 
-    units: what one worker does at a time: arguments, and what is asked for by the key of each trial. run(*arguments,
-    what is still asked for) returns the trials by key.
+    units: work of one worker at a time: arguments, and a request for each trial by its key. run(*arguments, open
+    requests by key) returns the trials by key.
     """
     units = list(units)
     open_ = []

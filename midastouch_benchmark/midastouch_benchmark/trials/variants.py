@@ -1,4 +1,4 @@
-"""What is compared on the same slides: presets, a mechanism off, less work, smaller codebooks, other methods."""
+"""Variants compared on the same slides: presets, a mechanism off, less work, smaller codebooks, other methods."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": Re
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """What differs from the default.
+    """Differences from the default.
 
-    summary, a line for tables; group, what kind of difference; method, if it is another than ours; settings, fields of
-    `FilterConfig` or of the method's configuration; open_gates, names of the filter's gates that let everything pass;
-    codebook_size, poses, if not the plan's; codes, whether the filter is given them; contacts, number of fingers of a
-    grasp whose touches are used, if not all.
+    summary: a line for tables; group: kind of difference; method: if it is not ours; settings: fields of `FilterConfig`
+    or of the method's configuration; open_gates: names of the filter's gates that let everything pass; codebook_size:
+    poses, if not the plan's; codes: whether the filter is given them; contacts: number of fingers of a grasp whose
+    touches are used, if not all.
     """
 
     summary: str
@@ -48,7 +48,7 @@ class Variant:
 
     @property
     def missing(self) -> str:
-        """Why it cannot be run here; "" if it can."""
+        """Reason why it cannot be run here; "" if it can."""
         if self.method == "registration":
             try:
                 require_open3d()
@@ -57,7 +57,7 @@ class Variant:
         return ""
 
     def frame(self, frame: TrialFrame) -> TrialFrame:
-        """The frame as the filter is given it; other methods than ours know the first finger only."""
+        """Return the frame as the filter is given it; methods other than ours know the first finger only."""
         count = 1 if self.method else self.contacts
         others = dict(list(frame.others.items())[: None if count is None else count - 1])
         touches = [self._touch(touch) for touch in others.values()]
@@ -71,27 +71,27 @@ class Variant:
         return dataclasses.replace(touch, code=_alike(touch.code))
 
     def codebook(self, codebook: Codebook) -> Codebook:
-        """The codebook as the filter is given it."""
+        """Return the codebook as the filter is given it."""
         return codebook if self.codes else Codebook(codebook.poses, _alike(codebook.codes), codebook.meta)
 
     @property
     def inputs(self) -> dict[str, object]:
-        """What differs in addition to the settings, by name."""
+        """Differences in addition to the settings, by name."""
         inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "contacts")}
         return {name: value for name, value in inputs.items() if value} | ({} if self.codes else {"codes": False})
 
     def describe(self) -> dict:
-        """For the JSON: all but what is as in the default."""
+        """Return, for the JSON, summary, group and all that differs from the default."""
         return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
     def config(self, base: FilterConfig, threads: int) -> AnyConfig:
-        """Settings of the filter: the variant's laid over `base`."""
+        """Return the settings of the filter: the variant's laid over `base`."""
         if self.method:
             return _CONFIGS[self.method](**self.settings)
         return dataclasses.replace(base, **({"threads": threads} | self.settings))
 
     def filter(self, mesh: ObjectMesh, codebook: Codebook, base: FilterConfig, threads: int) -> AnyFilter:
-        """A filter of this variant, its stages timed."""
+        """Return a filter of this variant, its stages timed."""
         config = self.config(base, threads)
         if self.method == "paper":
             return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)
@@ -102,12 +102,12 @@ class Variant:
 
 
 def _alike(codes: np.ndarray) -> np.ndarray:
-    """Unit codes (..., D) that are all the same."""
+    """Return unit codes (..., D) that are all the same."""
     return np.full_like(codes, codes.shape[-1] ** -0.5)
 
 
 def _each(setting: str, summary: str, values: dict[str, int]) -> dict[str, Variant]:
-    """Variants by name that have more or less of something; summary, with a gap for the number."""
+    """Return variants by name that set `setting` to one of the values; summary: with a gap for the value."""
     return {name: Variant(summary.format(value), BUDGET, {setting: value}) for name, value in values.items()}
 
 
@@ -169,12 +169,12 @@ SETS = {
     "front": _group(PRESET, BUDGET),
     "contacts": _group(CONTACTS),
 }
-"""Names for several variants at once; "all" is every one. "front" is what error is set against run time for: as much of
-everything that can be had in more or less; mechanisms and other methods have sets of their own."""
+"""Names for several variants at once; "all" is every one. "front" is for plots of error against run time: all variants
+with more or less of something; mechanisms and other methods have sets of their own."""
 
 
 def chosen_variants(names: list[str]) -> list[str]:
-    """Variants by name or by the name of a set, the default first, none twice; InputError for an unknown name."""
+    """Return variants by their name or that of a set, the default first, none twice; InputError for an unknown name."""
     chosen = [DEFAULT]
     for name in names:
         if name == "all":

@@ -1,4 +1,4 @@
-"""When a pose counts as right: one definition, by which every trial judges its poses and modes."""
+"""Yardstick of a right pose: the one definition by which every trial judges its poses and modes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.symmetry.group import Symmetry
 
 DISTANCE, SHARE, ANGLE = 0.01, 0.1, np.radians(20.0)
-"""m, of the object's diagonal, and rad: a pose that is right is within all three of the truth. A hand misses a nut
+"""Largest errors of a right pose, which meets all three: m, fraction of the object's diagonal, rad. A hand misses a nut
 sooner than a drill, and it does not find the handle of a mug that is turned."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Yardstick:
-    """symmetry: what no touch can tell. Of the poses that are equivalent under it the one nearest to the truth counts,
-    as in BOP's MSSD (Hodan et al. 2020). distance [m] and angle [rad] within which a pose is right."""
+    """Limits of a right pose. symmetry: motions that no touch can detect; of the poses equivalent under it, the one
+    nearest to the truth counts, as in BOP's MSSD (Hodan et al. 2020). distance [m], angle [rad]: largest errors."""
 
     symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
     distance: float = DISTANCE
@@ -26,18 +26,18 @@ class Yardstick:
 
     @classmethod
     def of(cls, mesh: ObjectMesh, symmetry: Symmetry) -> Yardstick:
-        """That of an object of known symmetry."""
+        """Return the yardstick of an object of known symmetry."""
         return cls(symmetry, min(DISTANCE, SHARE * mesh.diagonal))
 
     def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Poses (N, 4, 4), or equivalent ones, as they are compared with the truth (4, 4)."""
+        """Return, for each of poses (N, 4, 4), the equivalent pose that is compared with the truth (4, 4)."""
         return self.symmetry.nearest(poses, truth) if len(poses) else poses
 
     def right(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Which (N,) of poses (N, 4, 4) are right; none where there is no truth (nan)."""
+        """Return which (N,) of poses (N, 4, 4) are right; none are if there is no truth (nan)."""
         distance, angle = pose_errors(self.counted(poses, truth), truth)
         return (distance <= self.distance) & (angle <= self.angle)
 
     def describe(self) -> dict[str, float]:
-        """For the JSON of a trial."""
+        """Return the limits for the JSON of a trial."""
         return {"right_m": self.distance, "right_deg": float(np.degrees(self.angle))}

@@ -55,6 +55,12 @@ def test_a_ros_parameter_file_names_a_preset(tmp_path):
     assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
 
 
+def test_the_papers_filter_is_no_settings_of_ours(tmp_path):
+    for path, name in ((None, "paper"), (written(tmp_path, "preset: paper\n"), None)):
+        with pytest.raises(InputError, match="--variant paper"):
+            load_filter_config(path, name)
+
+
 @pytest.mark.parametrize("text", ["relief_fit: 0.5\n", "particle_filter:\n  ros__parameters: {relief_fit: 0.5}\n"])
 def test_a_former_name_counts_with_a_warning(tmp_path, text):
     with pytest.warns(FutureWarning, match="relief_fit is now penetration_fit"):

@@ -1,4 +1,4 @@
-"""The sensor's fixed frames, as `config/frames.yaml` has them."""
+"""The sensor's fixed frames, as `config/frames.yaml` defines them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _ENTRIES = ("hand_eye", "gel", "optical")
 def read_mount(
     path: str | os.PathLike, sensor_prefix: str = "", tool_frame: str = "", tf_prefix: str = ""
 ) -> list[tuple[str, str, np.ndarray]]:
-    """(parent, child, T_parent_child (4, 4)) of every entry of a frames file.
+    """Return (parent, child, T_parent_child (4, 4)) for every entry of a frames file.
 
-    sensor_prefix is put before the sensor's frames, tf_prefix before the arm's; tool_frame replaces the frame that the
-    sensor is mounted on. Raises InputError, naming file and entry, for a file that does not say where the sensor is.
+    sensor_prefix is put before the sensor's frames, tf_prefix before the arm's; tool_frame, if given, replaces the
+    frame that the sensor is mounted on. Raises InputError, naming file and entry, if the file is no valid frames file.
     """
     entries = read_yaml(path, "frames")
     if not isinstance(entries, dict) or set(entries) != set(_ENTRIES):

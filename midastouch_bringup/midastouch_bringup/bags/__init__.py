@@ -1,1 +1,1 @@
-"""Recordings: sequences as ROS messages, rosbag2 files, and what is read from them; without ROS."""
+"""Recordings, without ROS: sequences as ROS messages, rosbag2 files, and the frames and runs read from them."""

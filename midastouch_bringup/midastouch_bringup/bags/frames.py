@@ -33,7 +33,7 @@ from .transforms import recorded_transforms
 
 @dataclass(frozen=True)
 class GelStream:
-    """What a bag calls the images of one gel, and the frames between which the gel's poses are told."""
+    """Names in a bag: the topic of one gel's images, and the two frames between which the gel's pose is given."""
 
     image_topic: str = IMAGE_TOPIC
     base_frame: str = BASE_FRAME
@@ -41,7 +41,7 @@ class GelStream:
 
 
 OWN = GelStream()
-"""As recordings of this project name it."""
+"""The names that recordings of this project use."""
 
 
 class BagFrame(NamedTuple):
@@ -58,14 +58,14 @@ class BagFrame(NamedTuple):
 
 
 def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
-    """Every image of a stream whose stamp the transforms span, in recorded order, deterministically.
+    """Yield every image of a stream whose stamp the transforms span, in recorded order, deterministically.
 
-    All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
-    which images and transforms were recorded. Images before the first or after the last transform are left
-    out, and transforms that are none (not finite, no unit quaternion), as the filter's node leaves them out.
-    Where the topic is missing, the compressed images beside it are taken. Transforms that are late or repeated are told
-    on stderr. Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if the time of a frame
-    runs backwards on which the gel's or the true pose depends.
+    All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in which
+    images and transforms were recorded. Images before the first or after the last transform are left out. Invalid
+    transforms (not finite, no unit quaternion) are left out as well, as in the filter's node. If the topic is missing,
+    the topic of its compressed images is read instead. Late or repeated transforms are reported on stderr. Raises
+    InputError if the bag cannot be read, if it lacks the topic or the transforms, or if time runs backwards in a frame
+    on which the gel's pose or the true pose depends.
     """
     path, ends = Path(path), (stream.base_frame, stream.gel_frame)
     transforms, refused = recorded_transforms(path, (ends, (TRUTH_FRAME, TRUTH_GEL_FRAME)))
@@ -92,18 +92,18 @@ def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
 
 
 def image_messages(path: str | Path, topic: str) -> Iterator[Message]:
-    """The images of a bag on a topic; where there are none, the compressed ones beside it.
+    """Return the images of a bag on a topic or, if the topic has none, those on `TOPIC/compressed`.
 
-    Raises InputError as `bag_messages`.
+    Raises InputError as `bag_messages` does.
     """
     present, compressed = {each.name for each in bag_topics(path)}, f"{topic}/compressed"
     return bag_messages(path, {compressed if topic not in present and compressed in present else topic})
 
 
 def decode_image(message: Message, path: Path) -> np.ndarray:
-    """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage from the bag at `path`.
+    """Return the pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage of the bag at `path`.
 
-    Raises InputError if it holds no such image; BrokenImageError, which is one, if it was damaged on its way.
+    Raises InputError if it holds no such image, and its subclass BrokenImageError if the image is damaged.
     """
     with readable(path):
         content = typestore().deserialize_cdr(message.data, message.type_name)

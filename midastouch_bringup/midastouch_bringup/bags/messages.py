@@ -1,8 +1,8 @@
 """A sequence as ROS messages: the same bytes go into a bag and onto the wire; making them needs no ROS.
 
-Frames. The arm of a sequence is imaginary: `base_link` is the object's frame shifted by a fixed offset, so
-that nothing may take the two for one. `base_link -> digit_gel_frame` comes from the *measured* poses; the
-truth has frames of its own, `object_ground_truth -> digit_gel_ground_truth`, for displays and evaluation.
+Frames. A sequence has no real arm: its `base_link` is the object's frame shifted by a fixed offset, so that code that
+confuses the two gets visibly wrong poses. `base_link -> digit_gel_frame` comes from the *measured* poses; the truth
+has frames of its own, `object_ground_truth -> digit_gel_ground_truth`, for displays and evaluation.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 
 BASE_FROM_OBJECT = se3.translation([0.4, -0.15, 0.25])
-"""Where the object of a sequence stands, T_base_obj (4, 4), metres."""
+"""Pose T_base_obj (4, 4) of a sequence's object, metres."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic's name, its type such as `std_msgs/msg/String`, whether late subscribers get its last message."""
+    """A topic: name, type such as `std_msgs/msg/String`, and `latched`: late subscribers get its last message."""
 
     name: str
     type_name: str
@@ -60,8 +60,8 @@ class Topic:
 class Message:
     """One serialised message.
 
-    Attributes: topic; type_name such as `sensor_msgs/msg/Image`; stamp_ns, when it was (or would have been)
-    recorded; data, its CDR bytes with the encapsulation header; latched, whether late subscribers get it.
+    topic: its name; type_name: such as `sensor_msgs/msg/Image`; stamp_ns: time at which it was (or would have been)
+    recorded; data: CDR bytes with the encapsulation header; latched: True if late subscribers get it.
     """
 
     topic: str
@@ -77,10 +77,10 @@ SEQUENCE_TOPICS = (
     Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo"),
     Topic(IMAGE_TOPIC, IMAGE_TYPE),
 )
-"""What `sequence_messages` sends."""
+"""Topics of `sequence_messages`."""
 
 PLAIN_IMAGE_TOPICS = SEQUENCE_TOPICS[2:]
-"""What `plain_image_messages` sends."""
+"""Topics of `plain_image_messages`."""
 
 
 @functools.cache
@@ -114,9 +114,9 @@ def header_stamp_ns(data: bytes) -> int:
 
 
 def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Message]:
-    """All messages of a sequence in order of time; of equal stamps the transform first and the image last.
+    """Yield all messages of a sequence in order of time; at equal stamps the transform comes first, the image last.
 
-    Frames of the first `offset_ns` are left out, and their images not even read.
+    Frames of the first `offset_ns` are left out, and their images are not read.
     """
     store = typestore()
     stamps = sequence.stamps_ns.tolist()
@@ -138,7 +138,7 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
 
 
 def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Message]:
-    """Camera info and image of each frame that is not within the first `offset_ns`; there are no poses."""
+    """Yield camera info and image of each frame, without those of the first `offset_ns`; there are no poses."""
     store = typestore()
     camera_info = _camera_info(store)
     for stamp, pixels in images.frames(offset_ns):
@@ -182,7 +182,7 @@ def _static_transforms(store: Typestore, stamp: int) -> Message:
 
 
 def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
-    """A tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
+    """Return a tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
     store = typestore()
     height, width, channels = pixels.shape
     content = store.types[IMAGE_TYPE](
@@ -198,7 +198,7 @@ def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
 
 
 def _camera_info(store: Typestore) -> object:
-    """Size only: K[0] = 0 says that the camera is not calibrated, and a DIGIT is not."""
+    """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
     region = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     return store.types["sensor_msgs/msg/CameraInfo"](
         header=None,

@@ -1,4 +1,4 @@
-"""Reads rosbag2 files: what is in them, and their messages as they were recorded."""
+"""Reading of rosbag2 files: metadata, topics, and messages as they were recorded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .messages import Message, Topic
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether `path` looks like a bag: an .mcap file, or a folder with `metadata.yaml`."""
+    """Return whether `path` looks like a bag: an .mcap file, or a folder with `metadata.yaml`."""
     path = Path(path)
     return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix == ".mcap")
 
@@ -51,7 +51,7 @@ def bag_duration(path: str | Path) -> float:
 
 
 def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Message]:
-    """The messages of a bag on some topics (all if none is named) in order of recording.
+    """Yield the messages of a bag on some topics (all if none is named) in recorded order.
 
     Raises InputError if the bag cannot be read or has none of the topics.
     """
@@ -72,7 +72,7 @@ def _was_latched(connection: Connection) -> bool:
 
 @contextlib.contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Any failure of the reading libraries on a bag's bytes as an InputError."""
+    """Raise any failure of the reading libraries on a bag's bytes as an InputError."""
     if not is_bag(path):
         raise InputError(f"{path}: not a bag; give an .mcap file or a folder with metadata.yaml")
     try:

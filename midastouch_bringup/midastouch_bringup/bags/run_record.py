@@ -1,4 +1,4 @@
-"""A recorded run read back from its bag: one snapshot, the input of every picture, per frame that was answered."""
+"""A recorded run read back from its bag: one snapshot, from which pictures are drawn, per frame that was answered."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diag
 
 @dataclasses.dataclass(frozen=True)
 class RunRecord:
-    """snapshots, in order of time; n_particles and filter_ms of each; node_ms, mean work per frame by node."""
+    """A run: snapshots in order of time, n_particles and filter_ms of each, node_ms: mean work per frame by node."""
 
     snapshots: list[Snapshot]
     n_particles: list[int]
@@ -41,21 +41,21 @@ class RunRecord:
     node_ms: dict[str, float]
 
     def last(self, seconds: float) -> RunRecord:
-        """The end of it, so long."""
+        """Return the last `seconds` of the record."""
         begin = next(i for i, one in enumerate(self.snapshots) if one.time >= self.snapshots[-1].time - seconds)
         of_frames = (self.snapshots[begin:], self.n_particles[begin:], self.filter_ms[begin:])
         return RunRecord(*of_frames, self.node_ms)
 
     def of_known_object(self) -> RunRecord:
-        """The record without the probabilities of objects, as a run in which the object was given."""
+        """Return the record without the probabilities of objects, as if the object had been given."""
         return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
 
 
 def read_run(path: str | Path) -> RunRecord:
     """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.
 
-    Where a truth is known, of the poses that the object's symmetry makes alike the one nearest to it stands for all.
-    Raises InputError if the bag cannot be read or holds no frame with a result.
+    If the truth is known, each pose is replaced by the one nearest to the truth among its equivalents under the
+    object's symmetry. Raises InputError if the bag cannot be read or holds no frame with a result.
     """
     recorded = {topic.name for topic in bag_topics(path)}
     results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
@@ -101,12 +101,13 @@ def read_run(path: str | Path) -> RunRecord:
 
 
 def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
+    """Yield (header stamp [ns], deserialised message) for each message on a topic of a bag."""
     for message in bag_messages(path, {topic}):
         yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
 
 
 def answers(path: str | Path) -> dict[int, object]:
-    """The first status of each stamp that is more than the word that it is still to come."""
+    """Return the first status of each stamp [ns] that is an answer, not the state `waiting`."""
     answers: dict[int, object] = {}
     for stamp, status in by_stamp(path, STATUS):
         if status.state != status.STATE_WAITING:
@@ -126,7 +127,7 @@ def _symmetry(modes: object) -> Symmetry:
 
 
 def _nearest_to_truth(one: Snapshot) -> Snapshot:
-    """The same with poses nearest to the truth of those that are alike."""
+    """Replace each pose by its symmetric equivalent that is nearest to the truth."""
     if one.truth is None or one.symmetry.trivial:
         return one
 
@@ -147,7 +148,7 @@ def _code(message: object | None) -> np.ndarray | None:
 
 
 def _node_times(path: str | Path) -> dict[str, float]:
-    """Mean milliseconds of work per frame of each node that tells its rate and time on /diagnostics."""
+    """Return the mean work per frame [ms] of each node that reports its rate and time on /diagnostics."""
     work: dict[str, list[tuple[float, float]]] = {}
     for message in bag_messages(path, {DIAGNOSTICS}):
         for status in typestore().deserialize_cdr(message.data, message.type_name).status:
@@ -172,12 +173,12 @@ class RecordedMode:
 class Snapshot:
     """The filter and its input at one frame.
 
-    frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`, None where it is not known;
-    particles (N, 4, 4), drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before
-    the first; image (H, W, 3) uint8; penetration (h, w) m, None if it was not recorded; code (D,) or None without
-    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where one was given;
-    symmetry of the object that the filter takes it for.
-    Pictures of the report need the truth and the penetration, as every demo has them.
+    frame: index in the sequence; time [s]: since its start; truth (4, 4): `T_obj_gel`, None if it is not known;
+    particles (N, 4, 4): drawn by weight; modes: heaviest first; estimate (4, 4): the published pose, None before the
+    first; image (H, W, 3): uint8; penetration (h, w): m, None if it was not recorded; code (D,): None without contact;
+    state: of the filter; objects: probability of each candidate object by name, empty if the object was given;
+    symmetry: of the object that the filter believes is touched.
+    Pictures of the report need the truth and the penetration; every demo has both.
     """
 
     frame: int
@@ -195,9 +196,9 @@ class Snapshot:
 
 
 def moments(run: list[Snapshot], count: int) -> list[Snapshot]:
-    """At most `count` snapshots that tell the run: the first, the last, more of them while the error falls fast.
+    """Choose at most `count` snapshots of a run: the first, the last, and more of them while the error falls fast.
 
-    Even steps of a clock that runs half by time and half by how far the particles' error has fallen, in log.
+    They are evenly spaced on a scale that counts frames and the fall of the particles' log error half each.
     """
     error = np.array([particle_rmse(s.particles, s.truth)[0] for s in run])
     fallen = -np.log(np.minimum.accumulate(np.maximum(error, 1e-6)))

@@ -1,6 +1,6 @@
-"""How far the stamps of images are from those of the arm's transforms, told by a recording of a slide.
+"""Offset between the stamps of images and those of the arm's transforms, estimated from a recorded slide.
 
-While the sensor slides its image changes, faster the faster the arm moves, and not at all while the arm rests. The
+While the sensor slides, its image changes: faster when the arm moves faster, and not at all while the arm rests. The
 shift in time at which the two agree best is the offset (cross-correlation).
 """
 
@@ -17,33 +17,33 @@ from midastouch_common.errors import InputError
 
 from .frames import BagFrame
 
-_BLOCKS = (12, 16)  # columns and rows: noise averages out, what moves does not
-_LEVER = 0.01  # m; turning by an angle changes the image about as moving its edge by so much
+_BLOCKS = (12, 16)  # columns and rows: noise averages out within a block, motion does not
+_LEVER = 0.01  # m; a rotation by an angle changes the image about as much as a shift by this times the angle
 _STEP = 0.005  # s
 _SHORTEST_SLIDE_S = 5.0
 _LARGEST_OFFSET_S = 0.5  # either way
-_CLEAR = 0.5  # of a correlation
+_CLEAR = 0.5  # least correlation of an estimate
 
 
 class TimeOffset(NamedTuple):
-    """seconds: stamp of an image minus that of the transform of the same moment; correlation at it, at most 1."""
+    """Stamp of an image minus that of the transform of the same moment [s], and the correlation there, at most 1."""
 
     seconds: float
     correlation: float
 
 
 def estimate_time_offset(frames: Iterable[BagFrame], source: str) -> TimeOffset:
-    """The offset, of at most half a second either way, from images and the poses at their stamps.
+    """Estimate the offset, at most half a second either way, from images and the poses at their stamps.
 
-    Raises InputError, naming `source`, when they do not tell: too short, an arm that never changes its speed, a sensor
-    that slides over nothing.
+    Raises InputError, naming `source`, if the recording does not determine it: too short, an arm that never changes
+    its speed, a sensor that slides over nothing.
     """
     times, changes, speeds = _activity(frames)
     if len(times) < 2 or times[-1] - times[0] < _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S:
         needed = _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S
         raise InputError(f"{source}: needs {needed:g} s of images with poses; record a longer slide")
     grid = np.arange(times[0], times[-1], _STEP)
-    # roots: neither grows in proportion to the other when it is large
+    # square roots: at large values the two are no longer proportional
     change, speed = (np.sqrt(np.interp(grid, times, values)) for values in (changes, speeds))
     lags = np.arange(-round(_LARGEST_OFFSET_S / _STEP), round(_LARGEST_OFFSET_S / _STEP) + 1)
     agreement = np.array([_correlation(change, speed, lag) for lag in lags])
@@ -59,7 +59,7 @@ def estimate_time_offset(frames: Iterable[BagFrame], source: str) -> TimeOffset:
 
 
 def _activity(frames: Iterable[BagFrame]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Between each frame and the next: middle [s], change of the image [grey levels / s], speed of the gel [m / s]."""
+    """Return middle [s], image change [grey levels / s] and gel speed [m / s] between each frame and the next."""
     rows, last = [], None
     for frame in frames:
         small = cv2.resize(frame.image, _BLOCKS, interpolation=cv2.INTER_AREA).astype(np.float32)
@@ -75,7 +75,7 @@ def _activity(frames: Iterable[BagFrame]) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _correlation(change: np.ndarray, speed: np.ndarray, lag: int) -> float:
-    """Pearson's, of the change `lag` steps later with the speed; 0 where one of them is constant."""
+    """Pearson correlation of the speed with the change `lag` steps later; 0 if one of them is constant."""
     later = change[lag:] if lag >= 0 else change[:lag]
     earlier = speed[: len(speed) - lag] if lag >= 0 else speed[-lag:]
     later, earlier = later - later.mean(), earlier - earlier.mean()

@@ -1,4 +1,4 @@
-"""All transforms of a bag, in whatever order they were recorded."""
+"""All transforms of a bag, in any recorded order."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
 from .reader import bag_messages, readable
 
 _FOREVER_S = 1e9
-_LATEST_NS = 1_000_000_000  # of a transform behind those that were recorded before it
+_LATEST_NS = 1_000_000_000  # largest delay of a transform behind those recorded before it
 
 
 class _Track:
-    """The stamps of one frame's transforms in order of recording.
+    """Stamps of one frame's transforms in recorded order.
 
-    Late ones are put where their stamp says, but for those that are later than `_LATEST_NS`. The frame's time runs
-    backwards where it goes over more than that again, as in a looped bag. Attributes: late and left_out, how many;
-    jump, the stamp [ns] where time first ran backwards.
+    A late transform is sorted in by its stamp, unless it is late by more than `_LATEST_NS`. The frame's time runs
+    backwards if its stamps cover more than that span a second time, as in a looped bag. Attributes: late and left_out:
+    numbers of transforms; jump: stamp [ns] at which time first ran backwards.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class _Track:
         return stamp < self._newest - _LATEST_NS
 
     def add(self, stamp: int, is_used: bool) -> None:
-        """The next transform that is one."""
+        """Take note of the next valid transform."""
         self.left_out += not is_used
         if stamp > self._newest:
             self._newest, self._again_from = stamp, math.inf
@@ -47,10 +47,10 @@ class _Track:
 
 
 def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[TransformBuffer, str]:
-    """Every transform of a bag, and why one was refused, the last such reason; empty if none was.
+    """Return all transforms of a bag, and the reason why the last invalid one was refused (empty if none was).
 
-    asked: pairs of frames, on the way between which no time may run backwards, and what is late or repeated is told on
-    stderr. Other frames may have odd clocks.
+    asked: pairs of frames. On the path between them, late or repeated transforms are reported on stderr, and time that
+    runs backwards raises InputError. Other frames may have odd clocks.
     """
     buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
     unused = TransformBuffer()
@@ -80,7 +80,7 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
 
 
 def _report(path: Path, frame: str, track: _Track) -> None:
-    """Raise InputError if a frame's time runs backwards; else tell how many of its transforms are late."""
+    """Raise InputError if a frame's time runs backwards; otherwise report how many of its transforms are late."""
     if track.jump is not None:
         raise InputError(
             f"{path}: the time of frame '{frame}' runs backwards at {track.jump / 1e9:.3f} s; split the bag there"

@@ -1,4 +1,4 @@
-"""Writes rosbag2 files (MCAP).
+"""Writing of rosbag2 files (MCAP).
 
 A path that ends in `.mcap` is one file; any other is a rosbag2 folder with its `metadata.yaml`. `ros2 bag`
 reads both.
@@ -25,11 +25,11 @@ _UNSET = QosTime(0, 0)
 
 
 class BagWriter:
-    """Writes messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
+    """Writer of messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
 
-    The bag appears at `path`, replacing an older one, when the block ends well; if it fails nothing is left.
-    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if something else than such a
-    bag is at `path`.
+    The bag appears at `path`, replacing an older one, when the block ends well; if it fails, nothing is left.
+    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if `path` holds anything other than
+    such a bag.
     """
 
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
@@ -50,7 +50,7 @@ class BagWriter:
                 temporary = tempfile.TemporaryDirectory(
                     prefix=f".{self._path.name}.", dir=self._path.parent, ignore_cleanup_errors=True
                 )
-            except OSError as error:  # would name a folder that nobody has asked for
+            except OSError as error:  # which names the temporary folder
                 raise OSError(error.errno, error.strerror, str(self._path)) from error
             folder = cleanup.enter_context(temporary)
             # the writer names the file inside after its folder, so the folder has the final name
@@ -63,7 +63,7 @@ class BagWriter:
         return self
 
     def write(self, message: Message) -> None:
-        """Append a message; its topic is added when it first comes."""
+        """Append a message; its topic is added with its first message."""
         connection = self._connections.get(message.topic)
         if connection is None:
             connection = self._connections[message.topic] = self._writer.add_connection(
@@ -78,7 +78,7 @@ class BagWriter:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._cleanup:
             if kind is not None:
-                with contextlib.suppress(OSError):  # of a disk that is gone; what failed first is what is reported
+                with contextlib.suppress(OSError):  # the disk may be gone; the first error is the one to report
                     self._writer.abort()
                 return
             with naming(self._path):
@@ -93,7 +93,7 @@ class BagWriter:
 
 
 def _offered_qos(latched: bool) -> Qos:
-    """What the recorded publisher offered; `ros2 bag play` offers the same."""
+    """Return the QoS of the recorded publisher, which `ros2 bag play` offers again."""
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if latched else 10,

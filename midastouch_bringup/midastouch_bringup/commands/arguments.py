@@ -1,4 +1,4 @@
-"""What the commands share: parser set-up, value checks, where meshes and codebooks are found."""
+"""Shared code of the commands: parser set-up, shared options, value checks, loading of a mesh."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
 
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
-    """Add --image-topic, --base-frame and --gel-frame: what `gel_stream` takes."""
+    """Add --image-topic, --base-frame and --gel-frame, the options of `gel_stream`."""
     for option, default, metavar, what in (
         ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
         ("--base-frame", "base_link", "FRAME", "frame of the sensor's poses in the bag"),
@@ -41,14 +41,14 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
 
 
 def gel_stream(args: argparse.Namespace) -> GelStream:
-    """What these options name."""
+    """Return the stream that the options of `add_bag_options` name."""
     from ..bags.frames import GelStream
 
     return GelStream(args.image_topic, args.base_frame, args.gel_frame)
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
-    """--jobs and --cluster."""
+    """Add --jobs and --cluster."""
     parser.add_argument(
         "--jobs",
         type=positive_int,
@@ -98,7 +98,7 @@ def _checked(text: str, kind: type, holds: Callable, wanted: str):
 
 
 def load_mesh(name_or_path: str) -> ObjectMesh:
-    """The mesh at a path, or a bundled object by its name."""
+    """Return the mesh at a path, or that of the bundled object of this name."""
     from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
 

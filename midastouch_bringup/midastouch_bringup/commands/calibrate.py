@@ -1,4 +1,4 @@
-"""`midastouch calibrate`: what one DIGIT's colours say of slopes, from presses of a ball."""
+"""`midastouch calibrate`: calibration of one DIGIT, from its colours to slopes, by presses of a ball."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         model, sensor = sensor, sensor.at_scale(1e3 * args.px_per_mm)
-        # tdn, which has the model's scale, would not use it
+        # tdn has the model's scale and would not use the calibration
         if not args.out and (problem := scale_problem(model, sensor.pixel_size)):
             raise InputError(f"--px-per-mm {args.px_per_mm:g}: {problem}")
     if args.source == "live":
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     if args.optics:
         _measure_optics(args, images, result)
     _report(args, result, images, sensor)
-    # last, so that what fails before keeps nothing; of the live sensor the guide has kept it
+    # last, so that a failure above keeps nothing; for a live sensor the guide has saved it already
     if args.source != "live":
         result.calibration.save(path)
     print(f"{path}: calibration from {result.calibration.touched}")
@@ -118,8 +118,8 @@ def _of_presses(args: argparse.Namespace, store, sensor):
 
 
 def _live(args: argparse.Namespace, path: Path):
-    """From the running sensor, kept at `path`: result, images of the presses, exit code; no result if the guide was
-    ended before the last press, or the presses cannot be used."""
+    """Calibrate the running sensor and save at `path`; return result, images of the presses and exit code. The result
+    is None if the guide was ended before the last press or if the presses cannot be used."""
     from midastouch_common.ros import spin
     from midastouch_perception.nodes.calibrate import CalibrateNode
 
@@ -146,7 +146,7 @@ def _live(args: argparse.Namespace, path: Path):
         return made
 
     spin.run(guide, ["calibrate", "--ros-args", *words])
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # after nodes it is ignored; there may be a page to come
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # nodes leave it ignored; drawing a page takes time
     if not made:
         return None, {}, 2
     (node,) = made
@@ -158,12 +158,12 @@ def _live(args: argparse.Namespace, path: Path):
 
 
 def _quoted(text: str | Path) -> str:
-    """As a parameter's value, which ROS reads as YAML."""
+    """Quote a parameter's value, which ROS reads as YAML."""
     return "'" + str(text).replace("'", "''") + "'"
 
 
 def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
-    """The command for the images that were taken live."""
+    """Return the command that calibrates from the images that were taken live."""
     words = ["midastouch", "calibrate", str(folder), "--ball-diameter", f"{args.ball_diameter:g}"]
     for name in ("serial", "out", "background_folder", "px_per_mm", "optics", "page"):
         if value := getattr(args, name):
@@ -176,7 +176,7 @@ def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
 
 
 def _report(args: argparse.Namespace, result, images, sensor) -> None:
-    """What became of every touch, what the calibration is worth, and the page."""
+    """Print the unused presses, the errors before and after, and warnings; write the page if it is wanted."""
     from ..drawing.calibration import calibration_page, figure_rows
     from ..text_table import text_table
 
@@ -184,7 +184,7 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
         if press.problem:
             print(f"{press.name}: not used: {press.problem}")
     print(text_table(["on touches not calibrated with, median", "before", "after", "truth"], figure_rows(result)))
-    for warning in result.warnings if args.source != "live" else ():  # where the guide has said so
+    for warning in result.warnings if args.source != "live" else ():  # the guide has printed them
         print(f"warning: {warning}")
     if args.page:
         print(f"{calibration_page(result, images, sensor, args.page)}: before and after")

@@ -24,7 +24,11 @@ _LIBRARIES = (
     ("igl", "libigl", "nearest surface points"),
     ("onnxruntime", "onnxruntime", "networks"),
     ("matplotlib", "matplotlib", "plots"),
+    ("PIL", "pillow", "pictures"),
+    ("yaml", "PyYAML", "parameters"),
+    ("tqdm", "tqdm", "progress"),
     ("rosbags", "rosbags", "bags"),
+    ("mcap", "mcap", "bags"),
 )
 # the same, required, the command that fixes it
 MODULES = (
@@ -35,6 +39,7 @@ MODULES = (
     ("midastouch_kernels", "midastouch_kernels", "compiled inner loops", True, f"{_SET_UP}, or colcon build"),
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
+    ("midastouch_motion", "midastouch_motion", "an arm that touches", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
     ("torch", "torch", "training, CUDA", False, install_extra("train")),
     ("rerun", "rerun-sdk", "midastouch view", False, install_extra("view")),
@@ -101,7 +106,7 @@ def _missing(required: bool) -> str:
 
 
 def _module_state(module: str, distribution: str) -> tuple[str, str]:
-    """Version and an empty problem, or an empty version and what is wrong."""
+    """Return the version and an empty problem, or an empty version and the problem."""
     from ..machine import package_version
 
     try:
@@ -124,21 +129,21 @@ def _has_executable(name: str) -> bool:
 
 
 def _broken_commands(fixes: list) -> list[list[str]]:
-    """Commands that other packages bring and that cannot be imported."""
+    """Return a row for each command of another package that cannot be imported; add its fix to `fixes`."""
     broken = [command for command in commands_of_others() if isinstance(command, BrokenCommand)]
     fixes += [(f"midastouch {command.name}", command.problem, _SET_UP, False) for command in broken]
     return [[f"midastouch {command.name}", "command of another package", "BROKEN"] for command in broken]
 
 
 def _network_row(fixes: list) -> list[str]:
-    """Whether the shipped networks load."""
+    """Return the row of the shipped networks; add a fix to `fixes` if they do not load."""
     try:
         from midastouch_perception.tcn import load_tcn
         from midastouch_perception.tdn import load_tdn
 
         networks = f"{load_tdn('fast').network_id}, {load_tcn('fast').network_id}"
         return ["weights", "shipped networks", networks]
-    except Exception as error:  # as above: whatever keeps them from loading is the finding
+    except Exception as error:  # as above: any failure to load them is the finding
         problem = f"{type(error).__name__}: {' '.join(str(error).split())}"
         fixes.append(("weights", problem, "git checkout -- midastouch_perception", True))
         return ["weights", "shipped networks", _missing(True)]

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
-    """What writes recordings in that format into a folder; InputError with the fix without its library."""
+    """Return the function that writes that format into a folder; InputError with the fix if its library is missing."""
     from midastouch_common.errors import InputError
 
     try:

@@ -24,20 +24,21 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
-    from pathlib import Path
+
+    from midastouch_common.files import atomic_path
 
     from ..ros.launch_arguments import SHARE
-    from .foxglove import in_namespace
 
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
-    Path(args.out).write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
+    with atomic_path(args.out) as path:
+        path.write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
     return 0
 
 
 def in_namespace(layout: object, namespace: str) -> object:
-    """A layout, or a part of one, whose topics are those of the nodes in `namespace`.
+    """Return a layout, or a part of one, with its topics moved into `namespace`.
 
-    Every text and key that begins with a slash is a topic, or a field of one.
+    Every text and key that begins with a slash counts as a topic or a field of one.
     """
     if isinstance(layout, dict):
         return {in_namespace(key, namespace): in_namespace(value, namespace) for key, value in layout.items()}

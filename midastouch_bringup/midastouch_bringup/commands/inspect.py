@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     if args.at is not None and not -count <= args.at < count:
         raise InputError(f"--at {args.at}: {args.run_or_bag} has the moments 0 to {count - 1}")
     chosen = range(count) if args.at is None else [args.at % count]
-    require_open3d()  # after the input, which no installation makes right
+    require_open3d()  # after the checks of the input, which no installation fixes
     if args.save and Path(args.save).suffix:
         pictures.save(inspected, mesh, {chosen[-1]: Path(args.save)})
         print(args.save)

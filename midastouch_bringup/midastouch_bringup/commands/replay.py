@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..replay.source import ReplaySource
 
-    ReplaySource(args.source)  # refuses what cannot be played before anything is started
+    ReplaySource(args.source)  # refuses an unplayable source before anything is started
     from ..nodes.replay import main
 
     parameters = {
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         "start_paused": args.paused,
         "clock": not args.no_clock,
     }
-    # JSON is YAML, which ROS reads parameters as: quotes keep a path a path; it knows no surrogates
+    # ROS reads values as YAML, and JSON is YAML: quotes keep a path text; YAML has no surrogates, so no ASCII escapes
     written = {name: json.dumps(value, ensure_ascii=False) for name, value in parameters.items()}
     ros_arguments = [word for name, value in written.items() for word in ("-p", f"{name}:={value}")]
     return main(["replay", "--ros-args", *ros_arguments])

@@ -1,4 +1,4 @@
-"""`midastouch run`: what the launch files start, without `ros2 launch`."""
+"""`midastouch run`: the nodes of a launch file, without `ros2 launch`."""
 
 from __future__ import annotations
 

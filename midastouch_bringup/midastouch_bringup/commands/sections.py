@@ -1,4 +1,4 @@
-"""The list of sub-commands in the help of `midastouch`, by what they are for."""
+"""The list of sub-commands in the help of `midastouch`, by purpose."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _INDENT = 24  # columns before the summary
 
 
 class Section:
-    """Takes the place of argparse's sub-parsers, which know no headings, in a command's `add_parser`.
+    """Stand-in for argparse's sub-parsers, which know no headings, as the argument of a command's `add_parser`.
 
     Attributes: title; parsers, by name of the command.
     """
@@ -19,13 +19,13 @@ class Section:
         self._subparsers, self._summaries = subparsers, {}
 
     def add_parser(self, name: str, help: str = "-", **options):  # noqa: A002  the name that argparse gives it
-        """As argparse's; help: the summary, listed in this section alone."""
+        """Add a parser as argparse does; help: the summary, which only this section lists."""
         self._summaries[name] = help
         self.parsers[name] = self._subparsers.add_parser(name, **options)
         return self.parsers[name]
 
     def listed(self) -> str:
-        """The title and a line or more for each command, as wide as the terminal."""
+        """Return the title and the commands with their summaries, wrapped to the width of the terminal."""
         width = shutil.get_terminal_size().columns - 2
         lines = [
             textwrap.fill(

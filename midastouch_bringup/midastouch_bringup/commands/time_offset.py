@@ -1,4 +1,4 @@
-"""`midastouch time-offset`: how far the clocks of camera and arm are apart."""
+"""`midastouch time-offset`: the offset between the stamps of the camera and of the arm."""
 
 from __future__ import annotations
 

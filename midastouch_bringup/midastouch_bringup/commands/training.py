@@ -1,4 +1,4 @@
-"""What `train-tdn` and `train-tcn` share."""
+"""Shared code of `train-tdn` and `train-tcn`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_training_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
-    """Add a training sub-command with the options both have."""
+    """Add a training sub-command with the options that both have; return its parser."""
     parser = arguments.add_command(
         subparsers,
         name,
@@ -58,7 +58,7 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
 
 
 def training_options(args: argparse.Namespace) -> TrainingOptions:
-    """The options both commands have. Raises InputError without PyTorch, or if there is nothing to resume."""
+    """Return the options of both commands. InputError without PyTorch, or if the checkpoint to resume is missing."""
     if importlib.util.find_spec("torch") is None:
         raise InputError(f"training needs PyTorch, which is not installed; run: {install_extra('train')}")
     # before PyTorch loads: its OpenMP threads would fight the renderer's and the rendering workers for the cores

@@ -1,4 +1,4 @@
-"""`midastouch view`: what the running nodes know, live in a browser."""
+"""`midastouch view`: the state of the running nodes, live in a browser."""
 
 from __future__ import annotations
 

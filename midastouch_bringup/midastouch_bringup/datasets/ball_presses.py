@@ -20,12 +20,12 @@ from .sequence import read_image
 
 BACKGROUND, CIRCLES = "background.png", "circles.csv"
 LABELS, IMAGES, OUTLINE = "labels", "images", "felt outline"
-"""What can say where a press is."""
+"""Sources of the position of a press."""
 _COLUMNS = ("frame", "center_x_px", "center_y_px", "radius_px")
 _LABEL_RADII = 3, 320  # px of a label: less is a slip of the mouse, more is wider than the image
-_SHADOW_RADIUS_RATIO = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
+_SHADOW_RADIUS_RATIO = 1.7  # of the radius of a contact: the gel around it is still bent and casts a shadow
 _VISIBLE_CHANGE = 15.0  # grey levels: a change the eye sees too
-_LARGEST_FILLED_FRACTION = 0.02  # of the image: so little is filled in from around it
+_LARGEST_FILLED_FRACTION = 0.02  # of the image: as much as this may be filled in from its surroundings
 
 Circle = tuple[float, float, float]
 """Column and row of the centre, radius [px]."""
@@ -33,9 +33,9 @@ Circle = tuple[float, float, float]
 
 @dataclasses.dataclass(frozen=True)
 class BallPresses:
-    """Attributes: images (320, 240, 3) uint8 RGB by file name, repeated ones once; background (320, 240, 3) uint8 RGB;
-    circles, contacts by file name: of every image where somebody labelled them, None if nobody did; circles_from, who
-    says so, `LABELS` or `IMAGES` (then some may have none); repeated, files whose image is that of another file.
+    """Presses of one ball. images (320, 240, 3) uint8 RGB: by file name, without repeated ones; background (320, 240,
+    3) uint8 RGB; circles: contact of every image by file name, None without labels; circles_from: source of the
+    circles, `LABELS` or `IMAGES` (some images may then have none); repeated: files with the image of another file.
     """
 
     images: dict[str, np.ndarray]
@@ -46,11 +46,11 @@ class BallPresses:
 
     @property
     def truth(self) -> str:
-        """What gives the position of a press: `LABELS`, `IMAGES`, or its measured `OUTLINE` if there are no circles."""
+        """Source of the position of a press: `LABELS`, `IMAGES`, or its measured `OUTLINE` if there are no circles."""
         return OUTLINE if self.circles is None else self.circles_from
 
     def only(self, names: list[str]) -> BallPresses:
-        """These of the presses, with the background that all of them gave."""
+        """Return the presses of these names, with the background of all presses."""
         circles = self.circles and {name: self.circles[name] for name in names if name in self.circles}
         return dataclasses.replace(self, images={name: self.images[name] for name in names}, circles=circles)
 
@@ -58,8 +58,8 @@ class BallPresses:
 def load_ball_presses(folder: str | Path) -> BallPresses:
     """Read PNG and JPEG images, `background.png` and `circles.csv` of a folder.
 
-    Without `background.png` it is the median over the presses with their contacts masked out. Raises InputError for a
-    folder without presses, unreadable images, and labels that do not fit the images.
+    Without `background.png`, the background is the median over the presses with their contacts masked out. Raises
+    InputError for a folder without presses, unreadable images, and labels that do not fit the images.
     """
     folder = Path(folder)
     every, background = read_presses(folder)
@@ -78,10 +78,10 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
 
 
 def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """Images by file name, and the no-contact image or None.
+    """Return the images of a folder by file name, and the no-contact image or None.
 
-    Raises InputError: no folder, no images (PNG or JPEG) but `background.png`, one that cannot be read, or a no-contact
-    image of another name.
+    Raises InputError if there is no such folder, no image (PNG or JPEG) except `background.png`, an unreadable image,
+    or a no-contact image of another name.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name a folder of images of presses")
@@ -116,9 +116,9 @@ def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) ->
 
 
 def _parse_circles(file: Path, names: dict[str, str]) -> dict[str, Circle]:
-    """Circles by file name, of a table that names images without their ending: `names`, file names by that."""
+    """Return circles by file name. The table names images without their ending; `names`: file names by that."""
     circles: dict[str, Circle] = {}
-    with file.open(newline="", encoding="utf-8-sig") as lines:  # spreadsheets begin a table with a mark
+    with file.open(newline="", encoding="utf-8-sig") as lines:  # spreadsheets write a byte-order mark
         reader = csv.DictReader(lines)
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
         if missing:
@@ -133,7 +133,7 @@ def _parse_circles(file: Path, names: dict[str, str]) -> dict[str, Circle]:
             name = names.get(Path(row["frame"]).stem)
             if name is None:
                 raise InputError(f"{file}, line {reader.line_num}: no image of frame {row['frame']}; remove the line")
-            # who labels again appends: the last line counts
+            # labelling a frame again appends a line: the last one counts
             circles[name] = circle
     return circles
 
@@ -157,7 +157,7 @@ def _labelled(images: dict[str, np.ndarray], circles: dict[str, Circle]) -> list
 
 
 def _visible(images: dict[str, np.ndarray]) -> list[np.ndarray]:
-    """Where each image differs from the plain median, which may still show contacts where presses are many."""
+    """Mask each image where it differs from the plain median, which may still show contacts if presses are many."""
     median = estimate_background(list(images.values())).astype(np.float32)
     contacts = []
     for image in images.values():

@@ -1,4 +1,4 @@
-"""Which recording a folder holds, recognised by its files."""
+"""Loading of a recording; the files in a folder identify its layout."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _LOADERS = {SIMULATED_FILE: load_simulated, REAL_FILE: load_real, POSE_FILE: loa
 
 
 def is_sequence(path: str | Path) -> bool:
-    """Whether `path` is a folder with the file by which one of the layouts is recognised."""
+    """Return whether `path` is a folder with the file that identifies one of the layouts."""
     return any((Path(path) / file).is_file() for file in _LOADERS)
 
 
 def load_sequence(path: str | Path) -> Sequence:
-    """The sequence in folder `path`: a slide of YCB-Slide, simulated or real, or a trial of TactileTracking.
+    """Return the sequence in folder `path`: a slide of YCB-Slide, simulated or real, or a trial of TactileTracking.
 
     Raises InputError if the folder is none of these, if files are missing, damaged or disagree in number, or if a
     pickle asks for foreign classes.

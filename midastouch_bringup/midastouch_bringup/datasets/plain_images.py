@@ -18,13 +18,13 @@ from .sequence import IMAGE_SHAPE
 
 _SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp"}
 _OF_YCB_SLIDE = ("tactile_images", "frames")
-_FOLDER_FPS, _VIDEO_FPS = 60.0, 30.0  # of a DIGIT; of a video that does not say its own
+_FOLDER_FPS, _VIDEO_FPS = 60.0, 30.0  # of a DIGIT; of a video that states none
 
 
 class PlainImages:
     """The images of a folder in the order of their numbers (2 before 10), or the frames of a video file.
 
-    fps: images per second, 60 for a folder. n_frames: how many there are; of a video, how many its header claims.
+    fps: images per second, 60 for a folder. n_frames: number of images; for a video, the number its header claims.
     Raises InputError, naming the file, if there is no image, or one is damaged or not portrait with sides of 3:4.
     """
 
@@ -35,7 +35,7 @@ class PlainImages:
         if not self.path.is_dir():
             capture = cv2.VideoCapture(str(self.path))
             fps, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-            # of a stream without an index the count is negative
+            # a stream without an index claims a negative count
             self.fps, self.n_frames = fps if 0 < fps < math.inf else _VIDEO_FPS, max(int(claimed), 1)
             capture.release()
         if next(self.frames(), None) is None:
@@ -43,16 +43,16 @@ class PlainImages:
 
     @staticmethod
     def are_at(path: Path) -> bool:
-        """Whether `path` is a file, which may be a video, or a folder with images directly in it.
+        """Return whether `path` is a file, which may be a video, or a folder with images directly in it.
 
-        A folder of YCB-Slide that is not complete is neither: its images are in a folder inside, beside a background.
+        An incomplete folder of YCB-Slide does not count: its images are in a folder inside, next to a background.
         """
         if any((path / inside).is_dir() for inside in _OF_YCB_SLIDE):
             return False
         return path.is_file() or (path.is_dir() and bool(_numbered(path)))
 
     def frames(self, offset_ns: int = 0) -> Iterator[tuple[int, np.ndarray]]:
-        """Stamp [ns], from 1 s on, and image (320, 240, 3) uint8 RGB of each frame; none of the first `offset_ns`."""
+        """Yield stamp [ns], 1 s at the first, and image (320, 240, 3) uint8 RGB of each frame from `offset_ns` on."""
         for i, (name, image) in enumerate(self._decoded()):
             since = round(i * SECOND / self.fps)
             if since >= offset_ns:
@@ -74,7 +74,7 @@ def _numbered(folder: Path) -> list[Path]:
 
 
 def _portrait(image: np.ndarray, name: str) -> np.ndarray:
-    """A BGR image as (320, 240, 3) RGB, scaled if it was recorded larger or smaller."""
+    """Convert a BGR image to (320, 240, 3) RGB, scaled if it was recorded larger or smaller."""
     rows, columns, _ = IMAGE_SHAPE
     height, width = image.shape[:2]
     if height * columns != width * rows:

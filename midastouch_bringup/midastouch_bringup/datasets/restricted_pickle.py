@@ -1,7 +1,7 @@
-"""Read pickled data of strangers: NumPy arrays come through, OmegaConf nodes are skipped, all else is refused.
+"""Reading of untrusted pickles: NumPy arrays are read, OmegaConf nodes are skipped, everything else is refused.
 
-A pickle is a program. The only names it may call here are the stand-ins below. Those of arrays check every size and
-type before NumPy sees them, since NumPy's own unpickling code trusts its input.
+A pickle is a program. The only names it may call here are the stand-ins below. The stand-ins of arrays check every
+size and type before NumPy sees them, since NumPy's own unpickling code trusts its input.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _PLAIN_DTYPE = re.compile(r"[biufcSU]\d*|\?")
 
 
 class _Dtype:
-    """Stands for `numpy.dtype`: a type code, and in the state that follows its byte order."""
+    """Stand-in for `numpy.dtype`: a type code, and the byte order from the state that follows."""
 
     def __init__(self, code: str, *_: object) -> None:
         self._code, self._order = code, "="
@@ -31,7 +31,7 @@ class _Dtype:
         self._order = state[1]
 
     def filled(self, content: Any, shape: tuple, order: str) -> np.ndarray:
-        """A new array of that type and shape from raw bytes, or from a list of objects."""
+        """Return a new array of this type and shape from raw bytes, or from a list of objects."""
         if self._code in ("O", "O8"):
             if not isinstance(content, list):
                 raise InputError(f"array of objects of shape {shape} without its objects")
@@ -46,19 +46,19 @@ class _Dtype:
 
 
 class _Array(np.ndarray):
-    """Stands for `numpy.ndarray`: empty until its state comes."""
+    """Stand-in for `numpy.ndarray`, empty until its state is set."""
 
     def __new__(cls, *_: object) -> _Array:
         return super().__new__(cls, 0)
 
     def __setstate__(self, state: tuple) -> None:
         _, shape, dtype, fortran, content = state
-        # NumPy gets a state that it has made itself, of an array that is sound
+        # NumPy gets a state that it made itself, from a valid array
         super().__setstate__(dtype.filled(content, shape, "F" if fortran else "C").__reduce__()[2])
 
 
 class _Skipped:
-    """Stands for OmegaConf's containers and values, and for the types they mention: nothing here reads them."""
+    """Stand-in for OmegaConf's containers and values, and for the types they mention; nothing here reads them."""
 
     def __init__(self, *_: object) -> None:
         pass
@@ -68,7 +68,7 @@ class _Skipped:
 
 
 def _encode(text: str, encoding: str) -> bytes:
-    """Protocol 2 writes bytes as text in Latin-1 and this call."""
+    """Stand-in for `_codecs.encode`: protocol 2 writes bytes as Latin-1 text and a call of it."""
     if encoding != "latin1":
         raise InputError(f"text in the encoding {encoding!r} where bytes are written")
     return text.encode("latin1")
@@ -107,16 +107,16 @@ class _Unpickler(pickle.Unpickler):
 
 
 def loads(data: bytes, name: str) -> Any:
-    """Values pickled in `data`: plain containers, numbers, text and NumPy arrays.
+    """Return the values pickled in `data`: plain containers, numbers, text and NumPy arrays.
 
-    Raises InputError, which calls the data `name`, for anything else: foreign classes (named), truncated or
-    inconsistent content.
+    Raises InputError, with `name` for the data, for anything else: foreign classes (named), truncated or inconsistent
+    content.
     """
     try:
         for opcode, slot, _ in pickletools.genops(data):
-            if opcode.name in ("PUT", "LONG_BINPUT") and slot > len(data):  # for which gigabytes would be allocated
+            if opcode.name in ("PUT", "LONG_BINPUT") and slot > len(data):  # would allocate gigabytes
                 raise InputError(f"memo slot {slot} in a file of {len(data)} bytes")
-            if opcode.name in ("NEXT_BUFFER", "READONLY_BUFFER"):  # a view of memory that an array may give up
+            if opcode.name in ("NEXT_BUFFER", "READONLY_BUFFER"):  # a view of memory that an array may free
                 raise InputError("a buffer that is not in the file")
         return _Unpickler(io.BytesIO(data)).load()
     except InputError as error:
@@ -127,13 +127,13 @@ def loads(data: bytes, name: str) -> Any:
 
 
 def load(path: str | Path) -> Any:
-    """Content of a pickle file, as `loads`."""
+    """Return the content of a pickle file, as `loads` does."""
     path = require_file(path, "data")
     return loads(path.read_bytes(), str(path))
 
 
 def load_npy(path: str | Path) -> Any:
-    """Content of a `.npy` file: an array; of a pickled array of objects and no dimensions, its one object."""
+    """Return the array in a `.npy` file, or the one object of a pickled object array without dimensions."""
     path = require_file(path, "data")
     with path.open("rb") as stream:
         try:

@@ -1,4 +1,4 @@
-"""One sliding sequence, whatever layout it has on disk."""
+"""One sliding sequence, in any of the layouts on disk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Sequence:
         stamps_ns: (N,) int64, increasing, nanoseconds; never 0, which ROS reads as "no time".
         poses_true: (N, 4, 4) T_obj_gel from ground truth.
         poses_measured: (N, 4, 4) T_obj_gel as the robot knows it: the source of odometry. Equal to
-            `poses_true` in the real layout, whose only poses are the tracker's.
+            `poses_true` except in the simulated layout: the only real poses are the tracker's.
         dropped_frames: frames on disk left out because their pose is missing or jumps.
     """
 
@@ -64,7 +64,7 @@ class Sequence:
         return None if self.background_path is None else self.read_background(self.background_path)
 
     def read_background(self, path: Path) -> np.ndarray:
-        """A no-contact image of the same sensor, as `image`."""
+        """Read a no-contact image of the same sensor, in the form of `image`."""
         return read_image(path)
 
     @property
@@ -93,13 +93,13 @@ class VideoSequence(Sequence):
         return self.images[i]
 
     def read_background(self, path: Path) -> np.ndarray:
-        """A no-contact image of the same sensor, as `image`; one that is landscape, as in the video, is turned too."""
+        """Read a no-contact image of the same sensor; a landscape one, as in the video, is turned upright."""
         image = read_image_file(path)
         return _upright(image, path) if image.shape[0] > image.shape[1] else portrait(image, path)
 
 
 def portrait(image: np.ndarray, path: Path) -> np.ndarray:
-    """A landscape image (h, w, 3) uint8 BGR of the file `path`, turned counter-clockwise: (320, 240, 3) uint8 RGB.
+    """Turn a landscape image (h, w, 3) uint8 BGR of the file `path` counter-clockwise, to (320, 240, 3) uint8 RGB.
 
     Raises InputError if it is not 4:3.
     """
@@ -111,7 +111,7 @@ def portrait(image: np.ndarray, path: Path) -> np.ndarray:
 
 
 def read_image(path: Path) -> np.ndarray:
-    """A DIGIT image file as (320, 240, 3) uint8 RGB; InputError if missing, damaged or of another size."""
+    """Read a DIGIT image file as (320, 240, 3) uint8 RGB; InputError if missing, damaged or of another size."""
     return _upright(read_image_file(path), path)
 
 

@@ -27,10 +27,10 @@ NOISE_T, NOISE_R = 5e-4, np.radians(1.0)
 
 
 def no_contact_image(sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """An invented DIGIT's image (H, W, 3) uint8 RGB of its untouched gel.
+    """Return the image (H, W, 3) uint8 RGB of the untouched gel of an invented DIGIT.
 
-    As on real ones, a grey gel darkens towards its borders and is lit red from the left, green from the
-    right and blue from below, each LED a little differently.
+    As on real sensors, a grey gel darkens towards its borders and is lit red from the left, green from the
+    right and blue from below; each LED differs a little.
     """
     y, x = np.mgrid[1 : -1 : sensor.height * 1j, -1 : 1 : sensor.width * 1j]
     grey = rng.uniform(85, 115) * (1 - 0.3 * (x**2 + y**2) / 2)
@@ -45,19 +45,19 @@ def no_contact_image(sensor: SensorModel, rng: np.random.Generator) -> np.ndarra
 
 
 class TactoCamera:
-    """A DIGIT as TACTO sees through it; `background` (H, W, 3) uint8 RGB is its no-contact image."""
+    """A DIGIT with the optics of TACTO; `background` (H, W, 3) uint8 RGB is its no-contact image."""
 
     def __init__(self, sensor: SensorModel, rng: np.random.Generator):
         self.background = no_contact_image(sensor, rng)
         self._optics = TactoOptics(sensor)
 
     def image(self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Image (H, W, 3) uint8 RGB of a penetration map (H, W) m with its surface normals (H, W, 3)."""
+        """Return the image (H, W, 3) uint8 RGB of a penetration map (H, W) m with its surface normals (H, W, 3)."""
         return self._optics.image(penetration, self.background, rng, normals)
 
 
 def camera_of(sensor: SensorModel, rng: np.random.Generator) -> TactoCamera | SimulatedCamera:
-    """A sensor whose light is as its model says: added to the no-contact image, or relative to it."""
+    """Return the camera of a sensor by its model's light: added to the no-contact image, or relative to it."""
     if sensor.light == "additive":
         return TactoCamera(sensor, rng)
     return SimulatedCamera(sensor, no_contact_image(sensor, rng), rng)
@@ -85,7 +85,7 @@ def simulate_sequence(
 def simulate_grasp_sequence(mesh: ObjectMesh, sensor: SensorModel, seed: int, out: Path, progress: bool) -> None:
     """Simulate a grasp of the mesh and write it to `out`: a frame for each contact.
 
-    One seed fixes all that it fixes for a slide; every finger has the same sensor.
+    One seed fixes the same things as for a slide; every finger has the same sensor.
     """
     rng = np.random.default_rng(seed)
     _write(mesh, sensor, simulate_grasp(mesh, sensor, rng), rng, out, progress)
@@ -94,7 +94,7 @@ def simulate_grasp_sequence(mesh: ObjectMesh, sensor: SensorModel, seed: int, ou
 def _write(
     mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, rng: np.random.Generator, out: Path, progress: bool
 ) -> None:
-    """Images and measurements at the poses (N, 4, 4), as a sequence."""
+    """Write a sequence of images and measured poses at the true poses (N, 4, 4)."""
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
     camera = camera_of(sensor, rng)
     renderer = PenetrationRenderer(mesh, sensor)
@@ -125,7 +125,7 @@ def _write(
 
 
 def cached_slide(mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int = 0) -> Path:
-    """Folder of the slide with this seed from an earlier call, simulated if there is none."""
+    """Return the folder of the slide with this seed; simulate it if no earlier call has done so."""
     kind = f"{sensor.content_id}_{sensor.light}"
     folder = _CACHE / mesh.name / f"{mesh.sha256[:8]}_{kind}_{1e3 * length:.0f}mm_{seed}"
     if not folder.is_dir():

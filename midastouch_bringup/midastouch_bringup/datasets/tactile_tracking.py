@@ -1,8 +1,8 @@
-"""Read trials of TactileTracking, the recordings of NormalFlow (Huang, Kaess, Yuan, RA-L 2024).
+"""Reading of trials of TactileTracking, the recordings of NormalFlow (Huang, Kaess, Yuan, RA-L 2024).
 
 A GelSight Mini on fixed objects, under motion capture. A trial is a folder named by object and number (`avocado0`) that
-holds `gelsight.avi` and `true_start_T_currs.npy`, beside third-person video and maps derived from the images, which are
-not read. All of it is in contact: a no-contact image that somebody has of the sensor is put there as `background.png`.
+holds `gelsight.avi` and `true_start_T_currs.npy`; its third-person video and maps derived from the images are not read.
+Every image shows contact; if you have a no-contact image of the sensor, put it there as `background.png`.
 Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
 rpl-cmu/normalflow_experiment).
 """
@@ -29,13 +29,13 @@ _ROTATION_TOLERANCE = 1e-3
 _LARGEST_DISTANCE = 1.0  # m from the start: objects are some centimetres
 _START_ERRORS = 1e-3, 1e-2  # m, and entries of the rotation, by which the first pose may differ from the identity
 
-# The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
-# of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
+# The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Our frame is
+# that of the image turned counter-clockwise to portrait: its x (right) was down, its y (up) was right, z to the camera.
 _SENSOR_FROM_GEL = se3.make(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.zeros(3))
 
 
 def load_trial(path: Path) -> VideoSequence:
-    """The trial in folder `path`; its object frame is the gel frame of the first image, as the recording has no mesh.
+    """Load the trial in folder `path`; the gel frame of its first image is the object frame, as it has no mesh.
 
     Raises InputError for files that are missing, damaged or disagree in number.
     """
@@ -61,7 +61,7 @@ def load_trial(path: Path) -> VideoSequence:
 
 
 def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
-    """Images of a video, (320, 240, 3) uint8 RGB each, and its nominal rate [Hz]: there are no stamps."""
+    """Return the images of a video, (320, 240, 3) uint8 RGB each, and its nominal rate [Hz]; it has no stamps."""
     capture = cv2.VideoCapture(str(require_file(path, "tactile video")))
     rate, images = capture.get(cv2.CAP_PROP_FPS), []
     while (read := capture.read())[0]:
@@ -75,7 +75,7 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
 
 
 def _poses(file: Path) -> np.ndarray:
-    """T_start_sensor (N, 4, 4) float64, metres."""
+    """Return T_start_sensor (N, 4, 4) float64, metres."""
     poses = np.asarray(restricted_pickle.load_npy(require_file(file, "poses")))
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses) or poses.dtype.kind != "f":
         raise InputError(f"{file}: poses of shape {poses.shape} and type {poses.dtype}, expected (N, 4, 4) numbers")
@@ -86,7 +86,7 @@ def _poses(file: Path) -> np.ndarray:
 
 
 def _pose_problem(poses: np.ndarray) -> str:
-    """Why poses (N, 4, 4) are not the sensor's in its own first frame, and the fix; empty if they can be."""
+    """Return why poses (N, 4, 4) cannot be the sensor's in its own first frame, and the fix; empty if they can."""
     if not np.isfinite(poses).all():
         return "holds what is no pose; get the file again"
     if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_TOLERANCE:

@@ -1,4 +1,4 @@
-"""Write a slide in YCB-Slide's simulated layout, for its tools and for this package's reader alike."""
+"""Writing of a slide in YCB-Slide's simulated layout, for its tools and for this package's reader."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def write_sequence(
 def _write_frames(
     path: Path, folder: Path, frames: Iterable[tuple[np.ndarray, np.ndarray]], sensor: SensorModel
 ) -> list[np.ndarray]:
-    """Images, heights and contact masks into the folder; penetrations (320, 240) int16 um. Errors name `path`."""
+    """Write images, heights and contact masks; return penetrations (320, 240) int16 um. Errors name `path`."""
     for name in ("tactile_images", "gt_heightmaps", "gt_contactmasks"):
         (folder / name).mkdir(parents=True)
     dome, penetrations = sensor.gel_distance - sensor.gel_depth, []

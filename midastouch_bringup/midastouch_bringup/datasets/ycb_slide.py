@@ -1,6 +1,6 @@
-"""Read YCB-Slide sequences, simulated or real.
+"""Reading of YCB-Slide sequences, simulated or real.
 
-Both readers of the dataset that its authors publish were the source of the format; poses are rows
+The format follows the two readers that the authors of the dataset publish; poses are rows
 [x y z qx qy qz qw] in metres.
 """
 
@@ -30,12 +30,12 @@ _FIRST_STAMP = SECOND
 
 HEIGHT_UNIT = 3e-5
 """m per grey level of gt_heightmaps."""
-# Rounding and JPEG leave noise of 0.0097 mm (one sigma) where nothing touches; four sigma count as zero.
+# Rounding and JPEG leave noise of 0.0097 mm (one sigma) outside contacts; up to four sigma count as zero.
 _HEIGHT_NOISE = 4e-5
 
 _REAL_STRIDE = 2  # 30 Hz cameras, used at 15 Hz as in the paper
 _JUMP_FACTOR = 10.0  # times the mean step, as the paper's reader
-_SMALLEST_JUMP = 0.005  # m: where the sensor mostly rests the mean step is tiny, and ten times it no jump
+_SMALLEST_JUMP = 0.005  # m: if the sensor mostly rests, the mean step is tiny, and ten times it is no jump
 
 _PAPERS_SIMULATED, _REAL_SENSOR = "digit_tacto", "digit_real"
 
@@ -44,11 +44,11 @@ BACKGROUND_FILE = "background.png"
 
 
 SIMULATED_FILE, REAL_FILE = "tactile_data.pkl", "synced_data.npy"
-"""The file by which each layout is recognised."""
+"""File that identifies each layout."""
 
 
 def load_simulated(path: Path) -> Sequence:
-    """The simulated slide in folder `path`; raises as `load_sequence`."""
+    """Load the simulated slide in folder `path`; raises as `load_sequence`."""
     file = path / SIMULATED_FILE
     data = _require_keys(restricted_pickle.load(file), ("gelposes", "gelposes_meas"), file)
     true, measured = _transforms(data["gelposes"], file), _transforms(data["gelposes_meas"], file)
@@ -71,7 +71,7 @@ def load_simulated(path: Path) -> Sequence:
 
 
 def _numbered_images(folder: Path, n: int) -> tuple[Path, ...]:
-    """`0.jpg` ... `n-1.jpg` in order of their numbers."""
+    """Return the paths of `0.jpg` ... `n-1.jpg` in order of their numbers."""
     found = {int(file.stem) for file in folder.glob("*.jpg") if file.stem.isdecimal()}
     if missing := set(range(n)) - found:
         raise InputError(
@@ -86,7 +86,7 @@ def _background(path: Path) -> Path | None:
 
 
 def _exact_penetrations(path: Path, n: int) -> dict[int, Callable[[], np.ndarray]]:
-    """Penetration maps stored in micrometres beside the original layout, by frame."""
+    """Penetration maps by frame, stored in micrometres in addition to the original layout."""
     file = path / PENETRATION_FILE
     if not file.is_file():
         return {}
@@ -136,7 +136,7 @@ def _dome_height() -> np.ndarray:
 
 
 def load_real(path: Path) -> Sequence:
-    """The real slide in folder `path`; raises as `load_sequence`."""
+    """Load the real slide in folder `path`; raises as `load_sequence`."""
     file = path / REAL_FILE
     data = _require_keys(restricted_pickle.load_npy(file), ("poses", "timestamps", "digit_frames"), file)
     tracked = _require_keys(data["poses"], ("DIGIT",), file)
@@ -186,9 +186,9 @@ def _alignment(path: Path) -> np.ndarray:
 
 
 def _object_from_gel(world_digit: np.ndarray, world_object: np.ndarray, alignment: np.ndarray) -> np.ndarray:
-    """T_obj_gel (N, 4, 4) of tracked rows (N, 7).
+    """Return T_obj_gel (N, 4, 4) of tracked rows (N, 7).
 
-    The alignment corrects the camera's translation only: it becomes that of [I | t] A, the rotation stays.
+    The alignment A corrects only the camera's translation t, which becomes that of [I | t] A; the rotation stays.
     The gel's apex lies 22 mm in front of the camera.
     """
     object_from_camera = se3.inverse(se3.from_xyzquat(world_object)) @ se3.from_xyzquat(world_digit)
@@ -212,9 +212,9 @@ def _is_tracked(rows: np.ndarray) -> np.ndarray:
 def _without_jumps(positions: np.ndarray) -> np.ndarray:
     """Mask (N,) of the positions (N, 3) that do not jump off the path.
 
-    A step more than ten times the mean of the ordinary ones (the shortest 95 %) is a jump. Steps are taken
-    from the last frame kept and divided by the frames since, so that a track which stays elsewhere is taken
-    up again. The paper's reader drops such poses but keeps their images, which slides the two apart.
+    A step is a jump if it is more than ten times the mean of the ordinary steps (the shortest 95 %). Steps are
+    measured from the last frame kept and divided by the frames since, so that a track that stays elsewhere is
+    picked up again. The paper's reader drops such poses but keeps their images, so that the two no longer match.
     """
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     if len(steps) == 0:

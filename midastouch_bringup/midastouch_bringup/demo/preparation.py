@@ -1,4 +1,4 @@
-"""What demo and exploration need: made once in the present folder, and kept."""
+"""Preparation of the files that demo and exploration need: made once in the current folder, and kept."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ..datasets.slide_simulation import simulate_sequence
 from ..output_paths import QUICK_POSES, codebook_path, demo_slide
 from . import SEED, SLIDE_LENGTH
 
-CODEBOOK_SIZE = 50_000  # as of `midastouch build-codebook`
+CODEBOOK_SIZE = 50_000  # the default of `midastouch build-codebook`
 
 
 def prepare_slide(object_name: str, mesh_path: str | Path) -> None:
-    """Simulate the slide and build the codebook of an object, each unless it is there."""
+    """Simulate the slide and build the codebook of an object, unless they exist."""
     mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load("digit_tacto")
     slide = demo_slide(object_name)
     if not slide.is_dir():
@@ -29,16 +29,16 @@ def prepare_slide(object_name: str, mesh_path: str | Path) -> None:
 
 
 def require_there(named: Iterable[tuple[str, str]]) -> None:
-    """InputError for the first argument, (name, address) each, at whose address there is nothing."""
+    """Raise InputError for the first argument (name, address) with nothing at its address."""
     for name, address in named:
         if not resolve(address, name).exists():
             raise InputError(f"{name}:={address}: no such file or folder; check the path")
 
 
 def prepare_codebooks(codebooks: Mapping[str, str]) -> None:
-    """Build the codebooks at these paths unless they are there; of the mesh that each names, a path or package://...
+    """Build the codebooks that are missing; codebooks: path of the mesh, or package://..., by path of the codebook.
 
-    Raises InputError for a mesh that cannot be used, before the first one is built.
+    Raises InputError for a mesh that cannot be used, before the first codebook is built.
     """
     meshes = {codebook: load_mesh(mesh) for codebook, mesh in codebooks.items()}
     sensor = SensorModel.load("digit_tacto")

@@ -1,4 +1,4 @@
-"""What a run of the demo came to, and its page with the calibration of a simulated sensor."""
+"""Result of a run of the demo, and its page with the calibration of a simulated sensor."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_fraction=0.0)
 
 
 def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[PenetrationRow]]:
-    """A calibration, and touches of the mesh as that sensor measures them: before, after, and in truth."""
+    """Return a calibration, and touches of the mesh: as measured before and after it, and in truth."""
     rng = np.random.default_rng(_SEED)
     sensor = SensorModel.load("digit_real")
     digit = PressedSensor(sensor, no_contact_image(sensor, rng)[None], _RADIUS, rng)
@@ -65,7 +65,7 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
 
 
 def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
-    """Touches of the same object on a simulated sensor that is not the network's, before and after."""
+    """Add touches of the same object by a simulated sensor unlike the network's, before and after calibration."""
     calibration, rows = calibrated_touches(mesh)
     page.heading("A sensor that is calibrated")
     page.note(
@@ -82,10 +82,10 @@ _MOST_NAMED = 6  # places in a cell of a table
 
 
 def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
-    """The content of `result.json`; seconds: from the first answer to the last.
+    """Return the content of `result.json`; seconds: from the first answer to the last.
 
-    Errors are modulo the object's symmetry. `alike` [m, quaternion] are all poses that feel the same as the published
-    one; where turns are free, one for each family of them.
+    Errors are modulo the object's symmetry. `alike` [m, quaternion]: all poses that touch cannot distinguish from the
+    published one; if rotations are free, one pose for each family of them.
     """
     last = record.snapshots[-1]
     modes = np.array([mode.pose for mode in last.modes]).reshape(-1, 4, 4)
@@ -112,12 +112,12 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
 
 
 def is_found(error: dict) -> bool:
-    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right pose."""
+    """Return whether an error of a result, `trans_mm` and `rot_deg`, is small enough to count as the right pose."""
     return error["trans_mm"] <= _FOUND_MM and error["rot_deg"] <= _FOUND_DEG
 
 
 def _alike_in_words(symmetry: Symmetry, alike: list[list[float]]) -> str:
-    """Which poses `alike` (K, 7) are, and by which turns they go over into others."""
+    """Describe the poses `alike` (K, 7), and the free rotations that lead from them to others."""
     places = ", ".join(_place(pose[:3]) for pose in alike[:_MOST_NAMED])
     more = f" and {len(alike) - _MOST_NAMED} more" if len(alike) > _MOST_NAMED else ""
     words = f"{symmetry.describe()}: at {places}{more} mm" if alike else symmetry.describe()

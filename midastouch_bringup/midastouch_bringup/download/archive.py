@@ -1,7 +1,7 @@
-"""Archives of strangers: what they must equal, and how they are unpacked.
+"""Untrusted archives: checksums and unpacking.
 
-Where nobody publishes a checksum, later downloads must equal the first one, whose sum is kept in SHA256SUMS. Of zip
-archives only plain files are unpacked, and only below the target folder.
+If no checksum is published, later downloads must equal the first one, whose sum is kept in SHA256SUMS. Zip archives may
+hold only plain files below the target folder.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RESERVE = 32 << 20
 
 
 def recorded(folder: Path) -> dict[str, str]:
-    """{file name: SHA-256} of a folder's list, in the format of `sha256sum`; InputError if it cannot be read."""
+    """Read {file name: SHA-256} from a folder's list, in the format of `sha256sum`; InputError if it is malformed."""
     path = folder / SUMS_FILE
     if not path.is_file():
         return {}
@@ -48,10 +48,10 @@ def check_or_record(folder: Path, name: str, file: Path) -> None:
 
 
 def extract(path: Path, folder: Path) -> int:
-    """Unpack all of an archive into `folder`, which appears when all is there; returns the number of files.
+    """Unpack an archive into `folder`, which appears once it is complete; returns the number of files.
 
-    Raises InputError: not an archive, damaged, larger than the disk, or one member is an absolute path, leaves the
-    folder, is a link or there twice. One such member condemns the archive: it was made to do harm.
+    Raises InputError if it is no archive, damaged or too large for the disk, or if a member is an absolute path, leaves
+    the folder, is a link or occurs twice. One such member is enough: the archive was made to do harm.
     """
     try:
         with zipfile.ZipFile(path) as archive, atomic_path(folder) as temporary:

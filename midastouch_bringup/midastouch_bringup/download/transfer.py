@@ -1,4 +1,4 @@
-"""One file over HTTP: continued where it broke off (RFC 9110, range requests), checked, then named."""
+"""Download of one file over HTTP: resumed where it broke off (RFC 9110, range requests), checked, then renamed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PASSING_STATUSES = {408, 425, 429, 500, 502, 503, 504}
 
 
 class _BrokeOff(Exception):
-    """The transfer ended early; another attempt may go on from there."""
+    """Raised if the transfer ended early; another attempt may continue from there."""
 
 
 def fetch(
@@ -35,11 +35,11 @@ def fetch(
     pause_s: float = 1.0,
     progress: Callable[[int, int | None], None] = lambda done, total: None,
 ) -> None:
-    """Download `url` to `path`, which exists only when complete and, with `digest` (SHA-256), right.
+    """Download `url` to `path`, which appears only once it is complete and, if given, has the SHA-256 `digest`.
 
     A broken transfer leaves `<path>.part`, which the next call continues if the server still has the same file and
-    understands ranges; otherwise the transfer begins again. `progress(bytes so far, total or None)`.
-    Raises InputError: no such file, wrong content, broken off `attempts` times, no space.
+    understands ranges; otherwise the transfer starts over. `progress(bytes so far, total or None)`.
+    Raises InputError if there is no such file, no space or wrong content, or if `attempts` transfers broke off.
     """
     if not re.match(r"https?://", url):
         raise InputError(f"{url}: not an http or https address")
@@ -63,13 +63,13 @@ def fetch(
 
 
 class _Part:
-    """The beginning of a file, and a note of what the server called the version it belongs to."""
+    """The beginning of a file, and a note of the server's name for the version it belongs to."""
 
     def __init__(self, path: Path, url: str):
         self.data, self.note, self._url = Path(f"{path}.part"), Path(f"{path}.part.json"), url
 
     def validator(self) -> str | None:
-        """The server's name of the version that `data` is a part of; None if there is nothing to continue."""
+        """Return the server's name for the version that `data` belongs to; None if there is nothing to continue."""
         try:
             note = json.loads(self.note.read_text())
             return note["validator"] if note["url"] == self._url and self.data.stat().st_size else None
@@ -77,7 +77,7 @@ class _Part:
             return None
 
     def begin(self, validator: str | None) -> None:
-        """Begin again, in this order, so that bytes of one version never stand beside the note of another."""
+        """Start over, in this order, so that bytes of one version never stand next to the note of another."""
         self.remove()
         with atomic_path(self.note) as temporary:
             temporary.write_text(json.dumps({"url": self._url, "validator": validator}))
@@ -98,7 +98,7 @@ def _receive(url: str, part: _Part, progress: Callable) -> None:
     try:
         response = urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=_TIMEOUT_S)
     except urllib.error.HTTPError as error:
-        if error.code == 416:  # what we have is not a beginning of what is there
+        if error.code == 416:  # our part is not the beginning of the server's file
             part.remove()
         elif error.code not in _PASSING_STATUSES:
             raise InputError(f"{url}: the server says {error.code} {error.reason}; check the name") from error
@@ -115,7 +115,7 @@ def _receive(url: str, part: _Part, progress: Callable) -> None:
 
 
 def _total(response: http.client.HTTPResponse, have: int, part: _Part) -> int | None:
-    """Size of the whole file, if the server says it."""
+    """Size of the whole file; None if the server does not state it."""
     if response.status == 206:
         found = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", response.headers.get("Content-Range", ""))
         if not found or int(found[1]) != have:

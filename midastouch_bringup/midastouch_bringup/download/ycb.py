@@ -1,7 +1,7 @@
 """Meshes of the YCB Object and Model Set (Calli et al., 2015; CC BY 4.0), and YCB-Slide (Suresh et al., 2022).
 
 The meshes come from their own server. YCB-Slide lies in shared folders of a drive that only the program `gdown` can
-list; its recordings are CC BY-SA 4.0, MIT is the licence of the code beside them (README of rpl-cmu/YCB-Slide).
+list; its recordings are CC BY-SA 4.0, and MIT is the licence of its code only (README of rpl-cmu/YCB-Slide).
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ FOLDERS = {
 
 
 def download_mesh(name: str, folder: Path, server: str, progress: Callable = lambda done, total: None) -> Path:
-    """The 16k-face scan of an object such as 025_mug as `folder/NAME.ply`, metres; returns that path.
+    """Download the 16k-face scan of an object such as 025_mug to `folder/NAME.ply`, metres; returns that path.
 
-    A mesh that is there already, unchanged, is not fetched again; an archive must have the SHA-256 of the first
-    download into this folder. Raises InputError: no such object, see `fetch`, an archive that is damaged or holds
-    no mesh.
+    A mesh that is already there, unchanged, is not fetched again; an archive must have the SHA-256 of the first
+    download into this folder. Raises InputError as `fetch` does, for a name of no object, and for an archive that is
+    damaged or holds no mesh.
     """
     if not re.fullmatch(r"\d{3}(-[a-z])?_[a-z0-9_]+", name):
         raise InputError(f"{name}: not the name of a YCB object; they look like 025_mug or 065-a_cups")
@@ -75,9 +75,9 @@ def _take_mesh(packed: Path, mesh: Path) -> None:
 def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Path]:
     """Fetch a part of the dataset into `folder/PART` and unpack its archives; returns the folders unpacked.
 
-    gdown: the program; None: the one beside this Python or on PATH. It continues what an earlier call has begun. No
-    checksums are published, so every archive must equal the first download. Raises InputError: no gdown, gdown
-    fails, another archive than at first, see `extract`.
+    gdown: the program; None: the one next to this Python or on PATH. It continues what an earlier call has begun. No
+    checksums are published, so every archive must equal the first download. Raises InputError if gdown is missing or
+    fails, if an archive differs from the first download, and as `extract` does.
     """
     program = gdown or shutil.which("gdown", path=str(Path(sys.executable).parent)) or shutil.which("gdown")
     if program is None:
@@ -95,13 +95,13 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
         out = archive.with_suffix("")
         if not out.exists():
             extract(archive, out)
-            _lift(out)
             unpacked.append(out)
+        _lift(out)  # also what an earlier call extracted before it was killed
     return unpacked
 
 
 def _lift(folder: Path) -> None:
-    """`025_mug/025_mug/00` -> `025_mug/00`: some archives hold the folder that they are named after."""
+    """Move `025_mug/025_mug/00` to `025_mug/00`: some archives hold the folder that they are named after."""
     inner = folder / folder.name
     if list(folder.iterdir()) == [inner] and inner.is_dir():
         moved = inner.rename(folder.with_name(f".{folder.name}.inner"))

@@ -1,4 +1,4 @@
-"""Touches before and after a calibration beside each other, and the page that shows every press of it."""
+"""Figure of touches before and after a calibration, and the page that shows every press of it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .figures import PENETRATION_COLOURS, save
 from .page import Page
 
 _ACROSS = 2  # touches side by side
-_SHALLOW = 1e-4  # m: the scale ends there at least
+_SHALLOW = 1e-4  # m: least end of the scale
 
 
 class PenetrationRow(NamedTuple):
@@ -33,13 +33,13 @@ class PenetrationRow(NamedTuple):
 def measured_with(
     tdn: DepthNet, calibration: SensorCalibration | None, image: np.ndarray, background: np.ndarray
 ) -> np.ndarray:
-    """Penetration (h, w) m that the network measures in an image (H, W, 3) uint8 RGB with that calibration, or none."""
+    """Give the network that calibration, or none; return the penetration (h, w) m of an image (H, W, 3) uint8 RGB."""
     tdn.calibration = calibration
     return tdn.predict(image, background)
 
 
 def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) -> Figure:
-    """All touches, two a line; titles: of the penetration maps."""
+    """Draw all touches, two per line; titles: of the penetration maps."""
     deepest = max(_SHALLOW, *(float(penetration.max()) for row in rows for penetration in row.penetrations))
     cells_each, lines = 2 + len(titles), -(-len(rows) // _ACROSS)
     figure = Figure(figsize=(1.4 * cells_each * _ACROSS, 2.1 * lines + 0.4), layout="constrained")
@@ -60,14 +60,14 @@ def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) ->
 
 
 TITLES = "measured before", "measured after", "pressed"
-"""What is shown of a touch beside its image."""
+"""Titles of the penetration maps of a touch."""
 _MOST_SHOWN = 20
 
 
 def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: SensorModel, folder: Path) -> Path:
     """Write `index.html` and its picture into a folder; returns the page's path.
 
-    images (320, 240, 3) uint8 RGB by name, of which `result` was made; sensor, full size.
+    images (320, 240, 3) uint8 RGB: by name, those from which `result` was made; sensor: full size.
     """
     folder.mkdir(parents=True, exist_ok=True)
     calibration = result.calibration
@@ -91,7 +91,7 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
 
 
 def figure_rows(result: Result) -> list[list[str]]:
-    """What the calibration is worth: name, before, after, truth."""
+    """Return the rows that rate a calibration: name, before, after, truth."""
     figures, diameter = result.figures, result.calibration.ball_diameter
     lengths = {name: 1e3 * value for name, value in figures.items()}
     rows = [
@@ -110,7 +110,7 @@ def _row(figures: dict[str, float], name: str, title: str, truth: float) -> list
 
 
 def _rows(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> list[PenetrationRow]:
-    """Each touch before and after, and what pressed."""
+    """Return each touch as measured before and after, and the true penetration."""
     tdn, rows = load_tdn("fast", sensor), []
     for press, calibration, penetration in zip(result.presses, result.held_out, result.penetrations, strict=True):
         if calibration is None:

@@ -1,6 +1,6 @@
 """A picture of a mesh with points, lines and axes on it, drawn by a z-buffer in software.
 
-Drawn at twice the wanted resolution and averaged, with smooth shading up to creases of 40 degrees and
+It is drawn at twice the wanted resolution and averaged, with smooth shading up to creases of 40 degrees and
 darkened depth edges, so that shape can be read without colour.
 """
 
@@ -17,7 +17,7 @@ from midastouch_common.mesh import ObjectMesh
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """Looks at `centre` (3,) m of the object frame; pixels are square, `pixel_size` m each.
+    """Orthographic camera that looks at `centre` (3,) m of the object frame; pixels are squares of `pixel_size` m.
 
     rotation (3, 3): rows are the picture's right, up and towards-viewer directions in the object frame.
     """
@@ -84,12 +84,12 @@ def best_direction(normals: np.ndarray, weights: np.ndarray | None = None) -> np
 SURFACE_COLOUR = np.array([0.80, 0.82, 0.85])
 AXIS_COLOURS = np.array([[0.86, 0.16, 0.16], [0.13, 0.62, 0.22], [0.15, 0.33, 0.88]])
 _SAMPLES = 2
-_DEPTH_SLACK = 0.003  # m behind the surface that are still seen: a sensor is pressed up to 2 mm into it
+_DEPTH_SLACK = 0.003  # m behind the surface that still count as visible: a sensor is pressed up to 2 mm into it
 _LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 
 
 class Canvas:
-    """Draw the mesh first, then what lies on it; `image()` gives the picture so far."""
+    """Picture in the making: draw the mesh first, then everything on it; `image()` returns the picture so far."""
 
     def __init__(self, camera: Camera):
         self.camera = camera.scaled(_SAMPLES)
@@ -120,7 +120,7 @@ class Canvas:
         self.paint(np.broadcast_to(SURFACE_COLOUR, (len(n), 3)))
 
     def surface_points(self) -> np.ndarray:
-        """Where on the mesh each visible pixel lies: (P, 3) m, object frame."""
+        """Return the point of the mesh behind each visible pixel: (P, 3) m, object frame."""
         heights = self._height[self._rows, self._columns]
         return self.camera.unproject(self._columns + 0.5, self._rows + 0.5, heights)
 
@@ -152,7 +152,7 @@ class Canvas:
     ) -> None:
         """Draw discs of `radius` px at points (N, 3) m with colours (3,) or (N, 3) in [0, 1].
 
-        What lies behind the surface is drawn with `hidden_alpha`.
+        Points behind the surface are drawn with `hidden_alpha`.
         """
         if len(points) == 0:
             return

@@ -1,4 +1,4 @@
-"""Figures of one run: as in the paper's figure 7, errors over time, which object it is.
+"""Figures of one run: overview as in the paper's figure 7, errors over time, probability of each object.
 
 Everything is drawn on `matplotlib.figure.Figure` directly, which needs neither a display nor global state.
 """
@@ -26,7 +26,7 @@ LEGEND = (
     "particles coloured by their angle to the truth, blue 0° to red 180°; green dot with large axes: truth; "
     "small axes with 2-sigma ellipse: modes"
 )
-"""Of pictures of the object with particles."""
+"""Legend of pictures of the object with particles."""
 
 
 def save(figure: Figure, path: Path) -> Path:
@@ -113,8 +113,8 @@ def _pairs(chosen: list[Snapshot]) -> list[tuple[Snapshot, str]]:
 
 
 def error_series(run: list[Snapshot]) -> dict[str, np.ndarray]:
-    """Errors (2, N) [mm, deg] by what they belong to: "particles", "closest mode", "published pose"; and
-    "time" (N,)."""
+    """Return the errors (2, N) [mm, deg] of "particles", "closest mode" and "published pose" by these names, and
+    "time" (N,) [s]."""
     series: dict[str, list] = {"particles": [], "closest mode": [], "published pose": []}
     for snapshot in run:
         series["particles"].append(particle_rmse(snapshot.particles, snapshot.truth))
@@ -145,7 +145,7 @@ def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
 
 
 def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
-    """A logarithmic error axis with plain numbers, light grid, no box."""
+    """Style a logarithmic error axis: plain numbers, light grid, no box."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -154,7 +154,7 @@ def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
 
 
 def style_axes(axes, label: str, x_label: str = "time [s]") -> None:
-    """Light grid, no box."""
+    """Style axes: light grid, no box."""
     axes.set_xlabel(x_label, fontsize=9)
     axes.set_ylabel(label, fontsize=9)
     axes.tick_params(labelsize=8)

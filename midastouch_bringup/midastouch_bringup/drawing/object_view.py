@@ -20,9 +20,9 @@ _NEIGHBOURS = 12
 
 
 class PositionBlend:
-    """Blends between the nearest of the places (C, 3) m for surface points (P, 3) m.
+    """Interpolation from places (C, 3) m to surface points (P, 3) m: each point blends its nearest places.
 
-    Which those are, and with what weight, is found once for any number of values.
+    Neighbours and weights are found once, and serve any number of values.
     """
 
     def __init__(self, places: np.ndarray, points: np.ndarray):
@@ -33,7 +33,7 @@ class PositionBlend:
         self._weight = weight / weight.sum(axis=1, keepdims=True)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Values (P, ...) at the points for those at the places, (C, ...)."""
+        """Return values (P, ...) at the points from those (C, ...) at the places."""
         return np.einsum("pk,pk...->p...", self._weight, values[self._index])
 
 
@@ -41,15 +41,15 @@ ANGLE_COLOURS = colormaps["turbo"]
 HEAT_COLOURS = colormaps["YlOrRd"]
 TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
 ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
-_CELL = 0.003  # m; entries nearer together are at one place
+_CELL = 0.003  # m; entries in one cell count as one place
 Colouring = Callable[[np.ndarray], np.ndarray]
 """Blended values (P, ...) to RGB (P, 3) in [0, 1]."""
 
 
 class ObjectView:
-    """Draws pictures of the mesh, `width` px wide, from the side the poses `T_obj_gel` (N, 4, 4) touch.
+    """Pictures of the mesh, `width` px wide, from the side that the poses `T_obj_gel` (N, 4, 4) touch.
 
-    Later poses count more in the choice of the side, so that the end of a run is in sight.
+    Later poses have more weight in the choice of the side, so that the end of a run is in sight.
     """
 
     def __init__(self, mesh: ObjectMesh, poses: np.ndarray, width: int):
@@ -75,8 +75,8 @@ class ObjectView:
         return 0.11 * self.mesh.diagonal
 
     def particles(self, snapshot: Snapshot) -> np.ndarray:
-        """Particles coloured by their angle to the truth (blue 0, red 180 deg), modes as axes with their
-        2-sigma ellipse, the truth as the large axes with a green outline; (H, W, 3) uint8."""
+        """Draw particles coloured by their angle to the truth (blue 0, red 180 deg), modes as axes with their
+        2-sigma ellipse, the truth as a green point with large axes; (H, W, 3) uint8."""
         canvas = self._bare.copy()
         angle = pose_errors(snapshot.particles, snapshot.truth)[1]
         canvas.draw_points(snapshot.particles[:, :3, 3], ANGLE_COLOURS(0.1 + 0.8 * angle / np.pi)[:, :3], radius=3.0)
@@ -88,7 +88,7 @@ class ObjectView:
         return canvas.image()
 
     def likelihood(self, codebook: Codebook, snapshot: Snapshot) -> np.ndarray:
-        """How well a touch there would match this one, pale to red, with the truth; (H, W, 3) uint8."""
+        """Colour points by how well a touch there would match, pale to red, and draw the truth; (H, W, 3) uint8."""
         canvas = self._bare.copy()
         if snapshot.code is not None:
             if self._field is None or self._field.codebook is not codebook:
@@ -98,10 +98,10 @@ class ObjectView:
         return canvas.image()
 
     def painted(self, places: np.ndarray, outward: np.ndarray, values: np.ndarray, colouring: Colouring) -> np.ndarray:
-        """The surface in the colours that `colouring` gives values (C, ...) known at places (C, 3) m; (H, W, 3) uint8.
+        """Draw the surface in the `colouring` of values (C, ...) known at places (C, 3) m; (H, W, 3) uint8.
 
-        Of the places, with normals `outward` (C, 3), only those on the viewer's side count: the far side of a thin
-        part is as near as its own surroundings.
+        Only places whose normal `outward` (C, 3) faces the viewer count: the far side of a thin part is as near as its
+        own surroundings.
         """
         canvas = self._bare.copy()
         facing = outward @ self.camera.rotation[2] > 0
@@ -109,7 +109,7 @@ class ObjectView:
         return canvas.image()
 
     def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
-        """The true path (N, 4, 4) in green and estimated ones in red; (H, W, 3) uint8."""
+        """Draw the true path (N, 4, 4) in green and estimated ones in red; (H, W, 3) uint8."""
         canvas = self._bare.copy()
         for path in estimates:
             canvas.draw_points(path[:, :3, 3], ESTIMATE_COLOUR, radius=1.8, alpha=0.6)
@@ -135,8 +135,8 @@ def _spread(points: np.ndarray, direction: np.ndarray, up: np.ndarray) -> np.nda
 class _LikelihoodField:
     """Similarity of a touch to the codebook's entries as colours of surface points (P, 3) m.
 
-    Of the entries at one place, which differ in yaw and press, the most similar counts, as a touch may come with
-    any; points blend the places next to them. Which those are does not depend on the touch and is found once.
+    Among the entries at one place, which differ in yaw and press, the most similar one counts, as a touch may come
+    with any. Points blend the nearest places, which do not depend on the touch and are found once.
     """
 
     def __init__(self, codebook: Codebook, points: np.ndarray):
@@ -146,9 +146,9 @@ class _LikelihoodField:
         self._blend = PositionBlend(cells * _CELL, points)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
-        """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.
+        """Return RGB (P, 3) for a code (D,): square root of the calibrated likelihood, relative to the best place's.
 
-        The root widens the range of what can be told apart by eye.
+        The root widens the range that the eye can distinguish.
         """
         best = np.full(self._place.max() + 1, -np.inf)
         np.maximum.at(best, self._place.ravel(), self.codebook.codes @ code)

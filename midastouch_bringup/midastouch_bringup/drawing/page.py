@@ -21,8 +21,8 @@ pre { background: #f6f7f9; padding: .7rem 1rem; overflow-x: auto; font-size: 13p
 
 
 class Page:
-    """Collects parts in order; `write` makes the file. Text is escaped, pictures are linked relative to the
-    page."""
+    """Page to which parts are added in order; `write` makes the file. Text is escaped, pictures are linked relative to
+    the page."""
 
     def __init__(self, title: str):
         self._title = title
@@ -30,22 +30,22 @@ class Page:
         self._markdown = [f"# {_plain(title)}"]
 
     def heading(self, text: str) -> None:
-        """A section heading."""
+        """Add a section heading."""
         self._html.append(f"<h2>{html.escape(text)}</h2>")
         self._markdown.append(f"## {_plain(text)}")
 
     def note(self, text: str) -> None:
-        """A paragraph."""
+        """Add a paragraph."""
         self._html.append(f'<p class="note">{html.escape(text)}</p>')
         self._markdown.append(_plain(text))
 
     def code(self, text: str) -> None:
-        """Text in fixed width, such as a command."""
+        """Add text in fixed width, such as a command."""
         self._html.append(f"<pre>{html.escape(text)}</pre>")
         self._markdown.append(f"```\n{text}\n```")
 
     def table(self, header: list[str], rows: list[list[object]]) -> None:
-        """A table; the first column is aligned left, the others right."""
+        """Add a table; the first column is aligned left, the others right."""
         head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
         body = "".join("<tr>" + "".join(f"<td>{html.escape(str(c))}</td>" for c in row) + "</tr>" for row in rows)
         self._html.append(f"<table><tr>{head}</tr>{body}</table>")
@@ -53,7 +53,7 @@ class Page:
         self._markdown.append("\n".join("| " + " | ".join(_plain(str(c)) for c in line) + " |" for line in lines))
 
     def picture(self, path: Path, caption: str) -> None:
-        """A picture in the folder of the page."""
+        """Add a picture that lies in the folder of the page."""
         text = html.escape(caption, quote=True)
         image = f'<img src="{html.escape(path.name)}" alt="{text}">'
         self._html.append(f"<figure>{image}<figcaption>{text}</figcaption></figure>")
@@ -71,12 +71,12 @@ class Page:
         return Path(path)
 
     def write_markdown(self, path: str | os.PathLike) -> Path:
-        """Write the same as Markdown, which a repository shows; returns its path."""
+        """Write the page as Markdown, which a repository shows; returns its path."""
         with atomic_path(path) as temporary:
             temporary.write_text("\n\n".join(self._markdown) + "\n")
         return Path(path)
 
 
 def _plain(text: str) -> str:
-    """Text for Markdown, what would be read as its marks escaped."""
+    """Escape the characters of a text that Markdown would read as marks."""
     return re.sub(r"([\\`*_|<>\[\]#])", r"\\\1", text)

@@ -1,4 +1,4 @@
-"""The pictures of a recorded run on a page: an animated GIF, overview, end."""
+"""Pictures of a recorded run on a page: an animated GIF, an overview, and the end."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def add_run(page: Page, run: list[Snapshot], mesh: ObjectMesh, codebook: Codeboo
     view = ObjectView(mesh, np.array([s.truth for s in run]), _WIDTH)
     title = f"{mesh.name}, {len(run)} frames"
     overview = save(run_figure(view, codebook, moments(run, _COLUMNS), run, title), out / "run.png")
-    # from the side that it touches at the end, which may be another than it touched most
+    # from the side that is touched at the end, which may not be the one touched most
     final = save(final_figure(ObjectView(mesh, run[-1].truth[None], _WIDTH), run[-1]), out / "final.png")
     with progress_bar(unit="picture") as bar:
         animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: _ticked(chosen, bar))

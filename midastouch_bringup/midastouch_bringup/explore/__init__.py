@@ -1,1 +1,1 @@
-"""Exploration by an arm until the filter knows where it is: decisions, a simulated finger, what comes out, its page."""
+"""Exploration by an arm until the filter knows the object's pose: decisions, a simulated finger, result and page."""

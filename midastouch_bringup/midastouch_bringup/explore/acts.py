@@ -1,4 +1,4 @@
-"""What an arm can be asked to do, as the actions `touch`, `slide`, `lift` and `approach` have it, and how it went."""
+"""Acts that an arm can be asked for, as in the actions `touch`, `slide`, `lift` and `approach`, and their results."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Touch:
-    """On until something touches, at most `distance` m; direction (3,) in the gel's frame."""
+    """Motion until something touches, at most `distance` m; direction (3,): in the gel's frame."""
 
     distance: float
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -19,7 +19,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class Slide:
-    """On along the surface for `length` m, heading [rad] in the gel's plane, from its x to its y axis."""
+    """Motion along the surface for `length` m; heading [rad]: in the gel's plane, from its x to its y axis."""
 
     heading: float
     length: float
@@ -27,14 +27,14 @@ class Slide:
 
 @dataclass(frozen=True)
 class Lift:
-    """Straight off the surface by `height` m."""
+    """Motion straight off the surface by `height` m."""
 
     height: float
 
 
 @dataclass(frozen=True)
 class Approach:
-    """Through the air to a pose T_base_gel (4, 4)."""
+    """Motion through the air to a pose T_base_gel (4, 4)."""
 
     pose: np.ndarray
 
@@ -44,15 +44,15 @@ Act = Touch | Slide | Lift | Approach
 
 @dataclass(frozen=True)
 class CheckReach:
-    """No act, but a question to whoever knows the arm: whether it reaches all of these poses T_base_gel (N, 4, 4)."""
+    """Question, not an act: does the arm reach all of these poses T_base_gel (N, 4, 4)?"""
 
     poses: np.ndarray
 
 
 @dataclass(frozen=True)
 class Done:
-    """How an act ended: whether it did what was asked, in words; path [m] that the gel went; whether it touches then;
-    pose T_base_gel (4, 4) then."""
+    """End of an act. success: True if it did what was asked; message: its end in words; path [m]: of the gel;
+    touching, pose T_base_gel (4, 4): at the end."""
 
     success: bool
     message: str
@@ -63,13 +63,13 @@ class Done:
 
 _T, _Y, _S = TypeVar("_T"), TypeVar("_Y"), TypeVar("_S")
 Plan = Generator[Act | CheckReach, Done, _T]
-"""Acts one after the other, each chosen by how those before it went; of a question, `success` is the answer."""
+"""Generator of acts, each chosen by the ends of those before it; for a question, `success` is the answer."""
 
 
 def carried_out(
     plan: Plan[_T], carry_out: Callable[[Act | CheckReach], Generator[_Y, _S, Done]]
 ) -> Generator[_Y, _S, _T]:
-    """What carrying out one act after the other yields; returns what the plan came to."""
+    """Carry out the acts of a plan in turn; yields what `carry_out` yields, returns the plan's result."""
     done = None
     while True:
         try:

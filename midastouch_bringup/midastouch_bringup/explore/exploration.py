@@ -1,4 +1,4 @@
-"""How an arm explores: which motion it makes next, by what the filter says; without knowing which arm it is."""
+"""Decisions of an exploration: the next motion, chosen by the filter's answers; independent of the kind of arm."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from .reach import EVERYWHERE, Reach
 from .surroundings import Surroundings
 
 TELLS = 0.1
-"""nats: a motion that tells so much is worth its way, though it may not tell hypotheses apart for certain."""
+"""nats; a motion with this much information is worth its path, even if it may not separate hypotheses for certain."""
 
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
-_LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long where they began
-_MOST_FRUITLESS = 3  # in a row: of motions that measure nothing or are not possible, of suggestions that are no help
-_SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
-_RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
+_LEAPS = 0.25  # fraction of leaps among random motions: slides alone stay near their start for long
+_MOST_FRUITLESS = 3  # in a row: motions that measure nothing or are not possible, suggestions that do not help
+_SURE = 2  # motions in a row after which the filter is sure: a wrong answer seldom survives another one
+_RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, times the object's diagonal, as in simulated slides
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How an exploration ended: whether the pose is `known`, and why in words."""
+    """End of an exploration: `known` is True if the pose is known; `words` give the reason."""
 
     known: bool
     words: str
 
 
 class Exploration:
-    """Decides on motions, as plans of acts that somebody carries out.
+    """Exploration, which decides on motions as plans of acts; its user carries them out.
 
-    Attributes: motions, what was done; verdict, once it is over.
-    Args: max_path [m], after which it gives up; reach, what is out of which is left out; down [m], how far it looks for
-    a surface that it knows nothing of; size [m] of an object of which nothing is known; held(): whether it is to begin
-    no further motion by itself.
+    Attributes: motions: those done so far; verdict: None until it is over.
+    Args: max_path [m]: path after which it gives up; reach: motions that leave it are not made; down [m]: depth to
+    which it searches for an unknown surface; size [m]: assumed diagonal of an unknown object; held(): True while it
+    must not begin a further motion by itself.
     """
 
     def __init__(
@@ -56,14 +56,14 @@ class Exploration:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as after a change of the object: no path, no motions, no verdict."""
+        """Start again, as after a change of the object: no path, no motions, no verdict."""
         self.motions = Motions(self._reach, self._down, self._held)
         self.verdict: Verdict | None = None
         self._unmeasured = self._refused = self._hopeless = self._stuck = self._sure = 0
-        self._doubtful = False  # whether the object is hardly where it is believed to be
+        self._doubtful = False  # True if the object is probably not where it is believed to be
 
     def touch(self) -> Plan[None]:
-        """Down onto the surface; beside it, where that cannot be touched."""
+        """Go down onto the surface, or next to it if it cannot be touched below."""
         done = yield from self.motions.touch()
         if not done.touching:
             yield from self.go([], Surroundings(self.motions.gel))
@@ -72,11 +72,11 @@ class Exploration:
             self.verdict = Verdict(False, f"{words}; is the mount right, and does the sensor see what it touches?")
 
     def decide(self, advice: Advice | None, around: Surroundings, state: str = "") -> tuple[str, Plan[None]]:
-        """The next motion, and why in words; advice: that of `suggest_motion`, None if there is none; state: the
-        filter's.
+        """Return the reason for the next motion in words, and its plan; advice: of `suggest_motion`, None if there is
+        none; state: the filter's.
 
-        While it is searching the object is hardly where it is believed to be: slides come first, which lead somewhere
-        all the same. Else lifts do where the last slide was blocked: what it was to find out is behind that.
+        While the filter is `searching`, slides are tried before lifts, because they work without a known object pose.
+        Otherwise, if an obstacle stopped the last slide, lifts are tried first: they pass over it.
         """
         self._doubtful = state == SEARCHING
         if advice is None:
@@ -88,7 +88,7 @@ class Exploration:
             leaps = [self._random_leap(around) for _ in range(_TRIES)]
             return "elsewhere, as nothing within reach would tell", self.go(leaps, around)
         self._refused = self._hopeless = 0
-        # the best by metre are mere steps; each motion is awaited, so that one that tells much is worth its way
+        # by information, as the best per metre are tiny steps: each motion has to be awaited, so a long one can pay
         best = sorted(advice.suggestions, key=lambda each: -each.information)
         reasons = {Motion(each.heading, each.length, each.lift): each.reason for each in best}
         able = [motion for motion in reasons if self.motions.reachable(motion, around)]
@@ -97,9 +97,9 @@ class Exploration:
         return reasons[able[0]] if able else "somewhere, as nothing better is within reach", self.go(able, around)
 
     def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
-        """The first of these motions that can be carried out; without one of them one at random; none while it is held.
+        """Carry out the first of these motions that is possible, otherwise a random one; none while it is held.
 
-        Off a surface that nothing is known of the finger goes back to it: a leap at random seldom finds one.
+        If it has lost a surface that it does not know, it goes back to it: a random leap seldom finds one.
         """
         unknown = around.mesh is None or self._doubtful
         if unknown and not self.motions.touching and (yield from self.motions.back()):
@@ -116,7 +116,7 @@ class Exploration:
             motion, before = left.pop(0), self.motions.gel
             if not self.motions.reachable(motion, around):
                 continue
-            # where a surface is believed and none is found the belief is wrong, and of other places, too
+            # if a believed surface is not found, the belief is wrong, also about positions near it
             if (yield from self.motions.carry_out(motion, around, others=around.mesh is None)):
                 self._stuck = 0
                 return
@@ -127,7 +127,7 @@ class Exploration:
                 left.sort(key=lambda each: each.lift)
         if self._held():
             return
-        if around.mesh is not None:  # where the object is believed to be, which may be wrong
+        if around.mesh is not None:  # the belief about the object may be wrong: once more without it
             self._doubtful = True
             yield from self.go([], Surroundings(self.motions.gel))
             return
@@ -141,8 +141,8 @@ class Exploration:
         )
 
     def judge(self, state: str, why: str, measured: bool) -> None:
-        """Look at the filter's state after a motion, its reason, and whether it has `measured` what the finger
-        touches; a verdict that there is stays."""
+        """Set the verdict, if it is time, by the filter's state after a motion, its reason, and whether it has
+        `measured` the touched surface; an earlier verdict stays."""
         if self.verdict is not None:
             return
         self._unmeasured = 0 if measured or not self.motions.touching else self._unmeasured + 1
@@ -169,12 +169,12 @@ class Exploration:
         return self.motions.carry_out(self._random_leap(around), around)
 
     def _random_slide(self, around: Surroundings) -> Motion:
-        """Somewhere, straight on."""
+        """Return a slide of random heading and length."""
         size = self._size if around.mesh is None else around.mesh.diagonal
         length = size * self._rng.uniform(*_RANDOM_LENGTHS)
         return Motion(self._rng.uniform(0, 2 * np.pi), length)
 
     def _random_leap(self, around: Surroundings) -> Motion:
-        """Somewhere else, up to half of the object away."""
+        """Return a leap of random heading, up to half of the object's diagonal away."""
         slide = self._random_slide(around)
         return Motion(slide.heading, 2 * slide.length, lift=True)

@@ -1,6 +1,6 @@
-"""Off the surface, through the air, and down elsewhere: as plans of acts.
+"""Leaps, as plans of acts: off the surface, through the air, and down elsewhere.
 
-A way (N, 4, 4) is the gel poses T_base_gel on the surface that a leap goes over, the last of them the one to touch at.
+A way (N, 4, 4) holds the gel poses T_base_gel on the surface that a leap passes over; at the last of them it touches.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from .acts import Approach, Lift, Plan, Touch
 from .surroundings import Surroundings, Track
 
 CLEARANCES = 12e-3, 30e-3, 72e-3
-"""m over the surface on the way; higher where something is in it. The filter takes less for a gap in a slide."""
+"""m above the surface; the next one if something is in the way. The filter takes less for a gap in a slide."""
 
 SEARCHED = 0.015
-"""m below where a surface should be: the estimate may be off."""
+"""m below the expected surface that are searched: the estimate may be off."""
 
-_TURN = np.radians(60.0)  # from one pose to the next in the air: straight ways between them lead around the object
-_AROUND = 0.013, 0.026, 0.039  # m beyond a position that cannot be touched others are tried
-_SHORTER = 1.0, 0.5, 0.25  # of a way beside which no surface is known
+_TURN = np.radians(60.0)  # largest turn from pose to pose in the air, so that straight lines lead around the object
+_AROUND = 0.013, 0.026, 0.039  # m beyond a position that cannot be touched, where others are tried
+_SHORTER = 1.0, 0.5, 0.25  # fractions of a way that are tried if no surface is known
 
 
 def ways_along(around: Surroundings, heading: float, length: float) -> list[np.ndarray]:
-    """Ways to touch `length` m away, and others for when it cannot be touched there: farther, or nearer where the
-    surface is not known."""
+    """Return the way to touch `length` m away, then alternatives in case that fails: longer ways, or shorter ones if
+    the surface is not known."""
     if around.mesh is None:
         track = around.track(heading, length)
         return [_over(track, fraction * length) for fraction in _SHORTER]
@@ -37,7 +37,7 @@ def ways_along(around: Surroundings, heading: float, length: float) -> list[np.n
 
 
 def ways_to(around: Surroundings, position: np.ndarray) -> list[np.ndarray]:
-    """The same for a position (3,) m of the base frame, the others on the way back from it."""
+    """Return the way to a position (3,) m of the base frame, then alternatives that end on the way back from it."""
     there = around.over(position)
     track = around.towards(position, 2 * float(np.linalg.norm(there[:3, 3] - around.gel[:3, 3])))
     nearest = int(np.argmin(np.linalg.norm(track.poses[:, :3, 3] - there[:3, 3], axis=1)))
@@ -48,10 +48,10 @@ def ways_to(around: Surroundings, position: np.ndarray) -> list[np.ndarray]:
 
 
 def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
-    """Up, over and down at the end of the first of the ways where that can be done, else down again where it was,
-    as long as the arm comes back there; whether it touches at the end of one.
+    """Lift, fly along the first possible way, and touch at its end; return whether it touches there.
 
-    searched: m below the last pose in which it looks for the surface. What led nowhere is retraced: that way is free.
+    If no way is possible it goes down where it began, unless it cannot get back there. searched: depth [m] below the
+    last pose in which it looks for the surface. A flight that led nowhere is retraced, because that path is free.
     """
     height, left = 0.0, [*ways]
     for clearance in CLEARANCES:
@@ -66,8 +66,8 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
                 return True
             back = [*reversed(passed), lifted.pose]
             if len((yield from _fly(back))) < len(back):
-                return False  # where it is now, nobody has planned to go down
-            if not through:  # higher up: the other ways lead by the same obstacle
+                return False  # no descent is planned where it is now
+            if not through:  # try higher up: the other ways pass the same obstacle
                 break
             del left[0]
         if not left:
@@ -77,9 +77,9 @@ def leap(ways: Sequence[np.ndarray], searched: float = SEARCHED) -> Plan[bool]:
 
 
 def _down(pose: np.ndarray, height: float, searched: float) -> Plan[bool]:
-    """From `height` m over a pose (4, 4) onto the surface, looked for `searched` m below it; whether it touches then.
+    """Go down from `height` m above a pose (4, 4) to at most `searched` m below it; return whether it touches then.
 
-    A touch is slow: down to the lowest clearance, or to what is in the way there, it goes through the air.
+    A touch is slow, so it approaches through the air, down to the lowest clearance or to an obstacle.
     """
     if height > CLEARANCES[0]:
         came = yield Approach(pose @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
@@ -88,7 +88,7 @@ def _down(pose: np.ndarray, height: float, searched: float) -> Plan[bool]:
 
 
 def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
-    """From pose to pose (4, 4) as far as nothing is in the way; those that it came to."""
+    """Fly from pose to pose (4, 4) until something is in the way; return the poses reached."""
     passed = []
     for pose in poses:
         if not (over := (yield Approach(pose))).success:
@@ -98,7 +98,7 @@ def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
 
 
 def _over(track: Track, length: float) -> np.ndarray:
-    """The way (N, 4, 4) along a track up to `length` m, of as few poses as lead around the object."""
+    """Return the way (N, 4, 4) along a track up to `length` m, with as few poses as lead around the object."""
     poses = track.poses[: track.index(length) + 1]
     kept = [poses[0]]
     for before, pose in itertools.pairwise(poses):
@@ -108,5 +108,5 @@ def _over(track: Track, length: float) -> np.ndarray:
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    """rad between the z axes of two poses (4, 4)."""
+    """Angle [rad] between the z axes of two poses (4, 4)."""
     return float(np.arccos(np.clip(a[:3, 2] @ b[:3, 2], -1, 1)))

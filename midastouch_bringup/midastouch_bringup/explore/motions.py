@@ -1,4 +1,4 @@
-"""Slides and leaps of an arm within its reach, as plans of acts, and what came of them."""
+"""Slides and leaps of an arm within its reach, as plans of acts, and a record of their ends."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import Reach
 from .surroundings import Surroundings, Track
 
-_BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
-_SHOWN = 2e-3  # m: a slide that is stopped before has shown nothing that was not seen before
-_NEAR = 1e-3  # m from a position that a person shows: there
-_BESIDE = 0.013  # m: places farther apart than a gel is wide are others
-_SLIDES_TO = 4  # a position, each along the chord of what is left
+_BLOCKED = 0.5  # of its length: a slide that ends earlier has met an obstacle
+_SHOWN = 2e-3  # m: a slide that is stopped earlier has shown nothing new
+_NEAR = 1e-3  # m from a position that a person shows that count as there
+_BESIDE = 0.013  # m, the width of a gel: places further apart are distinct
+_SLIDES_TO = 4  # slides to a position, each along the chord of the path that is left
 
 _T = TypeVar("_T")
 
@@ -35,13 +35,12 @@ class Motion:
 
 
 class Motions:
-    """Carries out one motion after the other.
+    """Motions, carried out one after the other.
 
-    Attributes: path [m] on the surface; slides and lifts, how many; touching, whether the gel does after the newest
-    act; gel T_base_gel (4, 4) then; blocked, whether something was in the way of the last slide; why_not, why the last
-    act that failed did, in words.
-    Args: reach, what is out of which is left out; down [m], how far it looks for a surface that it knows nothing of;
-    held(): whether it is to begin no further motion by itself.
+    Attributes: path [m]: on the surface; slides, lifts: their numbers; touching, gel T_base_gel (4, 4): after the
+    newest act; blocked: True if an obstacle stopped the last slide; why_not: reason of the last failed act, in words.
+    Args: reach: motions that leave it are not made; down [m]: depth to which it searches for an unknown surface;
+    held(): True while it must not begin a further motion by itself.
     """
 
     def __init__(self, reach: Reach, down: float, held: Callable[[], bool]):
@@ -52,7 +51,7 @@ class Motions:
         self._places: list[np.ndarray] = []  # T_base_gel where it has touched within the arm's reach
 
     def touch(self) -> Plan[Done]:
-        """Down onto what is below, and up again where nothing is."""
+        """Go down until something touches, and up again if nothing does."""
         done = yield from self._do(Touch(self._down))
         self.lifts += done.touching
         if not done.touching:
@@ -60,23 +59,23 @@ class Motions:
         return done
 
     def reachable(self, motion: Motion, around: Surroundings) -> bool:
-        """Whether the way is within reach; who is asked for that is not asked here."""
+        """Return whether the way is within the box and cone of `reach`; `CheckReach` is not asked here."""
         if motion.lift:
             return self._can_leap(ways_along(around, motion.heading, motion.length)[0])
         return self._reach.holds(_way(motion, around))
 
     def carry_out(self, motion: Motion, around: Surroundings, others: bool = True) -> Plan[bool]:
-        """This very motion, as far as it can be carried out; whether it led to anything new. others: whether a leap
-        tries what is near where it cannot touch."""
+        """Carry out this motion as far as possible; return whether it led to anything new. others: True if a leap that
+        cannot touch at its end tries positions near it."""
         if not motion.lift:
             return (yield from self._slide(motion, around))
         ways = ways_along(around, motion.heading, motion.length)
         return (yield from self._leap(ways if others else ways[:1], around))
 
     def visit(self, position: np.ndarray, around: Surroundings) -> Plan[bool]:
-        """Touch the surface next to a position (3,) m of the base frame: slide there if that leads there, else lift.
+        """Touch the surface next to a position (3,) m of the base frame: slide there if possible, otherwise lift.
 
-        Whether it touches there then, and not only as near as it can.
+        Return whether it touches there, not only as near as it can.
         """
         goal = around.over(position)[:3, 3]
         for _ in range(_SLIDES_TO):
@@ -94,9 +93,9 @@ class Motions:
         return self.touching and _distance(around, goal) < _NEAR
 
     def back(self) -> Plan[bool]:
-        """To the last of the places that it has touched at; whether it stays there. But for the first, those near one
-        where it does not are forgotten."""
-        for place in [*reversed(self._places)]:  # what is touched on the way is added
+        """Go back to the last place that it has touched, or to one before; return whether it touches there within
+        reach. If that fails, the places near it are forgotten, except the first of all."""
+        for place in [*reversed(self._places)]:  # a copy: touches on the way are added
             if self._held():
                 return False
             if not any(place is kept for kept in self._places):
@@ -115,19 +114,19 @@ class Motions:
         if not self.touching:
             return False
         if self._reach.asks:
-            way = _way(motion, around)  # of which it is at the first pose
+            way = _way(motion, around)  # the gel is at its first pose
             if not (yield from self._said_to_be_reached(np.concatenate([way[1:], _raised(way[-1:])]))):
                 return False
         done = yield from self._do(Slide(motion.heading, motion.length))
         self.path += done.path
         self.slides += done.path > 0
-        if not (done.touching and self._reach.holds(done.pose[None])):  # over an edge, or where nothing is within reach
+        if not (done.touching and self._reach.holds(done.pose[None])):  # past an edge, or out of reach
             yield from self._leap([around.gel[None]], replace(around, gel=done.pose), SEARCHED)
         self.blocked = done.path < _BLOCKED * motion.length
         return done.path > min(_SHOWN, _BLOCKED * motion.length)
 
     def _can_leap(self, way: np.ndarray) -> bool:
-        """Whether the arm reaches what is over a way (N, 4, 4), and its end."""
+        """Return whether the poses above a way (N, 4, 4), and its end, are within the box and cone of `reach`."""
         return self._reach.holds(np.concatenate([_raised(way), way[-1:]]))
 
     def _leap(self, ways: Sequence[np.ndarray], around: Surroundings, searched: float | None = None) -> Plan[bool]:
@@ -149,7 +148,7 @@ class Motions:
         return went
 
     def _straight_to(self, place: np.ndarray) -> Plan[bool]:
-        """Over a place (4, 4) by one straight way, and down there; whether it touches then."""
+        """Fly straight to above a place (4, 4), and go down there; return whether it touches then."""
         over = _raised(place[None])
         if not self._can_leap(place[None]):
             return False
@@ -162,18 +161,18 @@ class Motions:
         return touched
 
     def _said_to_be_reached(self, poses: np.ndarray) -> Plan[bool]:
-        """Whether whoever knows the arm says that it reaches all of these poses (N, 4, 4)."""
+        """Ask by `CheckReach` whether the arm reaches all of these poses (N, 4, 4); return the answer."""
         answer = yield CheckReach(poses)
         if not answer.success:
             self.why_not = answer.message
         return answer.success
 
     def _watched(self, plan: Plan[_T]) -> Plan[_T]:
-        """A plan, while what its acts come to is noted."""
+        """Carry out a plan; the end of each act is noted."""
         return (yield from carried_out(plan, self._do))
 
     def _do(self, act: Act) -> Plan[Done]:
-        """One act, whose end is noted."""
+        """Carry out one act, and note its end."""
         done = yield act
         self.touching, self.gel = done.touching, done.pose
         if done.touching and self._reach.holds(done.pose[None]):
@@ -189,16 +188,16 @@ def _way(motion: Motion, around: Surroundings) -> np.ndarray:
 
 
 def _raised(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 4, 4) at the lowest clearance of a leap."""
+    """Raise poses (N, 4, 4) to the lowest clearance of a leap."""
     return poses @ se3.translation([0.0, 0.0, CLEARANCES[0]])
 
 
 def _distance(around: Surroundings, goal: np.ndarray) -> float:
-    """m along the surface, about, to a position (3,) of it."""
+    """Straight distance [m] from the surface point nearest to the gel to a position (3,) on the surface."""
     return float(np.linalg.norm(around.over(around.gel[:3, 3])[:3, 3] - goal))
 
 
 def _comes_nearer(track: Track, goal: np.ndarray) -> bool:
-    """Whether each step of a way leads towards a position (3,)."""
+    """Return whether each step of a track leads towards a position (3,)."""
     left = np.linalg.norm(track.poses[:, :3, 3] - goal, axis=1)
     return len(left) > 1 and bool((np.diff(left) < -MIN_PROGRESS * np.diff(track.gone)).all())

@@ -1,4 +1,4 @@
-"""Where an arm can have its gel: a box, and a cone of directions."""
+"""Reach of an arm's gel: a box, and a cone of directions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from midastouch_common.errors import InputError
 
 
 class Reach:
-    """low, high (3,) m: corners of the box in the base frame; cone [rad]: largest angle between the z axes of gel and
-    base, pi for every direction; asks, whether plans ask whoever knows the arm, too. Raises InputError for an empty
+    """Reach. low, high (3,) m: corners of the box in the base frame; cone [rad]: largest angle between the z axes of
+    gel and base, pi for every direction; asks: True if plans also ask by `CheckReach`. Raises InputError for an empty
     box."""
 
     def __init__(self, low: Sequence[float], high: Sequence[float], cone: float, asks: bool = False):
@@ -21,9 +21,9 @@ class Reach:
             raise InputError(f"the box of reach from {list(low)} to {list(high)} m is empty")
 
     def holds(self, poses: np.ndarray) -> bool:
-        """Whether all of these poses T_base_gel (N, 4, 4) can be reached."""
+        """Return whether all of these poses T_base_gel (N, 4, 4) can be reached."""
         position = poses[:, :3, 3]
-        # an upright gel is not to fall out of a cone of 0 by rounding
+        # rounding must not put an upright gel outside of a cone of 0
         upright = poses[:, 2, 2] >= self._least - 1e-9
         return bool((upright & ((self._low <= position) & (position <= self._high)).all(axis=1)).all())
 

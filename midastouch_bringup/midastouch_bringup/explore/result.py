@@ -1,4 +1,4 @@
-"""What an exploration came to, and its page."""
+"""Result of an exploration, and its page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..drawing.run_pictures import add_run
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
     """Draw the frames of a run into the folder `out`; returns its `index.html`.
 
-    Frames whose penetration was not recorded, as the first may not be, are left out.
+    Frames whose penetration was not recorded, such as the first ones at times, are left out.
     """
     run = [one for one in run if one.penetration is not None]
     if not run:
@@ -48,8 +48,8 @@ def _begun(result: dict) -> Page:
 
 @dataclass(frozen=True)
 class Ended:
-    """How it ended: the explorer's state, or "failed", and the reason, way on the surface [m], motions; whether a
-    person ended it."""
+    """End of an exploration: the explorer's state, or "failed", and the reason, path on the surface [m], motions, and
+    whether a person ended it."""
 
     state: str
     reason: str
@@ -60,14 +60,14 @@ class Ended:
 
     @staticmethod
     def of(status: Any, by_hand: bool = False) -> Ended:
-        """From an `ExplorerStatus`."""
+        """Return the end that an `ExplorerStatus` reports."""
         fields = (status.state, status.reason, status.path_length, status.slides, status.lifts)
         return Ended(*fields, by_hand=by_hand)
 
 
 def ending(ended: Ended, object_name: str, seconds: float) -> dict:
-    """What `result.json` says of every end, also of one before the filter had an answer; seconds: of the whole run,
-    from the start of the nodes on."""
+    """Return the part of `result.json` that every end has, even one before the filter's first answer; seconds: of the
+    whole run, from the start of the nodes on."""
     return {
         "object": object_name,
         "right": False,
@@ -82,10 +82,10 @@ def ending(ended: Ended, object_name: str, seconds: float) -> dict:
 
 
 def exploration_result(record: RunRecord, object_name: str, ended: Ended, answering: float, seconds: float) -> dict:
-    """The content of `result.json`: `ending`, and what the filter answered; answering [s], from its first answer to the
-    last."""
+    """Return the content of `result.json`: `ending`, and the filter's answers; answering [s]: from its first answer to
+    the last."""
     result = demo_result(record, object_name, answering)
-    # one that was told is known
+    # an object that the filter was given is known
     objects = record.snapshots[-1].objects or {object_name: 1.0}
     answer = max(objects, key=objects.get)
     known = result["state"] == "converged" and answer == object_name
@@ -99,7 +99,7 @@ def exploration_result(record: RunRecord, object_name: str, ended: Ended, answer
 
 
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the table of a result, or of a mere ending."""
+    """Header and rows of the table of a result, or of an ending alone."""
     motions = f"{result['slides']} slides, {result['lifts']} lifts"
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
     rows = [

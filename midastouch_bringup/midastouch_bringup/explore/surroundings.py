@@ -1,4 +1,4 @@
-"""What is around a gel, as far as it is known: where ways along the surface lead."""
+"""Surroundings of a gel, as far as they are known, and tracks along the surface."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ _STEP = 4e-3  # m
 
 @dataclass(frozen=True)
 class Track:
-    """A way that begins with a heading [rad] in the gel's plane: gel poses T_base_gel (N, 4, 4) flat on the surface,
-    and how far each of them is, gone (N,) m."""
+    """Track that begins with a heading [rad] in the gel's plane; poses: gel poses T_base_gel (N, 4, 4) flat on the
+    surface; gone (N,) m: distance of each pose along the track."""
 
     heading: float
     poses: np.ndarray
     gone: np.ndarray
 
     def index(self, length: float) -> int:
-        """Of the first pose so far along the way, or of the last one."""
+        """Index of the first pose that is `length` m or more along the track, or of the last one."""
         return int(min(np.searchsorted(self.gone, length - 1e-9), len(self.gone) - 1))
 
     def at(self, length: float) -> np.ndarray:
-        """That pose (4, 4)."""
+        """Pose (4, 4) of that index."""
         return self.poses[self.index(length)]
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """gel T_base_gel (4, 4); object T_base_obj (4, 4) and its mesh, both None where nothing is known of them."""
+    """Gel T_base_gel (4, 4), and object T_base_obj (4, 4) with its mesh, both None if the object is not known."""
 
     gel: np.ndarray
     object: np.ndarray | None = None
     mesh: ObjectMesh | None = None
 
     def track(self, heading: float, length: float) -> Track:
-        """The way over `length` m in a direction [rad] of the gel's plane: along the surface as far as that leads on,
-        straight on in that plane where no surface is known. The first pose is where the gel is now."""
+        """Return the track of `length` m in a direction [rad] of the gel's plane: along the surface as far as it
+        continues, or straight in that plane if no surface is known. The first pose is where the gel is now."""
         if self.mesh is not None:
             return self._geodesic(heading, length)
         gone = np.append(np.arange(0.0, length, _STEP), length)
@@ -49,17 +49,17 @@ class Surroundings:
         return Track(heading, self.gel @ se3.translation(along), gone)
 
     def towards(self, goal: np.ndarray, length: float) -> Track:
-        """The way over `length` m that begins in the direction of a position (3,) m in the base frame."""
+        """Return the track of `length` m that begins in the direction of a position (3,) m in the base frame."""
         x, y, _ = self._flat(self.gel)[:3, :3].T @ (goal - self.gel[:3, 3])
         return self.track(float(np.arctan2(y, x)), length)
 
     def over(self, position: np.ndarray) -> np.ndarray:
-        """The gel's pose (4, 4) flat on the surface next to a position (3,) m of the base frame, turned the shortest
-        way from where it is now; as it is now where no surface is known."""
+        """Return the gel's pose (4, 4) flat on the surface next to a position (3,) m of the base frame, turned the
+        shortest way from its present orientation; if no surface is known, at the position and not turned."""
         return self._flat(se3.make(self.gel[:3, :3], position))
 
     def _flat(self, pose: np.ndarray) -> np.ndarray:
-        """A pose T_base_gel (4, 4) laid flat onto the surface, which it is near to."""
+        """Lay a pose T_base_gel (4, 4) flat onto the nearest point of the surface, if one is known."""
         if self.mesh is None:
             return pose
         on_object = se3.inverse(self.object) @ pose

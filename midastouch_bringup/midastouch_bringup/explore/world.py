@@ -16,15 +16,15 @@ from ..bags.messages import BASE_FROM_OBJECT
 from .acts import Act, Approach, Done, Lift, Plan, Slide, Touch, carried_out
 
 PUSH = 6e-3, np.radians(5.0)
-"""m, rad: about what the filter's test of a moved object is made for."""
+"""m, rad; about the motion that the filter's test of a moved object is made for."""
 
 _T = TypeVar("_T")
 
 
 class World:
-    """Attributes: mesh; finger; base_from_object, T_base_obj (4, 4).
+    """Simulated finger and object. Attributes: mesh; finger; base_from_object: T_base_obj (4, 4).
 
-    Args: step [m], way of the finger between two images. Raises InputError if nothing of the object can be touched.
+    Args: step [m]: path of the finger between two images. Raises InputError if nothing of the object can be touched.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
@@ -38,7 +38,7 @@ class World:
         return self.base_from_object @ self.finger.pose
 
     def put(self, mesh: ObjectMesh) -> None:
-        """Another object instead of the present one, the finger over a random point of it."""
+        """Put another object in place of the present one, with the finger over a random point of it."""
         self.finger = SimulatedFinger(mesh, self._sensor, self._rng, self._step)
         self.mesh = mesh
 
@@ -58,11 +58,11 @@ class World:
             yield self.finger.stay_in_place(moved)
 
     def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
-        """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns what it came to."""
+        """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns the plan's result."""
         return (yield from carried_out(plan, self.carry_out))
 
     def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
-        """Move the finger; yields T_obj_gel (4, 4), one per image, and returns how it ended."""
+        """Carry out an act; yields T_obj_gel (4, 4), one per image, and returns how it ended."""
         motion, last, path = self._motion(act), self.finger.pose[:3, 3], 0.0
         while True:
             try:
@@ -88,7 +88,7 @@ class World:
 
 
 def _words(act: Act, success: bool, path: float) -> str:
-    """How an act ended, after a path [m]."""
+    """Describe how an act ended, after a path [m]."""
     way = f"{1e3 * path:.0f} mm"
     match act:
         case Touch(distance):

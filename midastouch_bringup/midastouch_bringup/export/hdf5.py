@@ -10,7 +10,7 @@ import h5py
 from .recording import FILTER_STATES, Recording
 
 VERSION = 1
-"""Of the layout: an attribute of each file."""
+"""Version of the layout, an attribute of each file."""
 
 
 def write_hdf5(recordings: Sequence[Recording], folder: Path) -> int:

@@ -59,7 +59,7 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> int:
 
 
 def features(columns: Sequence[Column]) -> dict[str, dict]:
-    """The schema as `info.json` has it."""
+    """Return the schema as it is in `info.json`."""
     out = {_feature(column): _described(column) for column in columns}
     out[ACTION] = {"dtype": "float32", "shape": [6], "names": list(_MOTION)}
     out["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
@@ -76,7 +76,7 @@ def _described(column: Column) -> dict:
     if column.name == "image":
         return {"dtype": "image", "shape": list(column.shape), "names": ["height", "width", "channels"]}
     names = list(column.names) or (["height", "width"] if len(column.shape) == 2 else None)
-    # its policies compute in single precision; a stamp would lose its seconds
+    # LeRobot's policies compute in single precision; stamps stay int64, as single precision would lose the seconds
     dtype = "float32" if column.dtype == "float64" else column.dtype
     return {"dtype": dtype, "shape": list(column.shape), "names": names}
 
@@ -89,7 +89,7 @@ def _require_alike(first: Recording, other: Recording) -> None:
 
 
 def _common_rate(recordings: Sequence[Recording]) -> int:
-    """Images per second, a whole number as the format has it."""
+    """Common rate of the recordings, images per second; the format wants a whole number."""
     rates = [recording.rate for recording in recordings]
     if max(rates) - min(rates) > _MOST_UNLIKE * max(rates):
         slow, fast = (recordings[rates.index(pick(rates))].path for pick in (min, max))
@@ -124,7 +124,7 @@ class _Episode:
         return own
 
     def _rows(self, recording: Recording) -> Iterator[dict[str, np.ndarray]]:
-        """Value of each feature, frame by frame; a frame's action is the motion to the next one."""
+        """Yield the value of each feature, frame by frame; a frame's action is the motion to the next one."""
         row = None
         for following in recording.rows():
             if row is not None:
@@ -198,7 +198,7 @@ def _write_table(path: Path, rows: list[dict], metadata: dict[str, str] | None =
 
 
 def _write_tasks(path: Path, tasks: dict[str, int]) -> None:
-    """Numbers by task, which is the index: the format's readers take the file for a frame of pandas."""
+    """Write the number of each task, with the task as index: the format's readers load the file as a pandas frame."""
     described = [{"name": "task_index", "pandas_type": "int64", "numpy_type": "int64"}]
     described.append({"name": "task", "pandas_type": "unicode", "numpy_type": "object"})
     for one in described:

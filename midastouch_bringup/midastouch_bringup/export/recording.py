@@ -1,4 +1,4 @@
-"""A bag as a table: what every frame has, in columns that every format writes."""
+"""A bag as a table: one row per frame, in columns that every format writes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
 
 FILTER_STATES = ("none", *STATES)
-"""Names of the numbers in the column `filter_state`; `none`: the filter said nothing of the frame."""
+"""Names of the numbers in the column `filter_state`; `none`: the filter reported nothing about the frame."""
 
 POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _NOWHERE = np.array([0, 0, 0, 0, 0, 0, 1.0])
@@ -28,9 +28,9 @@ _NOWHERE = np.array([0, 0, 0, 0, 0, 0, 1.0])
 
 @dataclasses.dataclass(frozen=True)
 class RecordedFrame:
-    """One image with what belongs to its stamp; None, or the state "none", where the bag has nothing of it.
+    """One image with the results of its stamp; None, or the state "none", for results that the bag does not have.
 
-    estimate T_obj_gel (4, 4); penetration (H, W) float32 m, as measured.
+    estimate: T_obj_gel (4, 4); penetration (H, W): float32 m, as measured.
     """
 
     posed: BagFrame
@@ -43,8 +43,8 @@ class RecordedFrame:
 class Column:
     """A quantity that every frame has.
 
-    Attributes: name; dtype, of NumPy; shape of one value; description, with unit; value, of a frame; names of its
-    elements, if it is a vector.
+    Attributes: name; dtype: of NumPy; shape: of one value; description: with unit; value: function of a frame; names:
+    of the elements of a vector.
     """
 
     name: str
@@ -56,10 +56,10 @@ class Column:
 
 
 class Recording:
-    """The frames of a stream of a bag, read as often as asked for.
+    """Frames of a stream of a bag, read from the file each time they are asked for.
 
-    Attributes: path; object_name, empty where the bag does not say it; columns, that it has. Raises InputError if it
-    is no bag with such images and transforms.
+    Attributes: path; object_name: empty if the bag does not name it; columns. Raises InputError if `path` is no bag
+    with such images and transforms.
     """
 
     def __init__(self, path: str | Path, stream: GelStream = OWN):
@@ -71,7 +71,7 @@ class Recording:
 
     @property
     def rate(self) -> float:
-        """Images per second, as most of them follow each other. Raises InputError for fewer than two."""
+        """Images per second, from the median interval. Raises InputError for fewer than two images."""
         with readable(self.path):
             stamps = [header_stamp_ns(message.data) for message in image_messages(self.path, self._stream.image_topic)]
         distinct = np.unique(stamps)
@@ -80,7 +80,7 @@ class Recording:
         return 1e9 / float(np.median(np.diff(distinct)))
 
     def frames(self) -> Iterator[RecordedFrame]:
-        """Frame by frame; an image that was recorded twice comes once."""
+        """Yield frame by frame; an image that was recorded twice comes once."""
         estimates = dict(by_stamp(self.path, POSE)) if POSE in self._topics else {}
         states = answers(self.path) if STATUS in self._topics else {}
         measured = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
@@ -99,7 +99,7 @@ class Recording:
             )
 
     def rows(self) -> Iterator[dict[str, np.ndarray]]:
-        """Frame by frame the value of each column, of its type and shape."""
+        """Yield, frame by frame, the value of each column in the column's type and shape."""
         for frame in self.frames():
             row = {column.name: np.asarray(column.value(frame), column.dtype) for column in self.columns}
             for column in self.columns:
@@ -112,7 +112,7 @@ class Recording:
         yield Column("stamp_ns", "int64", (1,), "time of the image [ns]", lambda f: np.array([f.posed.stamp_ns]))
         yield Column("image", "uint8", first.posed.image.shape, "tactile image, RGB", lambda f: f.posed.image)
         yield _pose("base_from_gel", "gel frame in the base of the arm", lambda f: f.posed.base_from_gel)
-        # a bag may name a topic on which nothing ever came
+        # a bag may list a topic without messages
         if PENETRATION in self._topics and (measured := next(by_stamp(self.path, PENETRATION), None)):
             nothing = np.zeros_like(image_from_msg(measured[1]), np.float32)
             what = "how far the object is in the gel, as the depth network measures it [m]"
@@ -139,7 +139,7 @@ def _pose(name: str, what: str, pose: Callable[[RecordedFrame], np.ndarray | Non
 
 
 def _where_known(column: Column, missing: np.ndarray) -> tuple[Column, Column]:
-    """The column with `missing` for frames whose value is None, and one that says which frames those are not."""
+    """Return the column with `missing` in place of None, and a column that is True for the frames with a value."""
 
     def value(frame: RecordedFrame) -> np.ndarray:
         known = column.value(frame)
@@ -153,7 +153,7 @@ def _where_known(column: Column, missing: np.ndarray) -> tuple[Column, Column]:
 
 
 class _InOrder:
-    """Values by stamp of which only the present one is held: large ones, asked for in order of time."""
+    """Large values by stamp, asked for in order of time, so that only the present one is held in memory."""
 
     def __init__(self, values: Iterator[tuple[int, object]]):
         self._values = values

@@ -1,4 +1,4 @@
-"""Least, greatest, mean and spread of values that come one after the other."""
+"""Running minimum, maximum, mean and standard deviation of values."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 
 class RowStatistics:
-    """Statistics of rows, by name of the value; `images` are those that are images."""
+    """Statistics of rows, by name of the value; images: names of the values that are images."""
 
     def __init__(self, images: Collection[str]):
         self._images = images
         self._of: dict[str, ElementStatistics | ImageStatistics] = {}
 
     def add(self, row: Mapping[str, np.ndarray]) -> None:
-        """One more row."""
+        """Add a row."""
         for name, value in row.items():
             if name not in self._of:
                 self._of[name] = ImageStatistics() if name in self._images else ElementStatistics()
@@ -37,7 +37,7 @@ class ElementStatistics:
         self._least = self._greatest = self._mean = self._squares = np.float64(0)
 
     def add(self, values: np.ndarray) -> None:
-        """One more array."""
+        """Add an array."""
         values = np.asarray(values, np.float64)
         self.count += 1
         if self.count == 1:
@@ -54,7 +54,7 @@ class ElementStatistics:
 
 
 class ImageStatistics:
-    """Statistics of each colour over the pixels of images (H, W, 3) uint8 of one size, as shares of full brightness."""
+    """Statistics of each colour over the pixels of images (H, W, 3) uint8 of one size; full brightness is 1."""
 
     def __init__(self) -> None:
         self._least, self._greatest = ElementStatistics(), ElementStatistics()
@@ -62,11 +62,11 @@ class ImageStatistics:
 
     @property
     def count(self) -> int:
-        """Images so far."""
+        """Number of images so far."""
         return self._mean.count
 
     def add(self, image: np.ndarray) -> None:
-        """One more image."""
+        """Add an image."""
         pixels = image.reshape(-1, 3) / 255
         self._least.add(pixels.min(axis=0))
         self._greatest.add(pixels.max(axis=0))

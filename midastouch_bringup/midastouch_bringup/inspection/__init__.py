@@ -1,5 +1,5 @@
-"""A finished run looked at in three dimensions. What is drawn needs NumPy alone; who draws it is Open3D, the `open3d`
-extra."""
+"""Inspection of a finished run in three dimensions. The shapes need NumPy only; Open3D, the `open3d` extra, draws
+them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SYSTEM = "libgl1, libegl1, libx11-6 and libusb-1.0-0 (the last also from PyPI: l
 
 
 def require_open3d() -> ModuleType:
-    """The module `open3d`; InputError with the fix when it, or a system library that it wants, is missing."""
+    """Return the module `open3d`; InputError with the fix if it, or a system library that it needs, is missing."""
     try:
         from .library import open3d
     except ImportError as error:

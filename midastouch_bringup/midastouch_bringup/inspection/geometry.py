@@ -1,4 +1,4 @@
-"""What is drawn and exported of a run: points, lines and meshes in the object's frame, and from where they are seen."""
+"""Geometry of a run to draw and to export: points, lines and meshes in the object's frame, and the viewpoint."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .run import Moment, Run
 
 @dataclasses.dataclass(frozen=True)
 class Viewpoint:
-    """centre (3,) m, looked at; right, up and towards_viewer (3,), unit directions in the object's frame."""
+    """View of the point `centre` (3,) m; right, up and towards_viewer (3,): unit directions in the object's frame."""
 
     centre: np.ndarray
     right: np.ndarray
@@ -31,8 +31,8 @@ class Viewpoint:
 
     @classmethod
     def of(cls, run: Run, mesh: ObjectMesh) -> Viewpoint:
-        """The view of the side that the run touches, as in the demo's pictures: by the true poses if known, else by the
-        estimates."""
+        """Return the view of the side that the run touches, as in the demo's pictures: by the true poses if they are
+        known, otherwise by the estimates."""
         true = [m.truth for m in run.moments if m.truth is not None]
         poses = true or [e for m in run.moments for e in m.estimates if e is not None] or [np.eye(4)]
         return cls(mesh.bounds.mean(axis=0), *ObjectView(mesh, np.array(poses), 100).camera.rotation)
@@ -42,7 +42,7 @@ MESH_COLOUR = (0.78, 0.78, 0.82)
 
 
 def geometry_of(shape: Shape):
-    """A PointCloud, or a LineSet whose lines have the colour of their first point."""
+    """Return a PointCloud, or a LineSet whose lines have the colour of their first point."""
     o3d = require_open3d()
     points = o3d.utility.Vector3dVector(shape.points)
     if shape.lines is None:
@@ -55,7 +55,7 @@ def geometry_of(shape: Shape):
 
 
 def mesh_geometry(mesh: ObjectMesh):
-    """A TriangleMesh with normals at its vertices and of its faces: Open3D shades no mesh that lacks either."""
+    """Return a TriangleMesh with vertex normals and face normals: Open3D shades no mesh that lacks either."""
     o3d = require_open3d()
     out = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces))
     out.vertex_normals = o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.vertex_normals))
@@ -65,9 +65,9 @@ def mesh_geometry(mesh: ObjectMesh):
 
 
 def export(run: Run, mesh: ObjectMesh, indices: Sequence[int], folder: Path, clouds: str) -> int:
-    """Write `mesh.ply` and, for each of some moments, a folder named after it with its layers; returns how many files.
+    """Write `mesh.ply` and, for each of some moments, a folder named after it with its layers; returns the file count.
 
-    clouds: "ply" or "pcd", the format of points; lines are PLY, PCD has none. Raises InputError if one cannot be
+    clouds: "ply" or "pcd", the format of points; lines are PLY, as PCD has none. Raises InputError if a file cannot be
     written.
     """
     o3d = require_open3d()
@@ -100,7 +100,7 @@ _MOST_MODES = 6
 
 @dataclasses.dataclass(frozen=True)
 class Shape:
-    """points (P, 3) m with colours (P, 3) in [0, 1]; lines (L, 2), indices of points, None for points alone."""
+    """Points (P, 3) m with colours (P, 3) in [0, 1]; lines (L, 2): indices of points, None for points alone."""
 
     points: np.ndarray
     colours: np.ndarray
@@ -108,8 +108,8 @@ class Shape:
 
 
 def shapes(moments: list[Moment], index: int) -> dict[str, Shape]:
-    """The layers at a moment that are not empty, by name: particles, modes as two-sigma ellipsoids with the gel's axes,
-    the measured contact, and the paths so far of the estimates and of the truth."""
+    """Return the layers at a moment that are not empty, by name: particles, modes as two-sigma ellipsoids with the
+    gel's axes, the measured contact, and the paths so far of the estimates and of the truth."""
     now, past = moments[index], moments[: index + 1]
     trials = range(len(now.estimates))
     layers = {
@@ -123,7 +123,7 @@ def shapes(moments: list[Moment], index: int) -> dict[str, Shape]:
 
 
 def _particle_colours(moment: Moment) -> np.ndarray:
-    """Blue to red with the angle to the truth, as in the demo's pictures; one colour where no truth is known."""
+    """Colour particles blue to red by their angle to the truth, as in the demo's pictures; alike without a truth."""
     if moment.truth is None or not len(moment.particles):
         return np.tile(_PARTICLE, (len(moment.particles), 1))
     angle = pose_errors(moment.particles, moment.truth)[1]
@@ -146,7 +146,7 @@ def _axes(pose: np.ndarray) -> list[Shape]:
 
 
 def _path(poses: list[np.ndarray | None], colour: tuple[float, float, float]) -> list[Shape]:
-    """Where poses have been, and the axes of the last."""
+    """Return the lines that a pose has followed, and the axes of the last pose."""
     trail = Trail(length=len(poses))
     for pose in poses:
         if pose is not None:
@@ -165,7 +165,7 @@ def _line(points: np.ndarray, colour: np.ndarray | tuple[float, float, float]) -
 
 
 def _joined(lines: list[Shape]) -> Shape:
-    """Several lines as one shape."""
+    """Join lines into one shape."""
     if not lines:
         return Shape(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2), int))
     starts = np.cumsum([0, *(len(line.points) for line in lines[:-1])])

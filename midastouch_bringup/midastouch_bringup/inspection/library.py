@@ -1,4 +1,4 @@
-"""Open3D, loaded. Its wheel wants a libusb, for depth cameras; one from PyPI serves where the system has none."""
+"""Open3D, loaded. Its wheel needs libusb, for depth cameras; the one from PyPI serves if the system has none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import ctypes
 with contextlib.suppress(ImportError):
     import libusb_package
 
-    # The loader takes what is loaded already for what Open3D asks by the same name.
+    # The loader takes a library that is loaded already if Open3D asks for one of the same name.
     ctypes.CDLL(str(libusb_package.get_library_path()))
 
 import open3d

@@ -20,9 +20,9 @@ from .run import Run
 _WIDTH, _HEIGHT = 1280, 960
 _SAMPLES = 2  # drawn along each side of a pixel
 _MARGIN = 0.1  # of the picture, on each side
-_NARROW = -90.0  # deg, brings the field of view to its smallest: nearly parallel rays
-_SINKS = 3e-3  # m; what lies so deep below the surface is drawn as if on it
-_HIDDEN = 0.3  # opacity of what lies deeper
+_NARROW = -90.0  # deg; narrows the field of view to its smallest: nearly parallel rays
+_SINKS = 3e-3  # m; shapes up to this deep below the surface are drawn as if on it
+_HIDDEN = 0.3  # opacity of deeper shapes
 
 
 def save(run: Run, mesh: ObjectMesh, paths: dict[int, Path]) -> None:
@@ -38,10 +38,10 @@ def save(run: Run, mesh: ObjectMesh, paths: dict[int, Path]) -> None:
 
 
 class Pictures:
-    """Draws pictures of a run, all from the same side; `with` frees the renderer. InputError where there is no OpenGL.
+    """Pictures of a run, all from the same side; `with` frees the renderer. Raises InputError without OpenGL.
 
     Particles and contact points lie a little inside the object, so its mesh would hide them: the mesh and the rest are
-    drawn apart and put together by their depths.
+    drawn separately and combined by their depths.
     """
 
     def __init__(self, run: Run, mesh: ObjectMesh):
@@ -65,7 +65,7 @@ class Pictures:
         self._renderer.destroy_window()
 
     def draw(self, index: int) -> np.ndarray:
-        """The picture (960, 1280, 3) uint8 of a moment."""
+        """Draw the picture (960, 1280, 3) uint8 of a moment."""
         self._renderer.clear_geometries()
         for shape in shapes(self._run.moments, index).values():
             self._renderer.add_geometry(geometry_of(shape), reset_bounding_box=False)
@@ -84,12 +84,12 @@ class Pictures:
         control.set_front(viewpoint.towards_viewer)
         control.set_up(viewpoint.up)
         seen = np.ptp(mesh.vertices @ np.stack([viewpoint.right, viewpoint.up]).T, axis=0)
-        # The zoom is half the height of what is seen, in units of the longest side of the object's box.
+        # The zoom is half the visible height, in units of the longest side of the object's box.
         height = max(seen[1], seen[0] * _HEIGHT / _WIDTH) / (1 - 2 * _MARGIN)
         control.set_zoom(0.5 * height / np.ptp(mesh.bounds, axis=0).max())
 
     def _drawn(self) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (H, W, 3) in [0, 1] and depths (H, W) m, 0 where nothing is."""
+        """Return colours (H, W, 3) in [0, 1] and depths (H, W) m, 0 for the background."""
         self._renderer.poll_events()
         self._renderer.update_renderer()
         colours = np.array(self._renderer.capture_screen_float_buffer(do_render=True))

@@ -21,11 +21,11 @@ _NO_POSES = np.empty((0, 4, 4))
 
 @dataclasses.dataclass(frozen=True)
 class Moment:
-    """What is known at one time of a run; poses are `T_obj_gel` (4, 4).
+    """One moment of a run; poses are `T_obj_gel` (4, 4).
 
-    label: time and state in words; particles (N, 4, 4); modes, heaviest first; estimates, the published pose of each
-    trial, None where it had none; truth, None where the run has none; contact (K, 3) m, measured points in the object's
-    frame, at the estimate.
+    label: time and state in words; particles (N, 4, 4); modes: heaviest first; estimates: published pose of each
+    trial, None if it had none; truth: None if the run has none; contact (K, 3) m: measured points in the object's
+    frame, placed by the estimate.
     """
 
     label: str
@@ -38,7 +38,7 @@ class Moment:
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """name; mesh, file or name of the object, empty where the run does not say it; moments, in order of time."""
+    """A finished run; mesh: file or name of the object, empty if the run does not state it; moments: in time order."""
 
     name: str
     mesh: str
@@ -48,8 +48,8 @@ class Run:
 def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tacto") -> Run:
     """Read a bag with the results of a run, or the trials of a `sequence` in a result of `midastouch evaluate`.
 
-    sequence: needed where the file has several; sensor: the model whose rays make points of a penetration map.
-    Raises InputError: neither of the two, or one without results.
+    sequence: needed if the file has several; sensor: the model whose rays turn a penetration map into points.
+    Raises InputError if `path` is neither of the two, or holds no results.
     """
     path = Path(path)
     if is_bag(path):

@@ -1,4 +1,4 @@
-"""A run in a window: the object to turn around, a slider for the time, what is shown to choose from."""
+"""Window of a run: the object, which you can turn, a slider for the time, and a choice of layers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .run import Run
 
 _FIELD_OF_VIEW = 20.0  # deg
 _PLAYED_S = 0.05  # from one moment to the next
-_UNSEEN = 3  # pictures
+_UNSEEN = 3  # first pictures, which may not reach the screen
 _LIGHT = 80_000  # lux, from all sides
 _EM = 0.5  # spacing, of the font's size
 
 
 def show(run: Run, mesh: ObjectMesh, index: int) -> None:
-    """Open the window at a moment; returns when it is closed. Raises InputError where there is no display."""
+    """Open the window at a moment; returns when it is closed. Raises InputError without a display."""
     o3d = require_open3d()
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("no display to open a window on; draw to files with --save")
@@ -50,7 +50,7 @@ class Window:
         self._scene = self._gui.SceneWidget()
         self._scene.scene = self._rendering.Open3DScene(self._window.renderer)
         self._scene.scene.set_background([1.0, 1.0, 1.0, 1.0])
-        # The looks of a photograph would cost tens of seconds per picture without a graphics card.
+        # Photographic effects would cost tens of seconds per picture without a graphics card.
         view = self._scene.scene.view
         for switch in (view.set_post_processing, view.set_antialiasing, view.set_ambient_occlusion, view.set_shadowing):
             switch(False)
@@ -115,8 +115,8 @@ class Window:
         self.show(self._index)
 
     def _tick(self) -> bool:
-        """Called before each picture; whether to draw one."""
-        if self._unseen:  # what is drawn before the window is on the screen may never get there
+        """Show the next moment while playing; called before each picture, returns whether to draw one."""
+        if self._unseen:  # pictures drawn before the window is on the screen may never get there
             self._unseen -= 1
             self._window.post_redraw()
         now = time.monotonic()

@@ -1,7 +1,7 @@
 """Executable `all_in_one`: tdn, tcn and particle_filter (and the driver) in one process and one executor.
 
 The nodes keep their names, parameters, topics and services; only the arrays between the stages are handed
-over directly, which saves a cloud and a code their way through DDS.
+over directly, so that clouds and codes do not have to pass through DDS.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def make_nodes(
     load: Callable[..., LoadedObject] = load_object,
     options: dict[str, dict] | None = None,
 ) -> list[Node]:
-    """The three stages, wired to each other.
+    """Make the three stages, wired to each other.
 
-    depth, tcn, load: as in the nodes' constructors. options: further arguments of rclpy's node by node name.
+    depth, tcn, load: as in the nodes' constructors. options: further arguments of rclpy's node, by node name.
     """
     options = options or {}
-    with contextlib.ExitStack() as made:  # where one cannot be made, none of the others stays behind
+    with contextlib.ExitStack() as made:  # if one cannot be made, the others are destroyed
         running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
         made.callback(running.destroy_node)
 
@@ -51,7 +51,7 @@ def make_nodes(
 
 
 def make_driver() -> Node:
-    """The sensor's driver."""
+    """Make the sensor's driver."""
     from digit_driver.nodes.digit_driver import DigitDriver
 
     return DigitDriver()

@@ -1,4 +1,4 @@
-"""Acts as the actions `touch`, `slide`, `lift` and `approach`: the goal of an act, the act of a goal, how one ended."""
+"""Acts as the actions `touch`, `slide`, `lift` and `approach`: goals from acts, acts from goals, ends from results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FARTHEST = 2.0  # m
 
 
 def goal_of(act: Act, base: str) -> Any:
-    """The goal that asks for an act; base: name of the arm's base frame."""
+    """Return the goal that asks for an act; base: name of the arm's base frame."""
     match act:
         case Touch(distance, direction):
             x, y, z = map(float, direction)
@@ -37,7 +37,7 @@ def goal_of(act: Act, base: str) -> Any:
 
 
 def act_of(goal: Any, base: str) -> Act:
-    """The act that a goal asks for; InputError for what makes no sense."""
+    """Return the act that a goal asks for; InputError for a goal that makes no sense."""
     match goal:
         case action.Touch.Goal():
             distance, direction = length_in("distance", goal.distance, _FARTHEST), direction_in(goal.direction)
@@ -51,10 +51,10 @@ def act_of(goal: Any, base: str) -> Act:
 
 
 def done_of(result: Any | None, base: str, touching: bool, seen: np.ndarray) -> Done:
-    """How an act ended, by the action's result, None if the goal was not accepted.
+    """Return how an act ended, from the action's result (None if the goal was not accepted).
 
-    touching, whether the gel did before; seen, its newest pose T_base_gel (4, 4) on TF, which may come later than the
-    result, and counts where that has none in the base frame.
+    touching: True if the gel touched before; seen: its newest pose T_base_gel (4, 4) on TF, which is used if the result
+    has no pose in the base frame; TF may lag behind the result.
     """
     if result is None:
         return Done(False, "the arm refuses its goal", 0.0, touching, seen)

@@ -1,4 +1,4 @@
-"""The actions of an arm as an explorer calls them: one act at a time."""
+"""Client of an arm's actions for an explorer: one act at a time."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from ..explore.acts import Act
 from .arm_actions import KINDS, goal_of
 
 ANSWER_S = 2.0
-"""s until a goal counts as unanswered: an answer is lost where DDS does not know its reader yet."""
+"""s until a goal counts as unanswered: an answer is lost if DDS does not know its reader yet."""
 
 
 class ArmClient:
-    """Asks for acts. on_end(result) is called after each, with None for a goal that was not accepted.
+    """Client that asks for acts. on_end(result) is called after each, with None for a goal that was not accepted.
 
-    Attribute: heard_at [s], when the arm last said something, by a clock that never stops.
-    Args: base, name of the arm's base frame.
+    Attribute: heard_at [s]: time at which the arm was last heard from, on the monotonic clock.
+    Args: base: name of the arm's base frame.
     """
 
     def __init__(self, node: Node, base: str, on_end: Callable[[Any | None], None]):
@@ -39,7 +39,7 @@ class ArmClient:
         self.heard_at = time.monotonic()
 
     def close(self) -> None:
-        """Have the arm stop, whether it has accepted the goal yet or not, and ask no more."""
+        """Stop the arm, even if it has not accepted its goal yet, and ask for no more acts."""
         if self._goal is not None:
             self._goal.cancel_goal_async()
             self._goal = self._sent = None
@@ -48,7 +48,7 @@ class ArmClient:
 
     @property
     def trouble(self) -> str:
-        """Why no act can be asked for, in words; empty if somebody offers all actions."""
+        """Reason in words why no act can be asked for; empty if all actions are offered."""
         offered = all(client.server_is_ready() for client in self._clients.values())
         return "" if offered else "nobody offers the actions touch, slide, lift and approach"
 
@@ -61,7 +61,7 @@ class ArmClient:
         self._sent.add_done_callback(self._on_answer)
 
     def look(self) -> None:
-        """Ask what has become of a goal that is unanswered; call this regularly."""
+        """Ask for the result of a goal that stays unanswered; call this regularly."""
         if self._sent is not None and time.monotonic() - self._sent_at > ANSWER_S:
             self._sent = None
             self._goal.get_result_async().add_done_callback(self._on_result)

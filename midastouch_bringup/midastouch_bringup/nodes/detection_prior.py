@@ -1,8 +1,8 @@
-"""Node `detection_prior`: where a camera sees the object, as a start for the filter.
+"""Node `detection_prior`: passes the pose of the object that a camera detects to the filter, as a start.
 
 Detectors of 6-DoF poses (Isaac ROS FoundationPose, for one) publish `vision_msgs/Detection3DArray` many times a
-second, and a start makes the filter forget what it has measured. So detections are passed on only while the filter
-knows nothing, or when somebody asks for it.
+second, and a start makes the filter forget its measurements. So detections are passed on only while the filter
+is uninitialised or lost, or when you ask for it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PARAMETERS = (
 
 
 class DetectionPrior(PipelineNode):
-    """Subscribes `detections`, `filter_status`; publishes `object_pose_prior`; has the service `~/send`.
+    """Node that subscribes to `detections` and `filter_status`, publishes `object_pose_prior` and offers `~/send`.
 
     The pose of the best hypothesis of the class is passed on, in the detection's frame, while the filter is
     uninitialised or lost, and once after `~/send`. Variances of zero, which mean "not known" in both messages, are

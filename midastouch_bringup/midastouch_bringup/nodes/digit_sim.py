@@ -52,13 +52,13 @@ PARAMETERS = (
 )
 
 _JPEG_QUALITY = 95  # the driver's
-_LOOKS = 4  # for a due image, per period: how late it is taken
+_LOOKS = 4  # checks for a due image per period, which bound how late it is taken
 
 
 class DigitSim(ManagedNode):
-    """While active, one image for each moment that is due in the time of TF, stamped with it, and what it truly shows.
+    """Node that, while active, publishes each image that is due in the time of TF, with that stamp, and its truth.
 
-    Nothing is published while TF does not say where sensor and object are; the diagnostics say why.
+    Nothing is published while TF lacks the pose of sensor or object; the diagnostics give the reason.
     """
 
     def __init__(self, **node_options):
@@ -87,7 +87,7 @@ class DigitSim(ManagedNode):
         return SimulatedDigit(load_mesh(mesh), self._sensor, self._background, self.parameters["seed"])
 
     def unload(self) -> None:
-        """Forget both."""
+        """Forget the simulated sensor with its mesh."""
         self._digit = None
 
     def connect(self) -> None:
@@ -98,7 +98,7 @@ class DigitSim(ManagedNode):
         self._frames = self.parameters["object_frame_id"], self.parameters["sensor_frame_id"]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1 / (_LOOKS * self.parameters["fps"]), self._look, clock=steady)
-        # last: it has a thread, which nobody would end if something before it failed
+        # last: it starts a thread, which nothing would end if a later step failed
         self._transforms = TransformSource(
             self,
             frames=self._frames,
@@ -121,7 +121,7 @@ class DigitSim(ManagedNode):
         return diagnostics.ERROR if self._lacks else diagnostics.OK, self._lacks, values
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
-        """Another object is where the one before was; the sensor is the same."""
+        """Put another object where the previous one was; the sensor stays the same."""
         if not self.active:
             response.message = INACTIVE
             return response
@@ -140,7 +140,7 @@ class DigitSim(ManagedNode):
         started = time.perf_counter()
         try:
             newest = self._transforms.latest_stamp(*self._frames)
-            # frames that do not move at all have no time of their own
+            # frames that never move have no time of their own
             stamp = self._shutter.due(self.get_clock().now().nanoseconds if newest is None else newest)
             pose = None if stamp is None else self._transforms.lookup(*self._frames, stamp)
         except TransformError as error:  # not linked yet, or no longer known so far back
@@ -155,7 +155,7 @@ class DigitSim(ManagedNode):
             self._rate.add(time.perf_counter() - started)
 
     def _lack(self, what: str) -> None:
-        """Keep what the images lack for the diagnostics, and log when that begins and ends."""
+        """Keep the reason for missing images for the diagnostics; log when it begins and ends."""
         if what and not self._lacks:
             self.get_logger().warning(what)
         elif self._lacks and not what:

@@ -34,15 +34,15 @@ from .explorer_report import ExplorerReport
 from .explorer_services import AdviceClient, ObjectChange, Push
 from .explorer_sight import Sight
 
-_RATE = 30.0  # Hz, at which it looks whether something is overdue
+_RATE = 30.0  # Hz, of the checks for overdue answers
 
 
 class Explorer(PipelineNode):
-    """Moves an arm by the actions `touch`, `slide`, `lift` and `approach`, one motion after the other.
+    """Node that moves an arm by the actions `touch`, `slide`, `lift` and `approach`, one motion after the other.
 
-    It asks `suggest_motion` where to touch next, and moves at random while nobody offers that or nothing touches.
-    `on_end` is called once the exploration is over; `gave_up` is set if it ended without knowing the pose. A person who
-    calls one of its services, or shows it a point, has the finger from then on, until `~/resume`.
+    It asks `suggest_motion` where to touch next, and moves at random while that is not offered or nothing touches.
+    `on_end` is called once the exploration is over; `gave_up` is True if it ended without knowing the pose. If you call
+    one of its services, or show it a point, the finger is yours until `~/resume`.
     """
 
     _arm: ArmClient | None = None
@@ -58,8 +58,8 @@ class Explorer(PipelineNode):
         self._on_end, self._progressed_at = on_end, time.monotonic()
         self.gave_up, self._begun, self._held = False, False, p["start_paused"]
         self._plan: Plan | None = None
-        self._unjudged = False  # whether the arm has done anything since what came of it was judged
-        self._moved_until = 0  # ns: what the filter says of earlier images is not of where the gel is now
+        self._unjudged = False  # True if the arm has acted since the last judgement
+        self._moved_until = 0  # ns: answers to earlier images are not about the gel's present pose
         self._orders: deque[Order] = deque()
 
         frames = {name: p[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
@@ -79,16 +79,16 @@ class Explorer(PipelineNode):
         self.create_timer(1 / _RATE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy_node(self) -> None:
-        """As of every node; the arm is to stop."""
+        """Stop the arm, then destroy the node."""
         for part in (self._arm, self._sight):
             if part is not None:
                 part.close()
         super().destroy_node()
 
-    # --- what the filter says
+    # --- answers of the filter
 
     def _look(self) -> None:
-        """Keep an answer that does not come from being awaited for ever."""
+        """Stop waiting for answers that are overdue."""
         now = time.monotonic()
         if self._report.over:
             return
@@ -120,13 +120,13 @@ class Explorer(PipelineNode):
         self._go_on()
 
     def _on_jump(self) -> None:
-        """Time ran back: what was awaited comes from before."""
+        """Stop waiting for stamps from before time ran back."""
         self._moved_until = self._filter.stamp = 0
 
     # --- one motion after the other
 
     def _begin(self) -> None:
-        """Down onto the surface, if it has not been there."""
+        """Go down onto the surface, unless that was done already."""
         if not self._begun:
             self._begun = True
             self._carry_out(self._exploration.touch())
@@ -136,7 +136,7 @@ class Explorer(PipelineNode):
         self._advance(None)
 
     def _advance(self, done: Done | None) -> None:
-        """The plan's next act; after the last one the next motion, once the filter has seen where that led."""
+        """Start the plan's next act; after the last one the next motion, once the filter has seen the new pose."""
         if self._plan is None or self._report.over:
             return
         try:
@@ -208,14 +208,14 @@ class Explorer(PipelineNode):
         return ""
 
     def _resume(self) -> None:
-        self._held = False  # where it still waits
+        self._held = False  # in case it still waits
         if self._report.state == ExplorerStatus.STATE_PAUSED:
             self._report.say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
             self._begin()
             self._go_on()
 
     def _on_object_changed(self, mesh_path: str, why_not: str) -> None:
-        """Explore the new object; or leave the finger to the person who wanted one."""
+        """Explore the new object; if the change failed, leave the finger to the person who asked for it."""
         if why_not:
             self._report.say(ExplorerStatus.STATE_PAUSED, f"the object was not changed: {why_not}")
             return
@@ -230,7 +230,7 @@ class Explorer(PipelineNode):
             self._report.show_object(mesh)
 
     def _ended(self) -> bool:
-        """Whether the exploration has come to a verdict; it is told then."""
+        """Return whether there is a verdict on the exploration; if so, report it."""
         if (verdict := self._exploration.verdict) is not None:
             self._end(verdict.known, verdict.words)
         return verdict is not None

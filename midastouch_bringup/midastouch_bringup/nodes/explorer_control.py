@@ -1,4 +1,4 @@
-"""How a person takes the finger from an explorer: services, single motions, and points to touch."""
+"""Control of an explorer's finger by a person: services, single motions, and points to touch."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Order = Callable[[], Plan]
 
 
 class ExplorerControl:
-    """Adds `~/pause`, `~/resume`, `~/push`, `~/lift`, `~/set_object` and `~/move` to a node.
+    """Services `~/pause`, `~/resume`, `~/push`, `~/lift` and `~/set_object`, and topic `~/move`, of a node.
 
-    Attributes: commands, what the first four do, by their names; each returns why it cannot be, else an empty text.
-    take(order, reason): gives a person the finger, and lets it do what is ordered, if anything, after its present
-    motion; returns why that cannot be, in words, else an empty text. resume(): gives it back. push(): moves the object.
-    change(request): puts the object of a request there.
+    Attribute: commands: functions of the first four by name; each returns why it is not possible, or an empty text.
+    Args: take(order, reason): gives the finger to a person and carries out the order, if there is one, after the
+    present motion; returns why that is not possible, or an empty text. resume(): gives the finger back. push(): moves
+    the object. change(request): replaces the object by that of a request.
     """
 
     def __init__(
@@ -90,9 +90,9 @@ _FARTHEST_POINT_M = 3.0  # from a frame's origin: beyond what an arm reaches, an
 
 
 class FingerGoals:
-    """Adds `clicked_point` to a node, the topic of RViz's tool *Publish Point*.
+    """Subscription of a node to `clicked_point`, the topic of RViz's tool *Publish Point*.
 
-    take(order, reason): as for `ExplorerControl`. problem(kind, words): called with what is not possible.
+    take(order, reason): as for `ExplorerControl`. problem(kind, words): called for a touch that is not possible.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class FingerGoals:
         node.create_subscription(PointStamped, "clicked_point", self._on_click, qos.COMMAND)
 
     def send(self, point: np.ndarray, frame: str) -> None:
-        """Let a person have the finger touch the surface next to a point (3,) m of a frame."""
+        """Take the finger for a person, and touch the surface next to a point (3,) m of a frame."""
         try:
             if not (np.abs(point) <= _FARTHEST_POINT_M).all():
                 raise InputError(f"no number may be beyond {_FARTHEST_POINT_M:g} m")
@@ -119,7 +119,7 @@ class FingerGoals:
             self._problem("refused_places", f"nothing touches the place {_words(point)}: {why_not}")
 
     def _visit(self, position: np.ndarray, point: np.ndarray) -> Plan[None]:
-        """position (3,) m in the base frame; point (3,) m: the same as a person has shown it."""
+        """Touch next to position (3,) m in the base frame; point (3,) m: the same, in the frame a person used."""
         if not (yield from self._did.motions.visit(position, self._sight.of_person())):
             name = self._sight.shown.name if self._sight.shown else "what is there"
             self._problem(

@@ -1,4 +1,4 @@
-"""What the filter says to an explorer of the images of its arm."""
+"""Answers of the filter to the images of an explorer's arm."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from midastouch_msgs.msg import FilterStatus
 
 
 class FilterAnswers:
-    """Attributes: state and reason, those of the newest answer, empty before the first; stamp [ns] of its image;
-    measured, whether it has measured anything since that was set; heard_at [s], when it came, by a clock that never
-    stops.
+    """Attributes: state, reason: of the newest answer, empty before the first; stamp [ns]: of its image; measured: True
+    if the filter has measured anything since it was set to False; heard_at [s]: time of the answer on the monotonic
+    clock.
 
     Args: newest(): stamp [ns] of the gel's newest pose; on_answer: called after each answer.
     """
@@ -33,10 +33,10 @@ class FilterAnswers:
 
     def _on_status(self, status: FilterStatus) -> None:
         stamp = stamp_ns(status.header.stamp)
-        # what the filter says on a clock of its own answers no image
+        # a status that the filter stamps by its own clock answers no image
         if status.state == FilterStatus.STATE_WAITING or stamp > self._newest():
             return
         self.state, self.reason, self.stamp, self.heard_at = status.state, status.reason, stamp, time.monotonic()
-        # one that does not know yet which object it is says nothing of contact
+        # a filter that does not know the object yet does not report contact, which counts as measured
         self.measured = self.measured or status.state != FilterStatus.STATE_NO_CONTACT
         self._on_answer()

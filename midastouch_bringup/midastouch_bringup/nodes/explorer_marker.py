@@ -1,4 +1,4 @@
-"""The finger as an interactive marker, which a person drags to where it shall touch."""
+"""The finger as an interactive marker, which you drag to where it should touch."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from midastouch_common.ros.conversions import pose_to_msg
 from .explorer_sight import Sight
 
 _NAME = "finger"
-_RATE = 10.0  # Hz; what the eye takes for a motion
+_RATE = 10.0  # Hz; the eye sees a motion
 _DIAMETER, _LENGTH = 0.01, 0.03  # m
 _COLOUR = ColorRGBA(r=1.0, g=0.7, b=0.1, a=0.8)
 
@@ -35,12 +35,12 @@ _COLOUR = ColorRGBA(r=1.0, g=0.7, b=0.1, a=0.8)
 class FingerMarker:
     """The gel of an arm on `~/finger/...`, in the protocol of ROS 2's package `interactive_markers`.
 
-    A viewer asks the service `get_interactive_markers` for all of them, then follows `update`, whose messages are
-    numbered without a gap, and says on `feedback` what its user does. It asks again when a number is missing or the
-    service was gone, so that nothing has to be sent to keep it. While its user drags it keeps updates back by itself.
+    A viewer asks the service `get_interactive_markers` for all markers, then follows `update`, whose messages are
+    numbered without a gap, and reports on `feedback` what its user does. It asks again if a number is missing or the
+    service was gone, so no keep-alive messages are needed. While its user drags, it holds updates back by itself.
 
-    Args: sight, where the gel is; send(point, frame): lets the finger touch there; menu: what each entry does,
-    returning why it cannot be or an empty text. problem(kind, words): is told what is wrong with a feedback.
+    Args: sight: pose of the gel; send(point, frame): makes the finger touch there; menu: function of each entry, which
+    returns why it is not possible, or an empty text; problem(kind, words): called for a feedback that is refused.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class FingerMarker:
         self._sight, self._send, self._problem = sight, send, problem
         self._menu = dict(enumerate(menu.items(), start=1))  # 0 is no entry
         self._server = node.get_fully_qualified_name()
-        self._header = Header(frame_id=sight.base)  # without a stamp: it stands in the frame
+        self._header = Header(frame_id=sight.base)  # without a stamp: the marker is fixed in the frame
         self._number, self._shown = 0, np.zeros((4, 4))
         self._grasped: tuple[str, np.ndarray] | None = None  # by which viewer, and where
         node.create_service(GetInteractiveMarkers, "~/finger/get_interactive_markers", self._on_request)
@@ -64,7 +64,7 @@ class FingerMarker:
         )
         node.create_timer(1 / _RATE, self._follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    # --- what viewers get
+    # --- to viewers
 
     def _on_request(self, _, response: GetInteractiveMarkers.Response) -> GetInteractiveMarkers.Response:
         entries = [MenuEntry(id=key, title=title) for key, (title, _) in self._menu.items()]
@@ -78,7 +78,7 @@ class FingerMarker:
         return response
 
     def _follow(self) -> None:
-        """Where the finger is, if that is another pose than the last one sent."""
+        """Publish the pose of the finger if it differs from the last one sent."""
         pose = self._sight.gel
         if np.array_equal(pose, self._shown) or not self._updates.get_subscription_count():
             return
@@ -89,7 +89,7 @@ class FingerMarker:
             InteractiveMarkerUpdate(server_id=self._server, seq_num=self._number, type=update, poses=[moved])
         )
 
-    # --- what their users do
+    # --- from viewers
 
     def _on_feedback(self, did: InteractiveMarkerFeedback) -> None:
         position = point_from_msg(did.pose.position)
@@ -110,7 +110,7 @@ class FingerMarker:
             return
         (_, before), self._grasped = self._grasped, None
         if (position != before).any():
-            self._shown = np.zeros((4, 4))  # a viewer leaves it where it was dropped
+            self._shown = np.zeros((4, 4))  # to send it again: the viewer leaves it where it was dropped
             self._send(position, did.header.frame_id)
 
     def _choose(self, did: InteractiveMarkerFeedback) -> None:
@@ -125,7 +125,7 @@ class FingerMarker:
 
 
 def _control() -> InteractiveMarkerControl:
-    """What is grasped: a finger that stands on the surface, and is dragged as the camera sees it."""
+    """Make the part to grasp: a finger that stands on the surface and is dragged relative to the camera's view."""
     finger = Marker(type=Marker.CYLINDER, scale=Vector3(x=_DIAMETER, y=_DIAMETER, z=_LENGTH), color=_COLOUR)
     finger.pose = Pose(position=Point(z=_LENGTH / 2))
     control = InteractiveMarkerControl(name="drag", always_visible=True, markers=[finger])

@@ -1,4 +1,4 @@
-"""What an explorer asks a service of the user's: which poses the arm reaches."""
+"""Client of a user's service that answers which poses the arm reaches."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .explorer_services import QuestionClient
 
 
 class ReachClient:
-    """Asks one question at a time. on_answer(reached, why_not) is called for each, also where no answer has come.
-    problem(kind, words): is told what is not reached.
+    """Client that asks one question at a time. on_answer(reached, why_not) is called for each, also if no answer came.
+    problem(kind, words): called if the poses are not reached.
 
-    Args: service, its name, empty if there is none, and nothing will be asked; base, name of the base frame. Raises
-    InputError for what is no name of a service.
+    Args: service: its name, empty if there is none and nothing will be asked; base: name of the base frame. Raises
+    InputError if `service` is no name of a service.
     """
 
     def __init__(
@@ -42,19 +42,19 @@ class ReachClient:
 
     @property
     def trouble(self) -> str:
-        """Why a question would not be answered, or the last one was not, in words; empty if nothing is known."""
+        """Reason in words why a question would not be answered, or the last one was not; empty if none is known."""
         offered = self._client is None or self._client.ready
         return self._failure if offered else self._unanswered("nobody offers it")
 
     def ask(self, question: CheckReach) -> None:
-        """Send the question."""
+        """Send the question; if the service is not offered, `look` answers it."""
         self._asked = len(question.poses)
         if self._client.ready:
             poses = PoseArray(header=Header(frame_id=self._base), poses=[pose_to_msg(each) for each in question.poses])
             self._client.ask(srv.CheckReach.Request(poses=poses))
 
     def look(self) -> None:
-        """Give up waiting for an answer that is overdue, or that nobody is to give; call this regularly."""
+        """Give up waiting for an answer that is overdue, or that no service will give; call this regularly."""
         if self._asked and not self._client.pending:
             self._on_response(srv.CheckReach.Response(message="nobody offers it"))
         elif self._asked:

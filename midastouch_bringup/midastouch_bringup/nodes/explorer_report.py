@@ -1,4 +1,4 @@
-"""What an explorer says of itself: its status, the object that is really there, and diagnostics."""
+"""Reports of an explorer: its status, the object that is really there, and diagnostics."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _LAST_WORD_S = 2.0
 
 
 class ExplorerReport:
-    """What the explorer reports. Attributes: state and reason, those of `ExplorerStatus`; stamp [ns] of the newest
-    image that the filter has answered.
+    """Reports of an explorer. Attributes: state, reason: as in `ExplorerStatus`; stamp [ns]: of the newest image that
+    the filter has answered.
 
-    Args: base and object, names of frames.
+    Args: base, object_: names of frames.
     """
 
     def __init__(self, node: Node, exploration: Exploration, base: str, object_: str):
@@ -39,11 +39,11 @@ class ExplorerReport:
 
     @property
     def over(self) -> bool:
-        """Whether the exploration has ended."""
+        """True once the exploration has ended."""
         return self.state in (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
     def say(self, state: str, reason: str) -> None:
-        """Another state, or another reason."""
+        """Change state and reason; log and publish them."""
         self.state, self.reason = state, reason
         self._log.info(f"{state}: {reason}")
         self.tell()
@@ -57,7 +57,7 @@ class ExplorerReport:
         self._status.publish(status)
 
     def end(self, known: bool, words: str) -> None:
-        """The last word; the process may end once this returns."""
+        """Publish the final state; the process may end once this returns."""
         self.say(ExplorerStatus.STATE_KNOWN if known else ExplorerStatus.STATE_GAVE_UP, words)
         self._status.wait_for_all_acked(Duration(seconds=_LAST_WORD_S))
 
@@ -66,7 +66,7 @@ class ExplorerReport:
         self._diagnostics.problem(name, words)
 
     def show_object(self, mesh: ObjectMesh) -> None:
-        """What is really there, where it is; the filter shows what it takes it for."""
+        """Publish the mesh that is really there, in its frame; the filter publishes the one that it believes in."""
         self._mesh.publish(object_mesh(mesh.path.resolve().as_uri(), Header(frame_id=self._object)))
 
     def _describe(self) -> tuple[bytes, str, dict]:

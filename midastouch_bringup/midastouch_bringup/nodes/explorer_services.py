@@ -1,4 +1,4 @@
-"""Services that an explorer calls: where to touch next, and what a person does to a simulated object."""
+"""Clients of the services that an explorer calls: where to touch next, and changes to a simulated object."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from ..explore.acts import Plan
 from ..explore.motions import Motion
 
 TIMEOUT_S = 10.0
-"""s until an answer, which takes a tenth of one, is given up."""
+"""s until an answer, which takes a tenth of a second, is given up."""
 OBJECT_TIMEOUT_S = 120.0
 """s until a change of the object is given up; a codebook may have to be built for it."""
 _SUGGESTIONS = 24  # asked for: all that are offered
-_LONGEST_M = 1.0  # m of a motion that somebody asks for
+_LONGEST_M = 1.0  # m, of a motion that is asked for
 
 
 def motion_of(message: SuggestionMsg) -> Motion:
-    """The motion of a suggestion or an order; InputError for numbers that are none."""
+    """Return the motion of a suggestion or an order; InputError for numbers that make no motion."""
     numbers = message.heading, message.length
     if not (np.isfinite(numbers).all() and 0 <= message.length <= _LONGEST_M):
         raise InputError(f"heading and length are {numbers}; give rad, and 0 to {_LONGEST_M:g} m")
@@ -36,7 +36,7 @@ def motion_of(message: SuggestionMsg) -> Motion:
 
 
 def advice_of(response: SuggestMotion.Response) -> Advice:
-    """What a response of `suggest_motion` says, but for the paths; InputError for none, and for what is no motion."""
+    """Return the advice of a `suggest_motion` response, without paths; InputError for none, and for invalid motions."""
     if not response.success:
         raise InputError(response.message)
     names = "heading", "length", "lift", "information", "cost", "reason"
@@ -52,8 +52,8 @@ def advice_of(response: SuggestMotion.Response) -> Advice:
 
 
 class QuestionClient:
-    """Asks a service one question at a time. on_answer: called with each response; in place of one that is overdue,
-    after timeout() [s], with one that says so in its `message`, and nothing else. Attribute: name of the service."""
+    """Client that asks a service one question at a time. on_answer: called with each response; if none comes within
+    timeout() [s], with an empty one whose `message` says so. Attribute: name: of the service."""
 
     def __init__(
         self,
@@ -69,12 +69,12 @@ class QuestionClient:
 
     @property
     def ready(self) -> bool:
-        """Whether somebody offers the service."""
+        """True while the service is offered."""
         return self._client.service_is_ready()
 
     @property
     def pending(self) -> bool:
-        """Whether an answer is still to come."""
+        """True while an answer is still to come."""
         return self._future is not None
 
     def ask(self, request: Any) -> None:
@@ -97,15 +97,15 @@ class QuestionClient:
 
 
 class AdviceClient(QuestionClient):
-    """Asks `suggest_motion`. longest [m] of a motion; on_advice(advice, why_not): called with each answer, with None
-    and words where there is none."""
+    """Client of `suggest_motion`. longest [m]: of a motion; on_advice(advice, why_not): called with each answer, with
+    None and the reason if there is no advice."""
 
     def __init__(self, node: Node, longest: float, on_advice: Callable[[Advice | None, str], None]):
         super().__init__(node, SuggestMotion, "suggest_motion", self._on_response)
         self._longest, self._on_advice = longest, on_advice
 
     def ask_where(self) -> None:
-        """Send the question where to touch next."""
+        """Ask where to touch next."""
         self.ask(SuggestMotion.Request(max_length=self._longest, lifts=True, count=_SUGGESTIONS))
 
     def _on_response(self, response: SuggestMotion.Response) -> None:
@@ -117,15 +117,15 @@ class AdviceClient(QuestionClient):
 
 
 class ObjectChange:
-    """Calls the services `set_object` of finger, sensor and filter, one after the other, for a node that is spun.
+    """Client of `set_object` of finger, sensor and filter, called one after the other while the node is spun.
 
     on_end(mesh_path, why_not) is called after each change, with an empty text if all have taken the object. `pending`:
-    whether one is going on.
+    True while a change is under way.
     """
 
     def __init__(self, node: Node, on_end: Callable[[str, str], None]):
         self._on_end, self.pending = on_end, False
-        # the filter last: it begins anew with images of the new object
+        # the filter last: it starts again with images of the new object
         names = "finger/set_object", "digit_sim/set_object", "set_object"
         self._services = [
             QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in names
@@ -138,7 +138,7 @@ class ObjectChange:
         yield from ()
 
     def look(self) -> None:
-        """As of `QuestionClient`."""
+        """Give up waiting, as `QuestionClient` does; call this regularly."""
         for service in self._services:
             service.look()
 
@@ -163,13 +163,13 @@ class ObjectChange:
 
 
 class Push:
-    """Calls `finger/push`, which moves a simulated object. problem(kind, words): is told what is not possible."""
+    """Client of `finger/push`, which moves a simulated object. problem(kind, words): called if that is not possible."""
 
     def __init__(self, node: Node, problem: Callable[[str, str], None]):
         self._client, self._problem = node.create_client(Trigger, "finger/push"), problem
 
     def __call__(self) -> Plan[None]:
-        """The finger does it before whatever it is asked for next."""
+        """Ask for the push, which the finger makes before its next motion."""
         if self._client.service_is_ready():
             self._client.call_async(Trigger.Request())
         else:

@@ -1,4 +1,4 @@
-"""What an explorer sees: where the gel is, and what lies around it for the filter and for a person."""
+"""Sight of an explorer: the gel's pose, and its surroundings as known to the filter and to a person."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from ..explore.surroundings import Surroundings
 
 
 class Sight:
-    """Attributes: base, name of the base frame; shown, the mesh that a person sees, None if there is none.
+    """Sight. Attributes: base: name of the base frame; shown: the mesh that a person sees, None if there is none.
 
-    Args: frames, the names of `base`, `object` (of what is shown) and `sensor`; on_jump: called after time ran back;
-    problem(kind, words): is told what is wrong with what others send.
+    Args: frames: names of `base`, `object` (of the mesh shown) and `sensor`; on_jump: called after time ran back;
+    problem(kind, words): called for invalid messages of other nodes.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Sight:
         self._gel = np.eye(4)
         node.create_subscription(MarkerArray, "object_mesh", self._on_mesh, qos.latched())
         node.create_subscription(PoseModes, "pose_modes", self._on_modes, qos.stream_subscriber(10, reliable=True))
-        # last: it has a thread, which nobody would end if something before it failed
+        # last: it starts a thread, which nothing would end if a later step failed
         self._transforms = TransformSource(
             node,
             frames=(self.base, self._sensor),
@@ -55,12 +55,12 @@ class Sight:
         )
 
     def close(self) -> None:
-        """Read no more transforms."""
+        """Stop reading transforms."""
         self._transforms.close()
 
     @property
     def stamp(self) -> int:
-        """Of the gel's newest pose [ns]; 0 before the first."""
+        """Stamp [ns] of the gel's newest pose; 0 before the first."""
         try:
             return self._transforms.latest_stamp(self.base, self._sensor) or 0
         except TransformError:
@@ -74,7 +74,7 @@ class Sight:
         return self._gel
 
     def of_filter(self) -> Surroundings:
-        """By the filter's most probable pose hypothesis, if it has one."""
+        """Return the surroundings by the filter's most probable pose hypothesis, if it has one."""
         gel = self._gel_at(stamp_ns(self._modes.header.stamp)) if self._mesh and self._modes.modes else None
         if gel is None:
             return Surroundings(self.gel)
@@ -82,12 +82,12 @@ class Sight:
         return Surroundings(self.gel, gel @ se3.inverse(on_object), self._mesh)
 
     def of_person(self) -> Surroundings:
-        """By the mesh that a person sees, if there is one and its frame is on TF."""
+        """Return the surroundings by the mesh that a person sees, if there is one and its frame is on TF."""
         pose = self._frame(self._object) if self.shown else None
         return Surroundings(self.gel) if pose is None else Surroundings(self.gel, pose, self.shown)
 
     def in_base(self, point: np.ndarray, frame: str) -> np.ndarray:
-        """A point (3,) m of any frame, in the base frame. InputError for a frame that nothing links to it."""
+        """Transform a point (3,) m of any frame to the base frame. InputError for a frame that is not linked to it."""
         pose = self._frame(frame)
         if pose is None:
             raise InputError(f"it is in '{frame}', which nothing links to '{self.base}'")
@@ -111,7 +111,7 @@ class Sight:
             self._modes = modes
 
     def _on_mesh(self, markers: MarkerArray) -> None:
-        """What the filter takes the object for; what it has said so far was about another one."""
+        """Take the mesh that the filter believes in; its earlier hypotheses were about another one."""
         for marker in markers.markers:
             if marker.action == Marker.ADD and marker.mesh_resource:
                 self._modes = PoseModes()

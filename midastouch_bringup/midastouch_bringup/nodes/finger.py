@@ -34,14 +34,14 @@ from .arm_actions import KINDS, act_of
 from .finger_parameters import PARAMETERS
 from .finger_tf import FingerTf
 
-_IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
-AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
+_IN_FLIGHT = 3  # most images without an answer; digit_sim leaves some out when more are due at once
+AT_REST_S = 1.0  # between images while nothing moves: the last may be lost, and the filter would turn stale
 _UNTOUCHED = (FilterStatus.STATE_NO_CONTACT, FilterStatus.STATE_UNINITIALISED)
 
 
 @dataclass
 class _Motion:
-    """What yields poses, one per image, and returns how it ended; goal: whose it is, None if nobody's."""
+    """Motion; poses: yields one pose per image and returns how it ended; goal: that it belongs to, None if to none."""
 
     poses: Generator[np.ndarray, None, Done | None]
     goal: ServerGoalHandle | None = None
@@ -52,10 +52,10 @@ class _Motion:
 
 
 class Finger(PipelineNode):
-    """Carries out one goal of `touch`, `slide`, `lift` or `approach` at a time, as fast as the filter follows.
+    """Node that carries out one goal of `touch`, `slide`, `lift` or `approach` at a time, at the pace of the filter.
 
-    A goal ends once the filter has answered the images of its motion. `~/push` moves the object, `~/set_object` puts
-    another one there.
+    A goal ends once the filter has answered the images of its motion. `~/push` moves the object, `~/set_object`
+    replaces it.
     """
 
     _servers: Sequence[GoalServer] = ()
@@ -80,14 +80,14 @@ class Finger(PipelineNode):
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy_node(self) -> None:
-        """As of every node; goals cannot be ended any more."""
+        """Stop offering the actions, then destroy the node."""
         for server in self._servers:
             server.close()
         super().destroy_node()
 
     @property
     def _ready(self) -> bool:
-        """`tdn` would take a contact for part of the untouched sensor, and measure it for ever."""
+        """True after enough untouched images: `tdn` would learn an earlier contact as part of the background."""
         return self._untouched >= self._settings["untouched_frames"]
 
     def _describe(self) -> tuple[bytes, str, dict]:
@@ -98,19 +98,19 @@ class Finger(PipelineNode):
     # --- images
 
     def _look(self) -> None:
-        """Keep images coming while nothing moves, and an answer that does not come from being awaited for ever."""
+        """Publish another image while nothing moves, so that a lost answer is not awaited for ever."""
         if not self._ready or time.monotonic() - self._tf.moved_at > AT_REST_S:
             self._tf.publish()
 
     def _on_filter(self, status: FilterStatus) -> None:
         if status.state == FilterStatus.STATE_WAITING or not self._tf.answered(stamp_ns(status.header.stamp)):
             return
-        # one that does not know yet which object it is says nothing of contact
+        # a filter that does not know the object yet does not report contact, which counts as untouched
         self._untouched += not self._ready and status.state in _UNTOUCHED
         self._go_on()
 
     def _go_on(self) -> None:
-        """The next poses, as far as the filter has followed; after the last one the next motion."""
+        """Publish the next poses as far as the filter has followed; after the last one begin the next motion."""
         while self._ready and self._motions:
             motion = self._motions[0]
             while not motion.over and len(self._tf.awaited) < _IN_FLIGHT:
@@ -169,7 +169,7 @@ class Finger(PipelineNode):
     # --- the object
 
     def _on_push(self, _, response: Trigger.Response) -> Trigger.Response:
-        """After what it carries out at present, and before what it is asked for next."""
+        """Push the object after the motions that are already asked for, and before any later one."""
         self._motions.append(_Motion(self._world.push()))
         self._go_on()
         response.success = True

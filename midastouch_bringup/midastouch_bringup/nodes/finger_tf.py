@@ -1,4 +1,4 @@
-"""A simulated finger as others see it: on TF, one image's time after the other."""
+"""Publisher of a simulated finger on TF, in time steps of one image."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ..explore.world import World
 
 
 class FingerTf:
-    """The time of the finger is its own: it goes on by one image, 1 / `fps` s, with each `publish`.
+    """TF of the finger, with a time of its own that advances by one image, 1 / `fps` s, with each `publish`.
 
-    Attributes: stamp [ns] of the newest; awaited, the stamps in order that nobody has answered; moved_at [s], when it
-    last went on, by a clock that never stops.
-    Args: frames, the names of `base`, `object` and `sensor`.
+    Attributes: stamp [ns]: of the newest image; awaited: stamps without an answer, in order; moved_at [s]: time of the
+    last `publish` on the monotonic clock.
+    Args: frames: names of `base`, `object` and `sensor`.
     """
 
     def __init__(self, node: Node, world: World, fps: float, frames: Mapping[str, str]):
@@ -32,7 +32,7 @@ class FingerTf:
         self.awaited: deque[int] = deque()
 
     def publish(self) -> None:
-        """Finger and object as they are now, one image later."""
+        """Publish finger and object as they are now, with the stamp of the next image."""
         self.stamp += self._period
         self.moved_at = time.monotonic()
         self.awaited.append(self.stamp)
@@ -46,7 +46,7 @@ class FingerTf:
         self._publisher.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
 
     def answered(self, stamp: int) -> bool:
-        """Whether the image of a stamp [ns] was awaited; no longer, nor are those before it, which are lost."""
+        """Return whether the image of a stamp [ns] was awaited; it and those before it, now lost, no longer are."""
         if stamp not in self.awaited:
             return False
         while self.awaited and self.awaited[0] <= stamp:

@@ -1,4 +1,4 @@
-"""Message classes by their ROS names, and topics of a bag by those of the running nodes."""
+"""Message classes by ROS name, and the running nodes' names for the topics of a bag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GLOBAL = (TF_TOPIC, TF_STATIC_TOPIC, "/diagnostics")
 
 
 def message_class(type_name: str) -> type:
-    """The class of a type such as `sensor_msgs/msg/Image`. Raises InputError if it is not installed."""
+    """Return the class of a type such as `sensor_msgs/msg/Image`. Raises InputError if it is not installed."""
     try:
         package, kind, name = type_name.split("/")
         return getattr(importlib.import_module(f"{package}.{kind}"), name)
@@ -22,5 +22,5 @@ def message_class(type_name: str) -> type:
 
 
 def live_name(topic: str) -> str:
-    """The name of a bag's topic in a node: relative to its namespace, as the live nodes use it, but for global ones."""
+    """Return a bag topic's name in a node: relative to the namespace, as live nodes use it, except for global ones."""
     return topic if topic in _GLOBAL else topic.lstrip("/")

@@ -1,4 +1,4 @@
-"""Node `mount_tf`: static TF of the sensor on the tool, where no robot_state_publisher is installed."""
+"""Node `mount_tf`: static TF of the sensor on the tool, for use without robot_state_publisher."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PARAMETERS = (
 
 
 class MountTf(PipelineNode):
-    """Publishes the transforms of a frames file, once, latched."""
+    """Node that publishes the transforms of a frames file, once, latched."""
 
     def __init__(self, **kwargs):
         super().__init__("mount_tf", **kwargs)

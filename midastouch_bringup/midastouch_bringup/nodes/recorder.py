@@ -40,7 +40,7 @@ TOPICS = (
     Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
 )
-"""Inputs and results of the pipeline, what an arm is told, and the health of the nodes."""
+"""Inputs and results of the pipeline, commands to an arm, and the health of the nodes."""
 
 PARAMETERS = (
     Parameter(
@@ -61,18 +61,18 @@ PARAMETERS = (
 
 _DEPTH = 1000
 _MIB = 2**20
-MOST_EARLY = 64 * _MIB  # of what comes before the clock starts
+MOST_EARLY = 64 * _MIB  # bytes kept of messages from before the clock starts
 
 
 class Recorder(PipelineNode):
-    """Records `topics` into the bag named by the parameter `path`, which appears when the node is destroyed.
+    """Node that records `topics` into the bag named by the parameter `path`, which appears when the node is destroyed.
 
-    The topics are those of the node's namespace, under which they are in the bag. Messages are stamped with the
-    node's clock: with `use_sim_time` that is the time of a replay. What comes before the clock starts is stamped
-    with its start, as much of it as fits into the memory set aside for it, and everything latched. `metadata` are
-    texts kept in the bag. Raises InputError if the path is taken or a message type is not installed.
+    Topics are resolved in the node's namespace, and have their full names in the bag. Messages are stamped with the
+    node's clock: with `use_sim_time` that is the time of a replay. Messages that come before the clock starts are
+    stamped with its start: all latched ones, and others as long as they fit into `MOST_EARLY`. `metadata` are texts
+    kept in the bag. Raises InputError if the path is taken or a message type is not installed.
 
-    Once the disk is nearly full the bag is completed with what it has; `failure` then says why it ends there.
+    Once the disk is nearly full, the bag is completed as it is; `failure` then gives the reason for its end.
     """
 
     def __init__(self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs) -> None:
@@ -92,7 +92,7 @@ class Recorder(PipelineNode):
         self._diagnostics = Diagnostics(self, self._describe)
 
     def unheard(self, topics: Iterable[str]) -> list[str]:
-        """Those of the topics, absolute, that no publisher is connected to yet: what is sent there would be lost."""
+        """Return those of the topics, absolute, without a connected publisher: messages on them would be lost."""
         connected = {each.topic_name for each in self._heard if each.get_publisher_count() > 0}
         return [topic for topic in topics if self.resolve_topic_name(live_name(topic)) not in connected]
 
@@ -111,7 +111,7 @@ class Recorder(PipelineNode):
         folder = Path(self._path).expanduser().resolve().parent
         try:
             free = shutil.disk_usage(folder).free
-        except OSError as error:  # it is gone
+        except OSError as error:  # the folder is gone
             why = f"{folder}: {error.strerror}"
         else:
             if free >= self._min_free:
@@ -175,14 +175,14 @@ class Recorder(PipelineNode):
 
 
 def _dated(path: str) -> str:
-    """The path with date and time for what stands for them in its last part. InputError if it is empty."""
+    """Return the path with date and time filled into its last part. InputError if it is empty."""
     if not path:
         raise InputError("recorder: parameter 'path' is empty; name the bag to write")
     return str(Path(path).with_name(time.strftime(Path(path).name)))
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Entry point of the executable; exit code 1: the disk was too full for all of it."""
+    """Entry point of the executable; exit code 1: the recording is incomplete or lost."""
     nodes: list[Recorder] = []
 
     def make() -> list[Recorder]:

@@ -57,14 +57,14 @@ PARAMETERS = (
     ),
 )
 
-_LONG_S = 10.0  # of waiting for the next message
+_LONG_S = 10.0  # wait for the next message that is worth a warning
 
 
 class Replay(PipelineNode):
-    """Publishes images, camera info, TF and ground truth; `start()` begins, `finished` is set at the end.
+    """Node that publishes images, camera info, TF and ground truth; `start()` begins, `finished` is set at the end.
 
-    `on_end` is called from the playing thread when all was sent or the source failed, `error` then says why.
-    `player` knows where it is, and how many frames were sent.
+    `on_end` is called from the playing thread once all is sent or the source fails; `error` then holds the reason.
+    `player` has the position and the number of frames sent.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
@@ -112,7 +112,7 @@ class Replay(PipelineNode):
         except Exception as error:
             if isinstance(error, RCLError) and not self.context.ok():
                 return  # the process was told to stop in the middle of a call
-            self.error = error  # whatever it was: who waits for the end must not take it for a good one
+            self.error = error  # of any type: this end must not count as a success
             if not isinstance(error, InputError):
                 raise
         finally:

@@ -1,4 +1,4 @@
-"""How a replay is controlled: services for pause and steps, run-time parameters for pace and position, and keys."""
+"""Control of a replay: services for pause and steps, run-time parameters for pace and position, and keys."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _SEEK_BACK_S, _RATE_FACTOR, _HIGHEST_RATE = 5.0, 1.25, 1000.0
 
 
 class ReplayControl:
-    """Adds `~/pause`, `~/resume` and `~/step` to a node and carries changes of `rate` and `seek_to` to the playback.
+    """Services `~/pause`, `~/resume` and `~/step` of a node, and its parameters `rate` and `seek_to`, for a playback.
 
-    position: seconds after the beginning at which the playback is; duration: of the recording, s, beyond which no seek
-    goes.
+    position(): of the playback, seconds after the beginning; duration: of the recording, s, beyond which a seek is
+    refused.
     """
 
     def __init__(self, node: Node, playback: Playback, position: Callable[[], float], duration: float):
@@ -31,7 +31,7 @@ class ReplayControl:
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def keys(self) -> dict[str, Callable[[], object]]:
-        """What the keys of `Keyboard` do."""
+        """Return the function of each key of `Keyboard`."""
         return {
             " ": lambda: self._playback.resume() if self._playback.paused else self._playback.pause(),
             "right": self._playback.step,
@@ -46,7 +46,7 @@ class ReplayControl:
         self._node.get_logger().info(f"rate {rate:.2f}")
 
     def _set(self, name: str, value: float) -> None:
-        """Set a parameter, as `ros2 param set` does: what the parameter says then stays true."""
+        """Set a parameter, as `ros2 param set` does, so that its value stays true."""
         self._node.set_parameters([Parameter(name, value=value)])
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:

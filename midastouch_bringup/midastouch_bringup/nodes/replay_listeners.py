@@ -1,4 +1,4 @@
-"""What a replay publishes, and who listens: the filter whose answers it awaits, all that must be there beforehand."""
+"""Publishers of a replay, and its listeners: the filter, whose answers it awaits, and all that must be there first."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOOK_S = 0.02
 
 
 class FilterAnswers:
-    """Hears what the filter says on `topic`, and of its health, for the flow control."""
+    """Subscription to the filter's answers on `topic` and to its diagnostics, for the flow control."""
 
     def __init__(self, node: Node, topic: str, flow: FlowControl):
         self._node, self._flow, self.topic = node, flow, topic
@@ -39,7 +39,7 @@ class FilterAnswers:
 
     @property
     def connected(self) -> bool:
-        """Whether what they say arrives."""
+        """True while a publisher of answers is connected."""
         return self._statuses.get_publisher_count() > 0
 
     def _on_status(self, status: FilterStatus) -> None:
@@ -47,17 +47,17 @@ class FilterAnswers:
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
-            # without its state it loads, or does not work at all
+            # a filter that reports no state is loading, or not at work
             at_work = any(item.key == "state" for item in status.values)
             if at_work and status.name.rpartition(": ")[2] in self.publishers():
                 self._flow.on_report()
 
 
 class Listeners:
-    """Looks for all who are to hear a recording: what is sent earlier would be lost to them.
+    """Watch for all nodes that must hear a recording: messages sent earlier would be lost to them.
 
-    answers: of the filter, None if none is awaited; nodes: lifecycle nodes that are to be active; subscribers: how many
-    of the images.
+    answers: of the filter, None if none is awaited; nodes: lifecycle nodes that must be active; subscribers: their
+    number for the images.
     """
 
     def __init__(
@@ -70,10 +70,10 @@ class Listeners:
         """Wait until all subscribers are there, or `stopped()`; meanwhile the log names those that are missing."""
         while not stopped() and (missing := self._missing()):
             self._node.get_logger().info(f"waiting for {', '.join(missing)}", throttle_duration_sec=5.0)
-            time.sleep(_LOOK_S)  # of Python: rclpy's raises when the process is told to stop meanwhile
+            time.sleep(_LOOK_S)  # Python's: rclpy's raises if the process is told to stop meanwhile
 
     def _missing(self) -> list[str]:
-        """What is still to come, in words: nodes to be active, listeners, and the filter's for TF."""
+        """List in words what is missing: active nodes, subscribers of the images, the filter's subscription of TF."""
         missing = [self._nodes.waiting_for] if self._nodes.waiting_for else []
         images = [topic for topic in self._output.topics if is_image(topic)]
         wanted = self._subscribers - sum(map(self._output.listeners, images))
@@ -103,7 +103,7 @@ _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind be
 
 
 class ReplayOutput:
-    """Publishers of a node for topics of a recording, by their names there; `clock`: of /clock, too.
+    """Publishers of a node for topics of a recording, by their names there; `clock`: also publish /clock.
 
     Raises InputError for a type of message that is not installed.
     """
@@ -121,7 +121,7 @@ class ReplayOutput:
         return list(self._publishers)
 
     def listeners(self, topic: str) -> int:
-        """How many subscribers a topic has."""
+        """Number of subscribers of a topic."""
         return self._publishers[topic].get_subscription_count()
 
     def send(self, message: Message) -> None:

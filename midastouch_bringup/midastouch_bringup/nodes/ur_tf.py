@@ -49,7 +49,7 @@ _SILENT_S = 1.0
 
 
 class UrTf(PipelineNode):
-    """Publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
+    """Node that publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
 
     `connect(robot_ip, rate)` opens a receiver or raises ConnectionError. A thread of its own reads it, so
     that an arm that does not answer blocks neither the diagnostics nor the shutdown.
@@ -91,12 +91,12 @@ class UrTf(PipelineNode):
         while not self._stop.is_set():
             try:
                 arm = self._connect(self._settings["robot_ip"], self._settings["rate"])
-            except Exception as error:  # mostly ConnectionError; whatever else, the next attempt may do
+            except Exception as error:  # mostly ConnectionError; after any error the next attempt may work
                 self._report(str(error))
             else:
                 self._connections += 1
                 self.get_logger().info(f"connected to {self._settings['robot_ip']}")
-                # ur-rtde raises what it likes, rclpy when its context was shut down in mid-call: this thread goes on
+                # ur-rtde raises errors of any type, rclpy if its context is shut down in mid-call: the thread continues
                 try:
                     self._follow(arm)
                 except Exception as error:
@@ -115,7 +115,7 @@ class UrTf(PipelineNode):
 
     def _follow(self, arm: RtdeReceiver) -> None:
         """Publish every new state until the connection ends or the node is stopped."""
-        # The robot's clock is followed on the monotonic one: a step of the wall clock is one of the stamps at once.
+        # The robot's clock is tracked on the monotonic one, so that a step of the wall clock shows in stamps at once.
         clock, wall = RobotClock(), ClockOffset()
         newest, since = None, time.monotonic()
         period, timeout = 1.0 / self._settings["rate"], self._settings["timeout"]
@@ -129,8 +129,8 @@ class UrTf(PipelineNode):
                 newest, since = state.robot_time, time.monotonic()
                 wall.update()
                 stamp = wall.to_wall_ns(clock.stamp(state.robot_time, arrival))
-                # The first samples of a connection may be stamped late, as long as the delay is not known. Those that
-                # then come out earlier would put the arm back; far earlier, our own clock was set back.
+                # The first samples of a connection may be stamped late, until the delay is known. Later samples with
+                # earlier stamps would move the arm back in time; if far earlier, our own clock was set back.
                 if not 0 <= self._newest_stamp - stamp < _CLOCK_STEP_NS:
                     self._newest_stamp = stamp
                     self._publish(state, stamp)

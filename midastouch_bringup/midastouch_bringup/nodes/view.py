@@ -1,4 +1,4 @@
-"""Node `view`: what the other nodes publish, thinned, into the live view's scene."""
+"""Node `view`: draws a part of the other nodes' messages into the live view's scene."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class _Topic:
     kind: type
     profile: QoSProfile
     draw: Callable[[Any], None]
-    holding: bytes = b""  # what a message must hold to be drawn: others would take the place of those that do
+    holding: bytes = b""  # bytes that a message must hold to be drawn; others would displace those that do
 
 
 class View(PipelineNode):
-    """Draws the newest message of every topic `rate` times per second; the others are not even deserialised."""
+    """Node that draws the newest message of every topic `rate` times per second; others are not even deserialised."""
 
     def __init__(self, scene, **kwargs) -> None:
         super().__init__("view", **kwargs)
@@ -67,13 +67,13 @@ class View(PipelineNode):
         self._newest: dict[str, bytes] = {}
         self._stamp = 0
         self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
-        self._silence = _WAITING  # what was said of the silence; empty while the filter speaks
+        self._silence = _WAITING  # what is shown about the silence; empty while the filter is heard
         self._last_word = ""
         scene.status(*_WAITING, {})
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
         self._guide = f"calibrate: {self.resolve_topic_name('calibrate')}"
         topics = (
-            # In the order in which they are drawn: the mesh clears what was about the last object.
+            # In the order in which they are drawn: the mesh clears everything about the previous object.
             _Topic("object_mesh", MarkerArray, qos.latched(), self._mesh),
             _Topic("filter_status", FilterStatus, qos.latched(), self._status),
             _Topic(
@@ -83,12 +83,12 @@ class View(PipelineNode):
                 lambda msg: scene.objects(probabilities_from_msg(msg)),
             ),
             _Topic("image_raw", Image, latest, lambda msg: scene.image(rgb_from_msg(msg, msg.height, msg.width))),
-            # Large: Fast DDS loses such messages when nobody asks for them again.
+            # Large: Fast DDS loses such messages unless they are sent again on request.
             _Topic("particles/cloud", PointCloud2, reliable, self._particles),
             _Topic("pose_modes", PoseModes, latest, self._modes),
             _Topic("pose", PoseWithCovarianceStamped, qos.latched(), lambda msg: scene.estimate(_pose(msg))),
             _Topic("tactile/points", PointCloud2, latest, lambda msg: scene.contact(points_from_msg(msg))),
-            # All of TF passes here, and only the truth, which few recordings have, is drawn.
+            # All of TF arrives here, but only the truth, which few recordings have, is drawn.
             _Topic("/tf", TFMessage, qos.TF, self._truth, TRUTH_GEL_FRAME.encode()),
             _Topic("/diagnostics", DiagnosticArray, qos.stream_subscriber(10), self._guidance, self._guide.encode()),
         )
@@ -132,7 +132,7 @@ class View(PipelineNode):
 
     def _status(self, msg: FilterStatus) -> None:
         stamp = stamp_ns(msg.header.stamp)
-        # waiting: earlier frames are still to be answered; stale: its stamp may be what was wrong with it
+        # waiting: earlier frames are still to be answered; stale: the stamp itself may be wrong
         if msg.state not in (FilterStatus.STATE_WAITING, FilterStatus.STATE_STALE):
             if stamp < self._stamp - _JUMP_NS:
                 self._scene.restart()

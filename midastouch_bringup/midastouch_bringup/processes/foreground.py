@@ -20,7 +20,7 @@ Wait = Callable[[float | None], bool]
 
 @contextlib.contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Work that each signal to stop ends as Ctrl-C does, by KeyboardInterrupt: what is half written is removed."""
+    """Turn each signal to stop into KeyboardInterrupt, as Ctrl-C is, so that half-written files are removed."""
     handlers = {number: signal.signal(number, signal.default_int_handler) for number in _heard()}
     try:
         yield
@@ -31,10 +31,10 @@ def interrupted_by_signals() -> Iterator[None]:
 
 @contextlib.contextmanager
 def woken_by_signals() -> Iterator[Wait]:
-    """A function `wait(seconds)` that returns when a process ends, a signal to stop arrives, or the time is up.
+    """Provide a function `wait(seconds)` that returns when a process ends, a signal to stop arrives, or time is up.
 
     It returns whether a signal to stop has arrived since its last call. Such signals do nothing else meanwhile, so that
-    none can hit between the start of a process and its being known.
+    none can strike between the start of a process and its registration.
     """
     reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     # before the handlers: a signal in between would do nothing at all
@@ -57,13 +57,13 @@ def woken_by_signals() -> Iterator[Wait]:
 
 
 def _heard() -> list[signal.Signals]:
-    """The signals to stop that are not ignored, as by nohup, and SIGINT: shells without job control ignore it for what
-    runs in the background, and who sends it then means it."""
+    """Return SIGINT and those signals to stop that are not ignored, as by nohup. SIGINT counts even if ignored: shells
+    without job control ignore it for background processes, so a SIGINT that is sent there is meant."""
     return [n for n in _STOP if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
 
 
 def await_ends(wait: Wait, left: Sequence[Process], seconds: float) -> bool:
-    """Return once the processes have ended, a signal to stop arrives, or after so long; whether one has arrived."""
+    """Wait until the processes have ended, a signal to stop arrives, or time is up; return whether one arrived."""
     deadline = time.monotonic() + seconds
     while any(process.runs for process in left) and time.monotonic() < deadline:
         if wait(deadline - time.monotonic()):
@@ -76,11 +76,11 @@ def run_in_foreground(
 ) -> int:
     """Run programs until SIGINT, SIGTERM, SIGHUP or SIGQUIT arrives, all have ended, or one has died for good.
 
-    In the main thread; returns 1 if one of them died for good, else 0. Their output goes to ours, each line behind the
-    name of its program. A second signal while they are being ended does not wait until those that are left have had
-    their time. environment, respawn: arguments of `Supervisor`.
+    Call it in the main thread; it returns 1 if one of them died for good, otherwise 0. Their output goes to ours, each
+    line after the name of its program. A second signal while they are being ended cuts short the time that is left to
+    them. environment, respawn: arguments of `Supervisor`.
     """
-    # what the programs print may be more than our output's encoding holds; one put in its place may be no file
+    # the programs may print characters outside of our output's encoding; a replaced stdout may not be a file
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")
     supervisor = Supervisor(environment, _echo(), respawn)
@@ -101,11 +101,11 @@ def run_in_foreground(
 
 
 def _echo() -> Callable[[str, str], None]:
-    """Prints lines that come from several threads."""
+    """Return a function that prints lines from several threads."""
     one_at_a_time = threading.Lock()
 
     def echo(name: str, line: str) -> None:
-        # nobody may be reading any more; the programs go on
+        # the reader may be gone; the programs continue
         with one_at_a_time, contextlib.suppress(OSError):
             print(f"[{name}] {line}", flush=True)
 

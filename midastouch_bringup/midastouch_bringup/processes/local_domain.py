@@ -1,4 +1,4 @@
-"""Nodes for our own use, as of the demo: in a DDS domain that only this machine sees, with logs in a folder."""
+"""Domain and logs of nodes for our own use, such as the demo's: only this machine sees them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _claims: list[socket.socket] = []  # bound as long as this process lives
 
 @functools.cache
 def claimed_domain() -> int:
-    """A DDS domain that no other demo, measurement or run of tests on this machine has, as long as this process lives.
+    """Claim a DDS domain, for as long as this process lives, from other demos, measurements and tests on this machine.
 
-    Of 1 to 101, whose ports Linux keeps out of its ephemeral range. Raises RuntimeError when all of them are taken.
+    It is one of 1 to 101, whose ports Linux keeps out of its ephemeral range. Raises RuntimeError if all are taken.
     """
     for domain in itertools.chain(range(1 + os.getpid() % 101, 102), range(1, 102)):
         claim = socket.socket(socket.AF_UNIX)
@@ -41,7 +41,7 @@ def local_environment(domain: int, **more: str) -> dict[str, str]:
 
 
 class LogFolder:
-    """Output of processes as files: `NAME.log` each, begun anew."""
+    """Output of processes as files: `NAME.log` each, overwritten."""
 
     def __init__(self, folder: Path):
         self._folder, self._begun = folder, set()

@@ -11,11 +11,11 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 
 EVERY_NODE = "**"
-"""Name of the node in a parameter file (`/**`) whose parameters are every node's."""
+"""Name in a parameter file (`/**`) under which parameters of every node stand."""
 
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
-    """Parameters by node name of a ROS parameter file, names of nested ones joined by dots.
+    """Read the parameters in a ROS parameter file, by node name; names of nested ones are joined by dots.
 
     Raises InputError for a file that is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
     """
@@ -32,9 +32,9 @@ def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
 
 
 def of_node(nodes: Mapping[str, Mapping], name: str) -> dict:
-    """Parameters of the node called `name`, in whatever namespace, and those of every node.
+    """Return the parameters of the node `name`, in any namespace, over those of every node.
 
-    Raises InputError if there are none, or of several of that name.
+    Raises InputError if there are none, or if several nodes have that name.
     """
     ours = [node for node in nodes if node.rpartition("/")[2] == name]
     if len(ours) > 1:
@@ -45,7 +45,7 @@ def of_node(nodes: Mapping[str, Mapping], name: str) -> dict:
 
 
 def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:
-    """Parameters by node, later layers over earlier ones."""
+    """Merge parameters by node, later layers over earlier ones."""
     result: dict[str, dict] = {}
     for layer in layers:
         for node, values in layer.items():
@@ -54,20 +54,20 @@ def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:
 
 
 def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
-    """The parameter file of nodes in `namespace`: keys are full names, as rclpy wants them there."""
+    """Return the text of the parameter file of nodes in `namespace`: keys are full names, as rclpy requires."""
     prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
     content = {prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
     return yaml.dump(content, Dumper=_Dumper)
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes all text: of what PyYAML leaves plain, rcl takes some for a number (20123E45) or a boolean (y).
+    """Dumper that quotes all text: rcl reads some plain text of PyYAML as a number (20123E45) or a boolean (y).
 
-    Writes a list that several nodes have as often as they have it: rcl reads no aliases.
+    A list that several nodes have is written in full for each: rcl reads no aliases.
     """
 
     def ignore_aliases(self, data: object) -> bool:
-        """Always."""
+        """Return True, for all data."""
         return True
 
 

@@ -1,4 +1,4 @@
-"""One program as a process: found, started so that it does not outlive us, heard line by line, ended softly."""
+"""One program as a process: found, started so that it does not outlive us, read line by line, ended gently."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "mida
 
 @dataclass(frozen=True)
 class Program:
-    """What to run. `ends`: it ends by itself, once its work is done, and is never started again."""
+    """Program to run. `ends`: True if it ends by itself once its work is done; it is then never started again."""
 
     name: str
     command: tuple[str, ...]
@@ -30,13 +30,13 @@ class Program:
 
 
 def node_program(executable: str, parameters: Path, options: Sequence[str] = (), ends: bool = False) -> Program:
-    """One of our executables with a parameter file, and further options for ROS. Raises as `find_executable`."""
+    """Return one of our executables with a parameter file and further ROS options. Raises as `find_executable`."""
     command = (find_executable(executable), "--ros-args", "--params-file", str(parameters), *options)
     return Program(executable, command, ends)
 
 
 def find_executable(name: str) -> str:
-    """Path of one of our executables: in a colcon install, beside this Python, or on PATH.
+    """Return the path of one of our executables: in a colcon install, next to this Python, or on PATH.
 
     Raises InputError with the fix when there is none.
     """
@@ -53,16 +53,16 @@ LAST_OUTPUT_S = 1.0
 _LAST_LINES = 15
 
 Output = Callable[[str, str], None]
-"""Takes the name of a program and a line that it has printed; called by a thread per process."""
+"""Function of the name of a program and a line that it has printed; called by one thread per process."""
 
 
 class Process:
-    """Starts a program. Attributes: last_lines, the newest that it has printed."""
+    """Process of a program, started by the constructor. Attribute: last_lines: the newest that it has printed."""
 
     def __init__(self, program: Program, environment: Mapping[str, str], output: Output):
         self._born = time.monotonic()
         self.last_lines: deque[str] = deque(maxlen=_LAST_LINES)
-        # a session of its own: Ctrl-C reaches us alone, who then end all in order
+        # a session of its own: Ctrl-C reaches only us, and we end all in order
         self._popen = subprocess.Popen(
             bound_to_us(program.command),
             env=dict(environment),
@@ -76,7 +76,7 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Process id."""
         return self._popen.pid
 
     @property
@@ -86,14 +86,14 @@ class Process:
 
     @property
     def runs(self) -> bool:
-        """Whether it has not ended."""
+        """True until it has ended."""
         return self._popen.poll() is None
 
     def status(self) -> int | None:
-        """How it has ended, -N by signal N; None while it runs."""
+        """Return the exit status, -N after signal N; None while it runs."""
         status = self._popen.poll()
         if status is not None:
-            # its last words come before what is said about it; a process that it left behind may hold the pipe open
+            # its last output comes before our report of its end; a process that it left behind may hold the pipe open
             self._reader.join(LAST_OUTPUT_S)
         return status
 
@@ -102,7 +102,7 @@ class Process:
         self._popen.send_signal(number)
 
     def wait(self, seconds: float) -> None:
-        """Return once it has ended, or after so long."""
+        """Wait until it has ended, for at most `seconds`."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._popen.wait(max(0.0, seconds))
 
@@ -111,7 +111,7 @@ class Process:
             for raw in self._popen.stdout:
                 line = raw.decode(errors="replace").rstrip("\r\n")
                 self.last_lines.append(line)
-                # nobody may be reading any more, or the disk be full; the program goes on
+                # the reader may be gone, or the disk full; the program continues
                 with contextlib.suppress(OSError):
                     output(name, line)
 
@@ -119,7 +119,7 @@ class Process:
 def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], object] | None = None) -> None:
     """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go.
 
-    await_ends(processes, seconds) returns once all of them have ended, or after so long. An exception from it, as
+    await_ends(processes, seconds) returns once all of them have ended, or time is up. An exception from it, such as
     KeyboardInterrupt, kills those that are left at once.
     """
     processes = list(processes)
@@ -142,10 +142,11 @@ def _await_ends(processes: list[Process], seconds: float) -> None:
 
 
 def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
-    """The command of a child that gets SIGTERM when the thread that has started it, and so this process, is gone.
+    """Return a command whose process gets SIGTERM when the thread that started it, and so this process, is gone.
 
-    Also after SIGKILL, which leaves a parent no time to end its children: they would go on, invisibly, with the sensor
-    and the topics in their hands. Without `setpriv` (util-linux, part of every Debian and Ubuntu) the command as it is.
+    This holds even after SIGKILL, which leaves a parent no time to end its children: they would keep running unseen,
+    and keep sensor and topics. Without `setpriv` (util-linux, part of every Debian and Ubuntu), it returns the command
+    unchanged.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "TERM", "--", *command] if setpriv else [*command]

@@ -14,7 +14,7 @@ from .process import Output, Process, Program, end
 class BackOff:
     """A pause [s] that is twice as long each time, up to `longest`.
 
-    From the beginning again for what has lived that long.
+    It starts over for a process that has lived for `longest`.
     """
 
     def __init__(self, first: float = 2.0, longest: float = 60.0):
@@ -22,14 +22,14 @@ class BackOff:
         self._next = first
 
     def after(self, lived: float) -> float:
-        """The pause for a process that has died `lived` seconds after its start."""
+        """Return the pause for a process that has died `lived` seconds after its start."""
         delay = self._first if lived >= self._longest else self._next
         self._next = min(2.0 * delay, self._longest)
         return delay
 
 
 class NodeFailed(RuntimeError):
-    """A node died that should have gone on, or falls silent. `cause`: in one line; the message has its last words."""
+    """Raised if a node died before its time or fell silent. `cause`: one line; the message adds its last output."""
 
     def __init__(self, cause: str, last_lines: list[str] | None = None):
         self.cause = cause
@@ -38,11 +38,11 @@ class NodeFailed(RuntimeError):
 
 
 class Supervisor:
-    """Starts programs as processes, looks after them, and ends them; `with` ends all.
+    """Supervisor that starts programs as processes, watches them, and ends them; `with` ends all.
 
-    environment: of the programs. output: gets what they print, and, in the name `midastouch`, what happens to them.
-    respawn: makes the back-off of one program; None: without one of them the others are of no use. One that bad
-    input ends is not started again in either case.
+    environment: of the programs. output: gets their lines and, under the name `midastouch`, reports about them.
+    respawn: makes the back-off of one program; None: no program is started again, and `look_after` raises if one dies.
+    A program that ends because of bad input is not started again in either case.
     """
 
     def __init__(self, environment: Mapping[str, str], output: Output, respawn: Callable[[], BackOff] | None = None):
@@ -62,7 +62,7 @@ class Supervisor:
         self._children[program.name] = child
 
     def look_after(self) -> float | None:
-        """Start those again that are due; returns the seconds until the next one is, None without any.
+        """Start the programs again that are due; returns the seconds until the next one is due, None if there is none.
 
         Raises NodeFailed if one has died for good.
         """
@@ -75,12 +75,12 @@ class Supervisor:
 
     @property
     def pids(self) -> dict[str, int]:
-        """Process ids by name, of those that run or whose end was not yet looked at."""
+        """Process ids by name, of programs that run or whose end `look_after` has not handled yet."""
         return {name: child.process.pid for name, child in self._children.items() if child.process is not None}
 
     @property
     def busy(self) -> bool:
-        """Whether any program runs or is to be started again."""
+        """True while any program runs or is due to be started again."""
         return any(child.process is not None or child.due is not None for child in self._children.values())
 
     def end(self, await_ends: Callable[[list[Process], float], object] | None = None) -> None:
@@ -94,7 +94,7 @@ class Supervisor:
                 self.say(f"{name}: {'would not end' if status is None else _in_words(status)}")
 
     def say(self, text: str) -> None:
-        """Tell what happens."""
+        """Report an event."""
         self._output("midastouch", text)
 
     def _has_ended(self, child: _Child, status: int) -> None:
@@ -112,13 +112,13 @@ class Supervisor:
             return
         try:
             child.process, child.due = Process(child.program, self._environment, self._output), None
-        except OSError as error:  # no memory for the moment, say: the others must not suffer for it
+        except OSError as error:  # such as no memory for the moment; the others keep running
             name, delay = child.program.name, child.schedule(0.0)
             self.say(f"{name} could not be started: {error.strerror}; trying again in {delay:g} s")
 
 
 class _Child:
-    """One program: its process while it runs, or when it is due to be started again."""
+    """One program: its process while it runs, or the time at which it is due to be started again."""
 
     def __init__(self, program: Program, back_off: BackOff | None):
         self.program, self.back_off = program, back_off
@@ -126,7 +126,7 @@ class _Child:
         self.due: float | None = None
 
     def schedule(self, lived: float) -> float:
-        """Let it be due after the back-off's pause, which is returned."""
+        """Make it due after the back-off's pause; return the pause."""
         delay = self.back_off.after(lived)
         self.due = time.monotonic() + delay
         return delay

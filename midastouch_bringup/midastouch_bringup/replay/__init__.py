@@ -1,1 +1,1 @@
-"""How a recording is played: what is sent, when, and who is waited for; without ROS."""
+"""Playing of a recording, without ROS: its messages, their timing, and the wait for the filter's answers."""

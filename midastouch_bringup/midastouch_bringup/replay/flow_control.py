@@ -6,19 +6,19 @@ from collections.abc import Callable
 
 from .playback import Playback
 
-_POLL_S = 0.2  # whether the filter is still there
+_POLL_S = 0.2  # between checks that the filter is still there
 _TICK_S = 0.01
 
 
 class FlowControl:
-    """Follows each frame to the filter and back.
+    """Flow control that follows each frame to the filter and back.
 
-    `sent` and the waits belong to the thread that plays, `on_status` and `on_report` to whoever listens.
+    `sent` and the waits belong to the thread that plays, `on_status` and `on_report` to the one that listens.
 
-    Args: timeout_reports, number of health reports of the filter after which a frame that it has not mentioned is given
-    up; a busy filter reports nothing, so no time runs out meanwhile. there: whether there is a filter.
-    on_lost: called with the stamp [ns] of each frame that is given up, and why. Attributes: lost, number of frames that
-    the filter never mentioned.
+    Args: timeout_reports: number of health reports of the filter after which a frame that it has not mentioned is given
+    up; a busy filter reports nothing, so it does not time out. there(): True while there is a filter.
+    on_lost: called with the stamp [ns] of each frame that is given up, and the reason. Attribute: lost: number of
+    frames that the filter never mentioned.
     """
 
     def __init__(
@@ -33,16 +33,16 @@ class FlowControl:
 
     @property
     def waiting(self) -> int:
-        """Frames of which the filter has only said that they wait."""
+        """Number of frames that the filter has received but not answered yet."""
         return len(self._waiting)
 
     def sent(self, stamp_ns: int) -> None:
-        """The image of this stamp is about to go out."""
+        """Note that the image of this stamp is about to be sent."""
         with self._playback.changed:
             self._in_flight, self._reports = stamp_ns, 0
 
     def on_status(self, stamp_ns: int, waits: bool) -> None:
-        """The filter has answered the frame of this stamp, or has it and says that it waits."""
+        """Note that the filter has answered the frame of this stamp or, if `waits`, that the frame waits there."""
         with self._playback.changed:
             self._reports = 0
             if stamp_ns in self._given_up:
@@ -60,13 +60,13 @@ class FlowControl:
             self._playback.changed.notify_all()
 
     def on_report(self) -> None:
-        """The filter has reported its health, and that it is at work."""
+        """Note that the filter has reported its health, and that it is at work."""
         with self._playback.changed:
             self._reports += 1
             self._playback.changed.notify_all()
 
     def wait(self) -> bool:
-        """Return once the filter has the frame sent last, or that is given up; False when interrupted."""
+        """Wait until the filter has the frame sent last, or that frame is given up; return False if interrupted."""
         while not self._playback.wait_for(lambda: self._in_flight is None, _POLL_S):
             if self._playback.interrupted:
                 return False
@@ -88,9 +88,9 @@ class FlowControl:
         self._on_lost(stamp, why)
 
     def finish(self, pass_time: Callable[[], None]) -> None:
-        """At the end of a recording: until the filter has given up what waits for a transform that cannot come.
+        """Wait, at the end of a recording, until the filter has given up frames whose transforms cannot come any more.
 
-        pass_time, called meanwhile, lets the time of the recording go on.
+        pass_time(), called meanwhile, advances the time of the recording.
         """
         if not self.wait():
             return
@@ -101,7 +101,7 @@ class FlowControl:
             pass_time()
 
     def forget(self) -> None:
-        """Stop waiting for all that was sent, because the recording begins anew."""
+        """Stop waiting for all frames that were sent, because the recording starts again."""
         with self._playback.changed:
             self._in_flight = None
             self._waiting.clear()

@@ -12,12 +12,12 @@ import tty
 from collections.abc import Callable, Mapping
 
 _POLL_S = 0.1
-# What a terminal sends for the arrow keys (ECMA-48).
+# Codes that a terminal sends for the arrow keys (ECMA-48).
 _NAMES = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left"}
 
 
 def _standard_input() -> int | None:
-    """None where it was closed."""
+    """Return the descriptor of standard input; None if it was closed."""
     try:
         return sys.stdin and sys.stdin.fileno()
     except ValueError:
@@ -25,9 +25,9 @@ def _standard_input() -> int | None:
 
 
 class Keyboard:
-    """Calls `keys[name]()` for each press of a key: a character, or `up`, `down`, `left`, `right`.
+    """Listener that calls `keys[name]()` for each press of a key: a character, or `up`, `down`, `left`, `right`.
 
-    Only where `file` is a terminal, else it does nothing; `with` restores the terminal. Ctrl-C still interrupts.
+    It does nothing unless `file` is a terminal; `with` restores the terminal. Ctrl-C still interrupts.
     The calls come from a thread of its own.
     """
 
@@ -53,7 +53,7 @@ class Keyboard:
 
     @property
     def active(self) -> bool:
-        """Whether it listens."""
+        """True once it listens."""
         return self._before is not None
 
     def _read(self) -> None:

@@ -1,4 +1,4 @@
-"""When the next message of a replay may go out: pace, pause, single steps, seeks."""
+"""Timing of the messages of a replay: pace, pause, single steps, seeks."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class Pace:
         self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
 
     def restart(self) -> None:
-        """The next stamp is due when it is asked for, whatever came before."""
+        """Forget the pace so far: the next stamp is due as soon as it is asked for."""
         self._anchor = None
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another rate, from the next stamp."""
+        """Continue at another rate, from the next stamp."""
         self._rate, self._anchor = rate, None
 
     def remaining(self, stamp_ns: int) -> float:
-        """Seconds of the clock until a stamp [ns] is due; not above 0 when it is."""
+        """Return the seconds of the clock until a stamp [ns] is due; 0 or less if it is."""
         if self._rate == 0:
             return 0.0
         if self._anchor is None:
@@ -34,7 +34,7 @@ class Pace:
         return (stamp_ns - first) / SECOND / self._rate - (self._now() - since)
 
     def reached(self) -> int | None:
-        """The stamp [ns] that is due now; None after a restart."""
+        """Return the stamp [ns] that is due now; None after a restart."""
         if self._anchor is None:
             return None
         since, first = self._anchor
@@ -45,15 +45,15 @@ _SOON_S = 1e-6  # a wait shorter than this only spins
 
 
 class Playback:
-    """Shared by the thread that plays and by whoever controls it; every method may be called from any thread.
+    """State shared by the thread that plays and those that control it; every method may be called from any thread.
 
     Args:
         rate: seconds of recorded time per second; 0 plays as fast as the consumer takes it.
         paused: start in pause.
         now: monotonic clock in seconds.
 
-    Attributes: changed, notified when something happens on which a wait may depend; remaining, seconds until what is
-    waited for is due, 0 if nothing is.
+    Attributes: changed: condition that is notified of every event on which a wait may depend; remaining: seconds until
+    the awaited message is due, 0 if none is.
     """
 
     def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
@@ -73,7 +73,7 @@ class Playback:
             self.changed.notify_all()
 
     def resume(self) -> None:
-        """Go on from where the pause began; the time in pause is not caught up."""
+        """Continue from where the pause began; the time in pause is not caught up."""
         with self.changed:
             self._paused = False
             self.changed.notify_all()
@@ -93,31 +93,31 @@ class Playback:
             return True
 
     def wait_while_paused(self) -> None:
-        """Return when it is not, or no longer, in pause, or is interrupted."""
+        """Wait until it is not paused, or is interrupted."""
         with self.changed:
             self.changed.wait_for(lambda: not self._paused or self.interrupted)
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another rate: seconds of the recording per second, as the constructor's argument."""
+        """Continue at another rate: seconds of the recording per second, as the constructor's argument."""
         with self.changed:
             self._pace.set_rate(rate)
             self.changed.notify_all()
 
     def seek(self, offset_s: float) -> None:
-        """Break off, so that who plays can go on `offset_s` after the beginning; a pause stays."""
+        """Interrupt, so that the playing thread can continue `offset_s` after the beginning; a pause stays."""
         with self.changed:
             self._sought = offset_s
             self.changed.notify_all()
 
     def take_seek(self) -> float | None:
-        """Where to go on after a seek, s after the beginning, told once; None: there was none."""
+        """Return, once, the position of a seek [s after the beginning]; None if there was none."""
         with self.changed:
             sought, self._sought = self._sought, None
             return sought
 
     @property
     def interrupted(self) -> bool:
-        """Whether what is being played is to be broken off: by a stop or a seek."""
+        """True while a stop or a seek asks the playing thread to break off."""
         with self.changed:
             return self._stopped or self._sought is not None
 
@@ -133,7 +133,7 @@ class Playback:
             return self._stopped
 
     def rewind(self) -> None:
-        """Stamps start again from an earlier one."""
+        """Prepare for stamps that start again from an earlier one."""
         with self.changed:
             self._pace.restart()
 
@@ -161,12 +161,12 @@ class Playback:
                 on_tick(min(reached, stamp_ns))
 
     def frame_sent(self) -> None:
-        """A whole frame went out: it uses up a step."""
+        """Note that a whole frame was sent: it uses up a step."""
         with self.changed:
             self._steps = max(0, self._steps - 1)
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until `done()`, asked whenever `changed` is notified; False after `timeout_s` or when interrupted."""
+        """Wait until `done()`, checked whenever `changed` is notified; False after `timeout_s` or if interrupted."""
         with self.changed:
             self.changed.wait_for(lambda: self.interrupted or done(), timeout_s)
             return not self.interrupted and done()

@@ -1,4 +1,4 @@
-"""Plays a recording: each message once and in order, an image when the filter has the one before."""
+"""Player of a recording: each message is sent once and in order, an image once the filter has the one before."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .playback import Playback
 from .source import ReplaySource, is_image
 
 MOST_AFTER_AN_IMAGE = 50  # messages while the filter is busy with it: a subscriber of TF keeps 100
-_PASS_NS = 100_000_000  # how far time goes on at once after the end, where some frames may wait for their time-out
+_PASS_NS = 100_000_000  # step of the time after the end, when some frames may still wait for their time-out
 
 
 class Player:
-    """Sends the messages of a source when they are due.
+    """Player that sends the messages of a source when they are due.
 
-    awaits_answers: whether a filter answers the images; send(message); tell(ns), gets the recorded time as it goes on.
-    Attributes: frames_sent; frames_repeated, of a stamp that was there before in a round: the recording holds them
-    twice.
+    awaits_answers: True if a filter answers the images; send(message): sends it; tell(ns): gets the recorded time as
+    it advances. Attributes: frames_sent; frames_repeated: with a stamp that came before in the same round, as the
+    recording holds them twice.
     """
 
     def __init__(
@@ -34,26 +34,26 @@ class Player:
         self._awaits_answers, self._send, self._tell = awaits_answers, send, tell
         self.frames_sent = self.frames_repeated = 0
         self._reached = 0  # newest time, ns
-        self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
+        self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp there, ns
 
     @property
     def frames_lost(self) -> int:
-        """Frames that the filter never answered, nor said that they wait."""
+        """Number of frames that the filter neither answered nor reported as waiting."""
         return self._flow.lost
 
     @property
     def frames_broken(self) -> int:
-        """Frames left out because the recording does not hold the whole of their image."""
+        """Number of frames left out because the recording does not hold their whole image."""
         return self._source.images_broken
 
     @property
     def position(self) -> float:
-        """Seconds after the beginning of the recording that were told last."""
+        """Recorded time that is reached, in seconds after the beginning of the recording."""
         offset, stamp = self._begin
         return offset + max(0, self._reached - stamp) / 1e9
 
     def play(self, loops: Callable[[], bool]) -> None:
-        """Play to the end, again as long as `loops()`, until the playback is stopped; a seek plays from there on.
+        """Play to the end, and again while `loops()`, until the playback is stopped; after a seek, play from there on.
 
         Raises InputError if the source cannot be read.
         """
@@ -63,7 +63,7 @@ class Player:
             self._flow.forget()
             self._reached, self._begin = 0, (offset, 0)
             self._play_round(offset)
-            self._playback.wait_while_paused()  # at its end it can still be sent back
+            self._playback.wait_while_paused()  # a seek is still possible at the end
             self._flow.finish(lambda: self._tick(self._reached + _PASS_NS))
             sought = self._playback.take_seek()
             if sought is None and not loops():
@@ -71,7 +71,7 @@ class Player:
             offset = sought or 0.0
 
     def summary(self) -> str:
-        """How many frames were sent, in words."""
+        """Return the numbers of frames in words."""
         text = f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
         if self.frames_broken:
             text += f", {self.frames_broken} left out as their images are broken"
@@ -85,7 +85,7 @@ class Player:
         after_image, stepping = 0, False
         try:
             for message in self._source.messages(round(offset * 1e9)):
-                # What is latched may be of a time that is left out: neither pace nor clock begin there.
+                # A latched message may be from the time that is left out: neither pace nor clock begin there.
                 if message.latched:
                     self._send(message)
                     continue
@@ -117,7 +117,7 @@ class Player:
                 self._playback.frame_sent()
 
     def _tick(self, recorded_ns: int) -> None:
-        """Tell the recorded time; messages out of order do not turn it back."""
+        """Pass on the recorded time; messages out of order do not turn it back."""
         if recorded_ns > self._reached:
             self._reached = recorded_ns
             self._tell(recorded_ns)

@@ -1,4 +1,4 @@
-"""What a replay sends: the messages of a sequence, of plain images, or of a bag without a filter's results."""
+"""Messages that a replay sends: those of a sequence, of plain images, or of a bag without a filter's results."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ INPUT_TOPICS = frozenset(
 )
 """Topics of a bag that are inputs of the pipeline, not its results."""
 
-_POSE_TOPIC, _OBJECT_FRAME = "/pose", "object"  # of a filter; the frame by default
+_POSE_TOPIC, _OBJECT_FRAME = "/pose", "object"  # of a filter; its default object frame
 
 
 def is_image(topic: str) -> bool:
-    """Whether a message on this topic ends a frame."""
+    """Return whether a message on this topic ends a frame."""
     return topic.startswith(IMAGE_TOPIC)
 
 
 class ReplaySource:
     """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
 
-    Of a bag, the inputs of the pipeline. That listens to raw images: compressed ones are decompressed, or left out
-    where there are raw ones, too. One that is no whole image, as a lossy network leaves it, is left out and counted
-    (`images_broken`); `on_broken` gets the reason. Raises InputError if `path` is none of these or cannot be read, also
-    while messages are read.
+    Of a bag, only the inputs of the pipeline are sent. The pipeline subscribes to raw images: compressed ones are
+    decompressed, or left out if there are raw ones, too. An incomplete image, as a lossy network leaves it, is left out
+    and counted (`images_broken`); `on_broken` gets the reason. Raises InputError if `path` is none of these or cannot
+    be read, also while messages are read.
     """
 
     def __init__(self, path: str | Path, on_broken: Callable[[str], None] = lambda reason: None) -> None:
@@ -72,9 +72,9 @@ class ReplaySource:
         self._prefer_raw_images()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
-        """What is recorded, each message once, in order of recording, without those of the first `offset_ns`.
+        """Yield each recorded message once, in recorded order, without those of the first `offset_ns`.
 
-        Of what is left out, latched messages are sent all the same: they hold for the rest, too.
+        Latched messages of a bag are sent in any case: they hold for the rest, too.
         """
         if self._sequence is not None:
             yield from sequence_messages(self._sequence, offset_ns)
@@ -90,7 +90,7 @@ class ReplaySource:
 
     @property
     def duration_s(self) -> float:
-        """From the first message of the recording to the last."""
+        """Seconds from the first message of the recording to the last."""
         if self._sequence is not None:
             return int(self._sequence.stamps_ns[-1] - self._sequence.stamps_ns[0]) / 1e9
         if self._images is not None:
@@ -133,7 +133,7 @@ class ReplaySource:
             return {typestore().deserialize_cdr(first.data, first.type_name).header.frame_id}
 
     def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
-        """Without the frame that a filter published: it would fight with that of the filter that listens."""
+        """Drop the frame that a filter published: it would conflict with that of the filter that listens."""
         store = typestore()
         for message in messages:
             if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):

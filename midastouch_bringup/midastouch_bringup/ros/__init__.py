@@ -1,1 +1,1 @@
-"""What needs ROS and is no node: the parts of the launch files."""
+"""Code that needs ROS and is no node: parts of the launch files, set-ups, and runs of the nodes."""

@@ -25,7 +25,7 @@ from .launch_arguments import SHARE
 from .recorded_run import record_run
 
 CODEBOOK_SIZES = 5_000, 20_000
-"""Fewest and most poses of a codebook: built within a minute on two cores."""
+"""Fewest and most poses of a codebook; the most are built within a minute on two cores."""
 _POSES_PER_AREA = 1e6  # 1/m^2
 
 
@@ -57,7 +57,7 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
 
 
 def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> Path:
-    """Parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
+    """Write the parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = SHARE / "config"
     own = {
         "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2},

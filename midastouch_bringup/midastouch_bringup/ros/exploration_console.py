@@ -35,11 +35,11 @@ _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
 class Console(Node):
-    """Node that shows the progress of an exploration, and sends what the pressed keys ask for.
+    """Node that shows the progress of an exploration, and sends the commands of the pressed keys.
 
-    Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
-    that of the object; since_change_ns, how long it has been that, in the finger's time.
-    Args: mesh, that of the object at the start; given, whether the filter was given it.
+    Attributes: ended: end of the exploration, None before it; answering [s]: from the filter's first answer to the
+    newest; mesh: of the object; since_change_ns: time since it became the object, on the finger's clock.
+    Args: mesh: of the object at the start; given: True if the filter was given the object.
     """
 
     def __init__(self, mesh: str, given: bool, context: rclpy.Context):
@@ -66,7 +66,7 @@ class Console(Node):
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
 
     def keys(self) -> dict[str, Callable[[], None]]:
-        """What each key of `Keyboard` asks for; `carry_out_keys` does it."""
+        """Return the function of each key of `Keyboard`; it queues a command for `carry_out_keys`."""
         does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
         does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
         does |= {"o": self._change_object, " ": self._turn_over, "q": self.quit}
@@ -79,7 +79,7 @@ class Console(Node):
             self._call("resume")
 
     def carry_out_keys(self) -> None:
-        """Do what the pressed keys mean, in the thread that spins."""
+        """Carry out the commands of the pressed keys, in the thread that spins."""
         try:
             while True:
                 self._pressed.get_nowait()()
@@ -88,7 +88,7 @@ class Console(Node):
             return
 
     def destroy_node(self) -> None:
-        """Close the progress bar with what it shows."""
+        """Close the progress bar, then destroy the node."""
         self._bar.close()
         super().destroy_node()
 
@@ -114,11 +114,11 @@ class Console(Node):
         self._call("resume" if self._paused else "pause")
 
     def quit(self) -> None:
-        """A person ends it."""
+        """End the exploration for a person."""
         self.ended = Ended.of(self._explorer, by_hand=True)
 
     def fail(self, why: str) -> None:
-        """It ended because a node died."""
+        """End the exploration because a node died."""
         self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
 
     @property
@@ -167,11 +167,11 @@ class Console(Node):
 
 
 def keys_help(finger: bool) -> str:
-    """What the keys do; finger: whether the one that explores is without mechanics."""
+    """Return the help on the keys; finger: True if the arm is the finger without mechanics."""
     of_finger = _OF_A_FINGER if finger else ""
     return f"arrows: slide; l: lift, touch elsewhere; {of_finger}space: take over, or let it go on; q, Ctrl-C: end"
 
 
 def file_of(address: str) -> str:
-    """The file that the address of a mesh means."""
+    """Return the file that the address of a mesh stands for."""
     return str(resolve(address, "mesh").resolve())

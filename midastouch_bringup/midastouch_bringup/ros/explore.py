@@ -1,4 +1,4 @@
-"""`midastouch run explore`: the nodes as processes, the run recorded, a person's keys carried on, and its page."""
+"""`midastouch run explore`: the nodes as processes, a recording of the run, keys for a person, and a page."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ from .exploration_console import Console, file_of, keys_help
 from .launch_parameters import explored, quick_codebooks
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
-_LAST_WORDS_S = 2.0  # of the explorer, still on their way when it has ended
+_LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
 _RECORDING = "run.mcap"
 
 
 @contextlib.contextmanager
 def own_folder(out: Path) -> Iterator[None]:
-    """The folder of an exploration, for this process alone; InputError while another explores there."""
+    """Keep the folder of an exploration to this process; InputError while another explores there."""
     with sole_use(out):
-        # of runs that were killed: named by `atomic_path`, and within that by `BagWriter`
+        # left by runs that were killed: names made by `atomic_path`, and from those by `BagWriter`
         for left in out.glob(f".*{Path(_RECORDING).stem}.*{Path(_RECORDING).suffix}*"):
             shutil.rmtree(left) if left.is_dir() else left.unlink()
         yield
@@ -52,9 +52,9 @@ def own_folder(out: Path) -> Iterator[None]:
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
-    programs: the nodes, `explorer` among them; given: arm, and mesh, codebook and objects, as `explored` returns them.
-    domain: ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it, by
-    key or by a signal; 1: not, or a node died. KeyboardInterrupt: another signal, once it has ended.
+    programs: the nodes, including `explorer`; given: arm, and mesh, codebook and objects, as `explored` returns them.
+    domain: ROS_DOMAIN_ID, on this machine alone. The status is 0 if object and pose are known and right, or if a person
+    ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it has ended.
     """
     touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / _RECORDING, time.monotonic()
@@ -62,7 +62,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     finger = given["arm"] == "finger"
     print(f"{'a simulated finger' if finger else 'an arm in MuJoCo'} explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
-    # Ctrl-C is the key for the end that everybody knows
+    # Ctrl-C is one more key that ends the exploration
     with woken_by_signals() as wait, atomic_path(bag) as temporary:
         console = _explore(programs, touched, not objects, finger, temporary, out / "log", domain, wait)
         if wait(0.0):
@@ -75,7 +75,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         _tell(result, out)
         print(f"the same as a page: {write_words(result, str(error), out)}")
         return 0 if console.ended.by_hand else 1
-    if console.mesh != touched:  # changed by key: what came before was about another object
+    if console.mesh != touched:  # changed by key: the earlier part is about another object
         record = record.last(1e-9 * console.since_change_ns).of_known_object()
         changed = {"mesh": console.mesh, "codebook": "", "objects": ""}
         prepare_codebooks(quick_codebooks(changed))
@@ -103,7 +103,7 @@ def _explore(
     domain: int,
     wait: Wait,
 ) -> Console:
-    """Run the exploration; its console knows how it ended."""
+    """Run the exploration; return its console, which knows how it ended."""
 
     def end_at_once(left: list[Process], seconds: float) -> None:
         if await_ends(wait, left, seconds):
@@ -122,7 +122,7 @@ def _explore(
 
 
 def _held_back(explorer: Program) -> Program:
-    """The explorer, started paused: the finger does not move before the recorder hears it."""
+    """Return the explorer's program, started paused: the finger must not move before the recorder hears it."""
     return replace(explorer, command=(*explorer.command, "-p", "start_paused:=true"))
 
 
@@ -143,7 +143,7 @@ def _follow(
     console: Console,
     stopped: Callable[[], bool],
 ) -> None:
-    """Let the finger move once nothing of it is lost, and spin until the exploration is over."""
+    """Let the finger move once the recorder hears everything, and spin until the exploration is over."""
 
     def turn() -> bool:
         executor.spin_once(timeout_sec=0.1)
@@ -154,7 +154,7 @@ def _follow(
         return console.ended is None
 
     def still_to_come() -> str:
-        # others publish on /tf, too: that the explorer is connected shows in what arrives
+        # others publish on /tf, too, so a connection proves nothing; a message does
         return "" if recorder.counts[TF_TOPIC] else "the finger's transforms"
 
     try:
@@ -162,7 +162,7 @@ def _follow(
             while turn():
                 console.let_begin()
     except NodeFailed as error:
-        # the explorer ends like that when it gives up
+        # the explorer also ends with an error when it gives up
         deadline = time.monotonic() + _LAST_WORDS_S
         while console.ended is None and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)

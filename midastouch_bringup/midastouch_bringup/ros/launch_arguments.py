@@ -1,10 +1,10 @@
-"""The arguments of the launch files and of `midastouch run`, and which parameters of which nodes they set.
+"""The arguments of the launch files and of `midastouch run`, and the node parameters that they set.
 
-An argument means the same wherever it is taken. One that stands for a parameter changes it only when it is given;
-empty leaves what the parameter file says. Which of `ARGUMENTS` a launch file and `midastouch run` take is in `setups`.
+An argument means the same wherever it is taken. If it stands for a parameter, it changes the parameter only if it is
+given; empty keeps the value of the parameter file. `setups` lists the `ARGUMENTS` that each launch file takes.
 
-`ros2 launch` imports this module into the Python of ROS, which need not have what the nodes' Python has: it, and what
-it imports, keeps to the standard library and to what launch itself brings along.
+`ros2 launch` imports this module into the Python of ROS, which may lack the libraries of the nodes' Python: this module
+and its imports keep to the standard library and to the dependencies of launch.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
 class Argument:
     """An argument. `sets` names the parameters (node, parameter) it stands for, `kind` their type.
 
-    `launch_only`: it is about something that only `ros2 launch` starts.
+    `launch_only`: True if it is about something that only `ros2 launch` starts.
     """
 
     description: str
@@ -165,8 +165,8 @@ ARGUMENTS = {
 }
 
 OF_NODES = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
-"""Names of those that every launch file with nodes takes."""
+"""Names of the arguments that every launch file with nodes takes."""
 OF_OBJECT = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
-"""Names of those of the filter, but for its frames."""
+"""Names of the filter's arguments, except its frames."""
 OF_FILES = ("mesh", "codebook", "background", "bag")
-"""Names of those that stand for a file or folder which only the nodes read."""
+"""Names of the arguments that stand for a file or folder which only the nodes read."""

@@ -1,6 +1,6 @@
 """The parameters of all nodes, from parameter files and launch arguments.
 
-As `launch_arguments`, it and what it imports keep to the standard library and to what launch brings along.
+As `launch_arguments`, this module and its imports keep to the standard library and to the dependencies of launch.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from ..processes.parameter_files import EVERY_NODE, merged, read_parameters
 from .launch_arguments import ARGUMENTS, OF_FILES, SHARE, SIMULATED_ARMS, STREAM_NODES
 
 FILES = ("params_file", "setup_file", "params_overlay")
-"""Arguments that name parameter files, each laid over those before."""
+"""Arguments that name parameter files, each laid over those before it."""
 OWN_TIME = ("mujoco",)
-"""Values of the argument `arm` with a parameter file of their own, over setup_file, and with a time of their own."""
+"""Values of the argument `arm` that have their own parameter file, laid over setup_file, and their own time."""
 
 
 def parameters(given: Mapping[str, str]) -> dict[str, dict]:
-    """Parameters by node: params_file, setup_file over it, then params_overlay, and the arguments over all.
+    """Return the parameters by node: params_file, setup_file over it, then params_overlay, and the arguments over all.
 
-    given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing,
-    for a file whose sensor is another than the argument's, and for an arm without its address.
+    given: values by name, of all arguments that the set-up takes. Raises InputError for an invalid value, for a file
+    whose sensor differs from the argument's, and for an arm without an address.
     """
     paths = [given[name] for name in FILES if given.get(name)]
     if given.get("arm") in OWN_TIME:
@@ -52,7 +52,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
             overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("objects"):
         objects = ",".join(_named(name, given.get("sensor_model", "")) for name in given["objects"].split(","))
-        # what else names an object then is the one that digit_sim simulates
+        # object and mesh then name only the object that digit_sim simulates
         overrides["particle_filter"] |= {"objects": objects, "mesh": "", "codebook": ""}
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
@@ -63,14 +63,14 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if prefix := given.get("sensor_prefix"):
         for node in ("digit_driver", "digit_sim"):
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
-        # the gel of an arm with mechanics is where its mount has it
+        # for an arm with mechanics digit_sim takes the true gel frame, of the arm's own parameter file
         sees = () if given.get("arm") in OWN_TIME else ("digit_sim",)
         for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "ur_speed", "slider", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     of_ur_tf = nodes.get("ur_tf", {})
     _require_address(given, of_ur_tf.get("robot_ip"))
-    # the same arm: what a file says of one of them only
+    # the same arm: a value that a file has for ur_tf only holds for ur_speed, too
     for name in of_ur_tf.keys() & {"robot_ip", "tcp_offset"}:
         nodes.setdefault("ur_speed", {}).setdefault(name, of_ur_tf[name])
     _keep_to_box(nodes)
@@ -78,9 +78,9 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
 
 
 def object_to_come(nodes: Mapping[str, Mapping]) -> str:
-    """That the filter has no object to begin with, and the fix, in words; empty if it has one.
+    """Return a warning, with the fix, that the filter starts without an object; empty if it has one.
 
-    nodes: what `parameters` gave.
+    nodes: from `parameters`.
     """
     of_filter = nodes.get("particle_filter", {})
     if any(of_filter.get(name) for name in ("mesh", "codebook", "objects")):
@@ -92,7 +92,7 @@ def object_to_come(nodes: Mapping[str, Mapping]) -> str:
 
 
 def bundled_mesh(name: str) -> str:
-    """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
+    """Return the path of a bundled object's mesh. Raises InputError if there is none of that name."""
     objects = bundled_objects()
     if name not in objects:
         raise InputError(
@@ -102,7 +102,7 @@ def bundled_mesh(name: str) -> str:
 
 
 def _named(one: str, sensor: str) -> str:
-    """One of `objects`: of a bundled object the codebook for that sensor, as long as there is none its mesh."""
+    """Resolve one of `objects`: a bundled one to its codebook for that sensor, or to its mesh if there is none."""
     name = one.strip()
     if name not in bundled_objects():
         return name
@@ -111,15 +111,15 @@ def _named(one: str, sensor: str) -> str:
 
 
 def named_files(given: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Name and value of each argument that is given and stands for a file or folder, those of `objects` one by one."""
+    """Return name and value of each given argument that stands for a file or folder, those of `objects` one by one."""
     named = [(name, given[name]) for name in OF_FILES if given.get(name)]
     objects = [name.strip() for name in given.get("objects", "").split(",")]
     return named + [("objects", name) for name in objects if name and name not in bundled_objects()]
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:
-    """Mesh and codebook of the object of an exploration: what is given, else those of the bundled object; and the
-    `objects` that it may be for the filter, itself among them, empty if there is no other."""
+    """Return mesh and codebook of the object of an exploration, as given or of the bundled object; and `objects`, the
+    candidates for the filter, including the object itself, empty if there is no other."""
     mesh = given["mesh"] or bundled_mesh(given["object"])
     codebook = given["codebook"] or _quick(Path(mesh).stem)
     names = [name.strip() for name in given["objects"].split(",")]
@@ -129,7 +129,7 @@ def explored(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def quick_codebooks(given: Mapping[str, str]) -> dict[str, str]:
-    """Meshes by the paths of the codebooks of an exploration that are built where they are missing."""
+    """Return the meshes, by codebook path, of the codebooks of an exploration that are built if they are missing."""
     what = explored(given)
     meshes = {_quick(name): str(path) for name, path in bundled_objects().items()}
     books = {path: meshes[path] for path in what["objects"].split(",") if path in meshes}
@@ -141,7 +141,7 @@ def _quick(name: str) -> str:
 
 
 def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
-    """InputError for an arm that is to be reached at no address; `of_ur_tf`: what ur_tf gets."""
+    """Raise InputError for an arm that needs an address and has none; `of_ur_tf`: the one that ur_tf gets."""
     arm = given.get("arm")
     mock = given.get("use_mock_hardware") == "true"
     if (arm == "rtde" and not of_ur_tf) or (arm == "ur_driver" and not given["robot_ip"] and not mock):
@@ -149,8 +149,8 @@ def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
 
 
 def _keep_to_box(nodes: dict[str, dict]) -> None:
-    """Have an explorer that is given no box of its own keep to the arm's, and never go beyond its cone; InputError for
-    a box of nothing."""
+    """Give an explorer without a box of its own the arm's box, and limit its cone to the arm's; InputError for an empty
+    box."""
     slider = nodes.get("slider", {})
     corners = [slider.get(f"box_{corner}") for corner in ("low", "high")]
     if None in corners:
@@ -168,9 +168,9 @@ def _keep_to_box(nodes: dict[str, dict]) -> None:
 
 
 def _read(path: str) -> dict[str, dict]:
-    """A parameter file; what it has for every node (`/**`) is each one's, over what files before it have for that one.
+    """Read a parameter file; its values for every node (`/**`) become each node's, and so override earlier files.
 
-    InputError for a node's name that is nearly one of ours: nobody would read its parameters.
+    InputError for a node's name that is nearly one of ours: no node would read its parameters.
     """
     ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(STREAM_NODES)
     nodes = read_parameters(path)
@@ -182,7 +182,7 @@ def _read(path: str) -> dict[str, dict]:
 
 
 def _require_same_sensor(path: str, nodes: Mapping[str, dict], sensor: str | None) -> None:
-    """InputError if a parameter file has another sensor than the argument, whose default some set-ups have."""
+    """Raise InputError if a parameter file has another sensor than the argument, given or a set-up's default."""
     for node in ("tdn", "tcn", "particle_filter"):
         theirs = nodes.get(node, {}).get("sensor_model", sensor)
         if sensor and theirs != sensor:
@@ -222,7 +222,7 @@ _KINDS: dict[type, tuple[Callable[[str], object], str]] = {
 
 
 def _background_of(recording: Path) -> dict[str, str]:
-    """Where a sequence folder holds the sensor's no-contact image, else the images to estimate it from."""
+    """Return the parameter `background`: a sequence's no-contact image or, without one, images to estimate it from."""
     for inside in ("background.png", "tactile_images", "frames"):
         if (recording / inside).exists():
             return {"background": str((recording / inside).resolve())}

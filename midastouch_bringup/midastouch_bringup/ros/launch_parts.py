@@ -1,6 +1,6 @@
-"""What the launch files need and plain launch does not have.
+"""Parts of the launch files that plain launch does not have.
 
-What may fail is tried before anything is started: when an action raises, launch forgets the processes that the same
+Checks that may fail come before anything is started: if an action raises, launch forgets the processes that the same
 description has begun, ends, and leaves them running.
 """
 
@@ -45,8 +45,8 @@ from .launch_parameters import FILES, OWN_TIME, object_to_come, parameters
 def declared(
     defaults: Mapping[str, str], choices: Mapping[str, Sequence[str]] = MappingProxyType({})
 ) -> list[DeclareLaunchArgument]:
-    """Launch arguments by their names and defaults, as `Setup.values` gives them; choices: where they take fewer values
-    than in `ARGUMENTS`, which the rest is of."""
+    """Declare launch arguments with their names and defaults, as `Setup.values` returns them; choices: of those that
+    take fewer values than in `ARGUMENTS`, which has everything else."""
     return [
         DeclareLaunchArgument(
             name,
@@ -61,9 +61,9 @@ def declared(
 class MergedParameters(Substitution):
     """Path of the parameter file of one process, which launch writes to its log folder.
 
-    params_file comes first, over it what the launch file changes (setup_file), then params_overlay, and over all of
-    them those of `arguments`, names of launch arguments, that are given, and a simulated `arm`; `ARGUMENTS` says what
-    each of them sets. A name that no launch file has declared counts as not given.
+    params_file comes first, over it the launch file's changes (setup_file), then params_overlay. Over all of them come
+    the launch arguments named by `arguments`, if given, and a simulated `arm`; `ARGUMENTS` lists the parameters that
+    each sets. A name that no launch file has declared counts as not given.
     """
 
     def __init__(self, process: str, arguments: Sequence[str]):
@@ -71,7 +71,7 @@ class MergedParameters(Substitution):
         self._process, self._names = process, {*FILES, *arguments}
 
     def describe(self) -> str:
-        """For the messages of launch."""
+        """Return the name used in messages of launch."""
         return f"MergedParameters({self._process})"
 
     def perform(self, context: LaunchContext) -> str:
@@ -86,9 +86,9 @@ class MergedParameters(Substitution):
 
 
 class UseRespawn(LaunchConfiguration):
-    """The launch argument `use_respawn`, as it was when the process was started.
+    """The launch argument `use_respawn`, with its value from the start of the process.
 
-    Where an including launch file has put this one in a group, the argument is gone by the time that a process ends.
+    If an including launch file has put this one in a group, the argument no longer exists when a process ends.
     """
 
     def __init__(self):
@@ -96,49 +96,49 @@ class UseRespawn(LaunchConfiguration):
         self._value = "false"
 
     def perform(self, context: LaunchContext) -> str:
-        """The value, which is kept."""
+        """Return the value, and keep it."""
         self._value = super().perform(context)
         return self._value
 
     def or_end_launch(self, event: ProcessExited, context: LaunchContext) -> None:
-        """`on_exit` of a process without which the others are of no use, unless launch starts it again.
+        """End the launch when a required process exits, unless launch starts it again; for `on_exit`.
 
-        Launch would do so with bad input, too, and for ever.
+        After bad input the launch ends in any case: launch would start the process again for ever.
         """
         if not context.is_shutdown and (self._value != "true" or event.returncode == EXIT_BAD_INPUT):
             raise _died(event)
 
 
 def included(name: str, **options) -> IncludeLaunchDescription:
-    """Another of our launch files, which gets the arguments of the including one by their names; options, of the
+    """Include another of our launch files, which receives the arguments of the including one by name; options: of the
     action, such as a condition."""
     source = PythonLaunchDescriptionSource(str(SHARE / "launch" / f"{name}.launch.py"))
     return IncludeLaunchDescription(source, **options)
 
 
 def wanted(argument: str) -> IfCondition:
-    """Only if the launch argument is true."""
+    """Return the condition that the launch argument is true."""
     return IfCondition(LaunchConfiguration(argument))
 
 
 def arm_is(name: str) -> IfCondition:
-    """Only for arm:=`name`."""
+    """Return the condition arm:=`name`."""
     return IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), name))
 
 
 def lifecycle_node(package: str, executable: str, takes: Sequence[str], **options) -> LifecycleNode:
-    """One of our lifecycle nodes, named as its executable; as `lasting_node`."""
+    """Make a `lasting_node` of one of our lifecycle nodes, named as its executable."""
     return LifecycleNode(name=executable, **_of_lasting(package, executable, takes), **options)
 
 
 def lasting_node(package: str, executable: str, takes: Sequence[str], **options) -> Node:
-    """One of our processes, without which the others are of no use; takes, names of the launch arguments that set its
-    parameters; options, of the action, such as a condition."""
+    """Make a required node: if it exits and is not started again, the launch ends. takes: names of the launch arguments
+    that set its parameters; options: of the action, such as a condition."""
     return Node(**_of_lasting(package, executable, takes), **options)
 
 
 def ending_node(package: str, executable: str, takes: Sequence[str]) -> Node:
-    """One that ends by itself, once it has done its work; the others stay, to be looked at."""
+    """Make a node that ends by itself once its work is done; the others stay, so that you can look at them."""
     return Node(**_of_node(package, executable, takes), on_exit=end_launch_if_failed)
 
 
@@ -161,18 +161,18 @@ def _of_node(package: str, executable: str, takes: Sequence[str]) -> dict:
 
 
 def check_arguments(context: LaunchContext) -> None:
-    """Raises InputError for arguments that mean nothing."""
+    """Raise InputError for invalid arguments."""
     parameters(context.launch_configurations)
 
 
 def say_if_no_object(context: LaunchContext) -> list[LogInfo]:
-    """A warning where the filter is started without an object: it would look as healthy as with one."""
+    """Warn if the filter is started without an object: it would look as healthy as with one."""
     words = object_to_come(parameters(context.launch_configurations))
     return [LogInfo(msg=f"WARNING: {words}")] if words else []
 
 
 def check_package(_context: LaunchContext, package: str, instead: str) -> None:
-    """InputError with the fix, or what to do `instead`, for a package of ROS that is not installed."""
+    """Raise InputError with the fix and the alternative `instead` if a package of ROS is not installed."""
     try:
         get_package_prefix(package)
     except PackageNotFoundError as error:
@@ -181,20 +181,20 @@ def check_package(_context: LaunchContext, package: str, instead: str) -> None:
 
 
 def check_rviz(context: LaunchContext) -> None:
-    """InputError if RViz is not installed."""
+    """Raise InputError if RViz is not installed."""
     check_package(context, "rviz2", "or set use_rviz:=false")
 
 
 def check_mount(context: LaunchContext) -> None:
-    """InputError if robot_state_publisher is not installed; the error of xacro if it cannot describe the mount."""
+    """Raise InputError if robot_state_publisher is not installed, and xacro's error if it cannot describe the mount."""
     check_package(context, "robot_state_publisher", "or publish TF of the mount yourself")
     mount_description().perform(context)
 
 
 def mount_description() -> Command:
-    """The URDF of the mount: what xacro makes of it with the launch arguments."""
+    """Return the URDF of the mount, expanded by xacro with the launch arguments."""
     xacro = ["xacro ", str(SHARE / "urdf" / "digit_mount.urdf.xacro")]
-    # to xacro a relative file is one beside its own
+    # xacro resolves a relative path from the folder of its own file
     frames_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration("frames_file")])
     for argument, value in (
         ("frames_file", frames_file),
@@ -207,15 +207,15 @@ def mount_description() -> Command:
 
 
 def bound_to_launch(executable: str) -> dict[str, str | list[str | LaunchConfiguration]]:
-    """Arguments of a node's process that ends with a launch that is killed, which cannot end it."""
-    # then what launch would take by itself (a debugger)
+    """Return action arguments that make a node's process end even if launch is killed and cannot end it."""
+    # followed by the prefix that launch itself would use (a debugger)
     prefix = [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
-    # launch would name the process after the first word of its command, the prefix'
+    # launch would name the process after the first word of the prefix
     return {"prefix": prefix, "exec_name": executable}
 
 
 def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInfo | None:
-    """`on_exit` of a process that ends by itself: when it has done its work, the others go on."""
+    """End the launch if a process that ends by itself has failed; otherwise the others stay; for `on_exit`."""
     if context.is_shutdown:
         return None
     if event.returncode != 0:
@@ -224,7 +224,7 @@ def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInf
 
 
 def to_ourselves() -> SetEnvironmentVariable:
-    """Nobody else on the network sees the nodes, unless the user has said so."""
+    """Hide the nodes from the rest of the network, unless the user has chosen otherwise."""
     reach = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     return SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST"))
 
@@ -232,7 +232,7 @@ def to_ourselves() -> SetEnvironmentVariable:
 def prepared(
     setup: str, takes: Sequence[str], following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]
 ) -> ExecuteProcess:
-    """Make what a set-up needs of files, then start what is `following`; takes, names of launch arguments."""
+    """Make the files that a set-up needs, then start the actions of `following`; takes: names of launch arguments."""
     # a process of its own: the libraries for it may be missing in the Python of launch
     midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")
     given = [[f"{name}:=", LaunchConfiguration(name)] for name in takes]
@@ -242,7 +242,7 @@ def prepared(
 
 
 def once_done(following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]) -> Callable:
-    """`on_exit` of a process that makes files: start what is `following`, or end the launch if the process failed."""
+    """Return an `on_exit` for a process that makes files: start `following`, or end the launch if that has failed."""
 
     def on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         # a lifecycle node that is launched once the shutdown has begun keeps launch from ending

@@ -1,4 +1,4 @@
-"""ROS for our own use beside processes of ours: one node for one question, or for a run on this machine alone."""
+"""ROS contexts for our own use: a node for one question, or a context for a run on this machine alone."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from midastouch_common.errors import InputError
 
 from ..processes.local_domain import local_environment
 
-_SLICE_S = 0.1  # Python hears a signal in between only
+_SLICE_S = 0.1  # of spinning: Python handles signals only in between
 
 
 def started_context(domain: int | None = None) -> rclpy.Context:
-    """A context of its own in a domain (None: of the environment); InputError where ROS does not start."""
+    """Return a new context in a domain (None: that of the environment); InputError if ROS does not start."""
     context = rclpy.Context()
     try:
         rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -35,7 +35,7 @@ def started_context(domain: int | None = None) -> rclpy.Context:
 
 @contextlib.contextmanager
 def node_for_once(name: str, namespace: str) -> Iterator[Node]:
-    """A node in a context of its own, for one question; InputError for a namespace that is none."""
+    """Provide a node in a context of its own, for one question; InputError for an invalid namespace."""
     context = started_context()
     try:
         try:
@@ -48,7 +48,7 @@ def node_for_once(name: str, namespace: str) -> Iterator[Node]:
 
 
 def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
-    """Spin a node until `done` holds, for at most `timeout` seconds; whether it holds. Ctrl-C ends this at once."""
+    """Spin a node until `done` holds, at most `timeout` seconds; return whether it holds. Ctrl-C ends this at once."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     end = time.monotonic() + timeout
@@ -59,8 +59,8 @@ def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
 
 @contextlib.contextmanager
 def local_context(domain: int) -> Iterator[rclpy.Context]:
-    """A context in the domain of `local_environment`, which becomes ours; signals are left to others."""
-    os.environ.update(local_environment(domain))  # DDS takes it from there alone
+    """Provide a context in a domain that only this machine sees; changes our environment, and handles no signals."""
+    os.environ.update(local_environment(domain))  # DDS reads it only from there
     context = started_context(domain)
     try:
         yield context
@@ -72,7 +72,7 @@ _ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
 
 
 def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
-    """What the service `service` in the namespace answers; InputError if nobody offers it within `timeout` seconds."""
+    """Call a service in the namespace; return its answer. InputError if it is not offered within `timeout` seconds."""
     with node_for_once(f"call_{service}", namespace) as node:
         client = node.create_client(Trigger, service)
         if not spin_until(node, client.service_is_ready, timeout):

@@ -58,7 +58,7 @@ The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publis
 
 
 def markdown() -> str:
-    """One table per node: name, default, range or choices, description."""
+    """Return one table per node: name, default, range or choices, description."""
     sections = [_HEADER]
     for node, table in TABLES.items():
         rows = [f"| `{p.name}` | `{_text(p.default)}` | {_range(p)} | {_description(p)} |" for p in table]

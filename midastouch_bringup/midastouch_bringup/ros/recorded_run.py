@@ -1,4 +1,4 @@
-"""A sequence through the real nodes, as processes of their own, into a bag."""
+"""Recording of a sequence that is played through the real nodes, as processes of their own, into a bag."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from ..progress import progress_bar
 from .local_context import local_context
 
 RESULTS = (CODE, PENETRATION, MODES, PARTICLES, STATUS)
-"""What the nodes of a run add to a bag."""
+"""Topics that the nodes of a run add to a bag."""
 
-_SILENCE_S = 120.0  # without a status while the replay goes on, or without a node that is awaited
+_SILENCE_S = 120.0  # without a status during the replay, or without a node that is awaited
 _LAST_STATUS_S = 5.0
 _ON_THEIR_WAY_S = 0.5
 
@@ -40,7 +40,7 @@ _ON_THEIR_WAY_S = 0.5
 def supervised_run(
     domain: int, logs: Path, await_ends: Callable[[list[Process], float], object] | None = None
 ) -> Iterator[tuple[Supervisor, SingleThreadedExecutor]]:
-    """A supervisor of programs, whose output goes to a folder, and an executor for nodes made in its `context`.
+    """Provide a supervisor of programs, whose output goes to `logs`, and an executor for nodes made in its `context`.
 
     At the end the executor's nodes are destroyed, then the programs are ended, as `process.end` does it.
     """
@@ -58,7 +58,7 @@ def supervised_run(
 
 
 def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Path, domain: int) -> float:
-    """Play a sequence through the nodes into a bag; returns the seconds from the first status of a frame to the last.
+    """Play a sequence through the nodes into a bag; returns the seconds from the first answered frame to the last.
 
     domain: ROS_DOMAIN_ID, on this machine alone. Raises NodeFailed when a node dies or falls silent, InputError for one
     that is not installed.
@@ -88,7 +88,7 @@ def _recorder(bag: Path, sequence: RecordedSequence, context: rclpy.Context) -> 
 
 
 class _Listener(Node):
-    """Follows the filter's status with a progress bar, and which nodes are active."""
+    """Node that shows the filter's progress in a bar, and watches which nodes are active."""
 
     def __init__(self, sequence: RecordedSequence, context: rclpy.Context):
         super().__init__("demo", context=context)
@@ -142,10 +142,10 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: 
 def await_recorder(
     recorder: Recorder, topics: Sequence[str], turn: Callable[[], bool], others: Callable[[], str] = str
 ) -> bool:
-    """Return whether the recorder hears all the topics now: a frame sent earlier would be lost.
+    """Wait until the recorder hears all the topics: a frame sent earlier would be lost. Return whether it does.
 
-    turn: spins once, and tells whether to wait on. others: who else is awaited, in words, if any. Raises NodeFailed
-    after two minutes.
+    turn: spins once, and returns whether to keep waiting. others: names other parts that are awaited, empty if none is.
+    Raises NodeFailed after two minutes.
     """
     started = time.monotonic()
     while waiting := others() or ", ".join(recorder.unheard(topics)):
@@ -157,7 +157,7 @@ def await_recorder(
 
 
 def hear_the_last(executor: Executor) -> None:
-    """Spin a while: what the nodes have sent may still be on its way to the recorder."""
+    """Spin a while: messages of the nodes may still be on their way to the recorder."""
     quiet_until = time.monotonic() + _ON_THEIR_WAY_S
     while time.monotonic() < quiet_until:
         executor.spin_once(timeout_sec=0.05)

@@ -25,30 +25,30 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     """Start the nodes of a set-up and watch them until they have ended or a signal comes; returns the exit status.
 
     words: arguments as `ros2 launch` takes them.
-    Raises InputError for arguments that mean nothing and for nodes that are not installed.
+    Raises InputError for invalid arguments and for nodes that are not installed.
     """
     given = values(name, words)
     environment = dict(os.environ)
-    _programs(name, given, Path())  # what is not installed is named before the work of minutes
+    _programs(name, given, Path())  # names nodes that are not installed before minutes of work
     prepare(name, given)
     if name == "explore":
         return _explore(given)
     if name == "demo":
         given["bag"] = str(demo_slide(given["object"]))
-        # nobody else on the network sees the demo's nodes, unless the user has said so
+        # hides the demo's nodes from the rest of the network, unless the user has chosen otherwise
         environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with tempfile.TemporaryDirectory(prefix="midastouch_") as folder:
         path, nodes = Path(folder) / "parameters.yaml", parameters(given)
         path.write_text(written(nodes, given["namespace"]))
         respawn = BackOff if given["use_respawn"] == "true" else None
-        # where the filter is started
+        # only set-ups that start the filter take a codebook
         if "codebook" in given and (words := object_to_come(nodes)):
             print(f"[midastouch] WARNING: {words}", flush=True)
         return run_in_foreground(_programs(name, given, path), environment, respawn)
 
 
 def _explore(given: dict[str, str]) -> int:
-    """The exploration, recorded, with a person's keys, and its page."""
+    """Run the exploration: recorded, with keys for a person, and with a page."""
     from .explore import own_folder, run_exploration
 
     given |= explored(given)
@@ -60,17 +60,17 @@ def _explore(given: dict[str, str]) -> int:
 
 
 def prepare(name: str, given: Mapping[str, str]) -> None:
-    """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything.
+    """Make the files that a set-up still lacks in the current folder; only `demo` and `explore` need any.
 
-    Raises InputError before anything is made: for values that mean nothing, as `parameters`, and for files that are
-    named and not there.
+    Raises InputError before anything is made: for invalid values, as `parameters`, and for named files that do not
+    exist.
     """
     parameters(given)
     if given.get("arm") == "mujoco":
         from midastouch_motion.mujoco_arm import require_mujoco
 
         require_mujoco()
-    # here: `--show-args`, and set-ups without files, do without the libraries behind it
+    # imported here: `--show-args`, and set-ups without files, do not need the libraries behind it
     if named := named_files(given):
         from ..demo.preparation import require_there
 
@@ -86,9 +86,9 @@ def prepare(name: str, given: Mapping[str, str]) -> None:
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:
-    """Values of all arguments of a set-up: `words`, NAME:=VALUE each, over the defaults.
+    """Return the values of all arguments of a set-up: `words`, NAME:=VALUE each, over the defaults.
 
-    Raises InputError for a set-up that is not known and for what it does not take.
+    Raises InputError for an unknown set-up, and for arguments and values that it does not take.
     """
     given = _defaults(setup)
     for word in words:
@@ -112,7 +112,7 @@ def values(setup: str, words: Sequence[str]) -> dict[str, str]:
 
 
 def manual(setup: str) -> str:
-    """The arguments of a set-up in words. Raises InputError for one that is not known."""
+    """Return the help on the arguments of a set-up. Raises InputError for an unknown set-up."""
     defaults = _defaults(setup)
     lines = [f"{setup}: {SETUPS[setup].summary}"]
     for name, default in defaults.items():

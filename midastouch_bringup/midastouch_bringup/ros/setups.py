@@ -1,7 +1,7 @@
-"""What `midastouch run` starts: by name, what the launch file of that name starts, where ROS 2's launch is missing.
+"""Set-ups of `midastouch run`: each starts the processes of the launch file of its name, without ROS 2's launch.
 
-The launch files declare the arguments that this table has. A test carries every one out and compares its processes and
-their parameters with the table.
+The launch files declare the arguments in this table. A test runs every launch file and compares its processes and their
+parameters with the table.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .launch_arguments import ARGUMENTS, OF_NODES, OF_OBJECT, SHARE
 
 @dataclass(frozen=True)
 class Executable:
-    """A process with nodes of ours. `when`: only if that argument has that value.
+    """A process with nodes of ours. `when`: (argument, value) that it needs to be started, None if it always is.
 
-    `ends`: by itself, once it has done its work; starting it again would do that twice.
+    `ends`: True if it ends by itself once its work is done; starting it again would do the work twice.
     """
 
     package: str
@@ -41,11 +41,11 @@ class Setup:
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def values(self) -> dict[str, str]:
-        """Every argument with its default."""
+        """Return every argument with its default."""
         return {name: self.defaults.get(name, ARGUMENTS[name].default) for name in self.arguments}
 
     def allowed(self, name: str) -> tuple[str, ...]:
-        """The values that an argument takes; empty if any."""
+        """Return the values that an argument may take; empty if it may take any."""
         return self.choices.get(name, ARGUMENTS[name].choices)
 
 
@@ -95,7 +95,7 @@ SETUPS = {
             Executable("midastouch_filter", "particle_filter", when=("composed", "false")),
         ),
     ),
-    # its launch file has robot_state_publisher do it, which also gives RViz the sensor's shape
+    # the launch file uses robot_state_publisher instead, which also gives RViz the sensor's shape
     "mount": Setup(
         "static TF from the arm's tool to the DIGIT's frames",
         ("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix"),
@@ -138,7 +138,7 @@ SETUPS = {
             Executable("midastouch_motion", "slider", when=("arm", "mujoco")),
             Executable("midastouch_bringup", "explorer", ends=True),
         ),
-        # a beginning from which it knows soon; from others it may give up
+        # with this seed it knows the pose soon; with others it may give up
         {
             "arm": "finger",
             "object": "star_knob",
@@ -159,7 +159,7 @@ SETUPS = {
 
 
 def executables(setup: str, given: Mapping[str, str]) -> Iterator[Executable]:
-    """What a set-up starts with `given`, the values of its arguments."""
+    """Yield the executables that a set-up starts with `given`, the values of its arguments."""
     for part in SETUPS[setup].parts:
         if isinstance(part, str):
             yield from executables(part, given)

@@ -1,4 +1,4 @@
-"""The live view in a browser: what is drawn and who serves it. Needs the `view` extra (Rerun); without ROS."""
+"""The live view in a browser: its scene and its server. Needs the `view` extra (Rerun); without ROS."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from midastouch_common.missing_modules import install_extra
 
 
 def require_rerun() -> ModuleType:
-    """The module `rerun`; InputError with the command that installs it when it is missing."""
+    """Return the module `rerun`; InputError with the command that installs it if it is missing."""
     try:
         import rerun
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""How the filter's numbers look: colours of weights, ellipsoids of covariances, lines of past poses, a scale."""
+"""Appearance of the filter's numbers: colours of weights, ellipsoids of covariances, lines of past poses, a scale."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _SIGMAS, _THINNEST = 2.0, 1e-4
 
 
 def weight_colours(weights: np.ndarray) -> np.ndarray:
-    """RGB (N, 3) uint8 of weights (N,): dark for none, bright for the heaviest.
+    """Return RGB (N, 3) uint8 of weights (N,): dark for zero, bright for the heaviest.
 
-    The square root keeps light particles apart, which the heaviest one would drown.
+    The square root keeps light particles distinct next to a much heavier one.
     """
     heaviest = weights.max(initial=0.0)
     fraction = np.sqrt(np.clip(weights / heaviest, 0.0, 1.0)) if heaviest > 0 else np.zeros(len(weights))
@@ -26,7 +26,7 @@ def weight_colours(weights: np.ndarray) -> np.ndarray:
 
 
 def ellipsoids(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(half axes (M, 3) m, quaternions xyzw (M, 4)) of two-sigma ellipsoids of covariances (M, 3, 3) m^2."""
+    """Return half axes (M, 3) m and quaternions xyzw (M, 4) of two-sigma ellipsoids of covariances (M, 3, 3) m^2."""
     variances, directions = np.linalg.eigh(covariances)
     directions[:, :, 0] *= np.sign(np.linalg.det(directions))[:, None]
     poses = np.tile(np.eye(4), (len(directions), 1, 1))
@@ -36,7 +36,7 @@ def ellipsoids(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scale_bar(vertices: np.ndarray) -> tuple[np.ndarray, str]:
-    """Ends (2, 3) m of a line below the vertices (V, 3) m, along their longest side, and its length in words."""
+    """Return ends (2, 3) m of a line below the vertices (V, 3) m, along their longest side, and its length in words."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     axis = int(np.argmax(high - low))
     length, words = round_length(float(high[axis] - low[axis]))
@@ -45,14 +45,14 @@ def scale_bar(vertices: np.ndarray) -> tuple[np.ndarray, str]:
 
 
 class Trail:
-    """Where something has been: at most `length` positions, broken where it jumps by more than `gap` [m]."""
+    """Trail of past positions: at most `length` of them, broken at jumps of more than `gap` [m]."""
 
     def __init__(self, length: int = 3000, gap: float = 0.01):
         self._length, self._gap = length, gap
         self._strips: list[list[np.ndarray]] = []
 
     def add(self, position: np.ndarray) -> None:
-        """One more position (3,) m."""
+        """Add a position (3,) m."""
         if not self._strips or np.linalg.norm(position - self._strips[-1][-1]) > self._gap:
             self._strips.append([])
         self._strips[-1].append(position)

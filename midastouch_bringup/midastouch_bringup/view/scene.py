@@ -15,7 +15,7 @@ from .words import guidance_text, status_text
 
 
 def region_box(region: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Corner with the lowest coordinates and size [px], x first, of one of `REGIONS` in the image."""
+    """Return the corner with the lowest coordinates and the size [px], x first, of one of `REGIONS` in the image."""
     row, column = divmod(REGIONS.index(region), 3)
     width, height = IMAGE_SHAPE[1] / 3, IMAGE_SHAPE[0] / 3
     return (column * width, row * height), (width, height)
@@ -38,7 +38,7 @@ _LEGEND = f"""
 
 
 class Scene:
-    """Draws on a `rerun.RecordingStream`. Lengths are metres, poses (4, 4) are of the gel in the object's frame."""
+    """Scene on a `rerun.RecordingStream`. Lengths are metres, poses (4, 4) are of the gel in the object's frame."""
 
     def __init__(self, recording) -> None:
         self._rr, self._recording = require_rerun(), recording
@@ -49,7 +49,7 @@ class Scene:
         recording.log("legend", self._rr.TextDocument(_LEGEND, media_type="text/markdown"), static=True)
 
     def mesh(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
-        """Another object: vertices (V, 3), faces (F, 3), vertex normals (V, 3); what was drawn about the last goes."""
+        """Show another object: vertices (V, 3), faces (F, 3), vertex normals (V, 3); clear drawings of the last one."""
         self._clear()
         ends, label = scale_bar(vertices)
         bar = self._rr.LineStrips3D([ends], colors=_SCALE, radii=0.0005, labels=[label], show_labels=True)
@@ -77,17 +77,17 @@ class Scene:
             self._log(name, self._rr.Clear(recursive=True))
 
     def image(self, pixels: np.ndarray) -> None:
-        """The tactile image (H, W, 3) uint8 RGB."""
+        """Show the tactile image (H, W, 3) uint8 RGB."""
         self._recording.log("image", self._rr.Image(pixels).compress(jpeg_quality=85))
 
     def particles(self, positions: np.ndarray, weights: np.ndarray) -> None:
-        """Particles (N, 3) coloured by weight (N,), at most 10000 of them: every so many-th."""
+        """Draw particles (N, 3) coloured by weight (N,), evenly thinned to at most 10000."""
         step = -(-len(positions) // _MOST_PARTICLES) or 1
         points = self._rr.Points3D(positions[::step], colors=weight_colours(weights)[::step], radii=0.0005)
         self._log("particles", points)
 
     def modes(self, weights: Sequence[float], poses: np.ndarray, covariances: np.ndarray) -> None:
-        """Modes, heaviest first: poses (M, 4, 4), covariances (M, 6, 6); two-sigma ellipsoids and gel axes."""
+        """Draw modes, heaviest first: poses (M, 4, 4), covariances (M, 6, 6), as two-sigma ellipsoids and gel axes."""
         half, quaternions = ellipsoids(covariances[:, :3, :3])
         colours = [(*(_ESTIMATE if i == 0 else _MODE), 60 + round(140 * w)) for i, w in enumerate(weights)]
         self._log(
@@ -108,32 +108,32 @@ class Scene:
         self._log("axes", self._rr.Arrows3D(origins=origins, vectors=vectors, colors=axes, radii=0.0004))
 
     def estimate(self, pose: np.ndarray) -> None:
-        """The published pose (4, 4) `T_obj_gel`."""
+        """Draw the published pose (4, 4) `T_obj_gel`."""
         self._log("gel", self._rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         self._trail("estimate", pose, _ESTIMATE)
 
     def truth(self, pose: np.ndarray) -> None:
-        """The true pose (4, 4) `T_obj_gel`, where a recording has one."""
+        """Draw the true pose (4, 4) `T_obj_gel`, which some recordings have."""
         self._trail("truth", pose, _TRUTH)
 
     def contact(self, points: np.ndarray) -> None:
-        """Contact points (K, 3) in the gel frame, drawn at the estimate."""
+        """Draw contact points (K, 3), given in the gel frame, at the estimate."""
         self._log("gel/contact", self._rr.Points3D(points, colors=_CONTACT, radii=0.0002))
 
     def status(self, state: str, reason: str, numbers: Mapping[str, float]) -> None:
-        """The state in words, and numbers as curves."""
+        """Show the state in words, and numbers as curves."""
         self._state = state, reason
         self._say()
         for name, value in numbers.items():
             self._recording.log(f"filter/{name}", self._rr.Scalars(float(value)))
 
     def objects(self, probabilities: Mapping[str, float]) -> None:
-        """Probability of each object that may be touched, by name; none where one was given."""
+        """Show the probability of each candidate object by name; empty if the object was given."""
         self._objects = probabilities
         self._say()
 
     def guidance(self, step: str, values: Mapping[str, str]) -> None:
-        """What to do next in a calibration, and how far it is: the values of the node `calibrate`."""
+        """Show the next step of a calibration, and its progress; values: of the node `calibrate`."""
         if not self._guiding:
             self._guiding = True
             self._recording.send_blueprint(self._calibration_blueprint())

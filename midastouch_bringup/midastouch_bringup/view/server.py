@@ -1,4 +1,4 @@
-"""Rerun's own server for browsers, as a process beside ours: the SDK's built-in one listens to the whole network."""
+"""Rerun's own server for browsers, as a separate process: the SDK's built-in one listens to the whole network."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ OFFLINE_ENVIRONMENT = {"CI": "1"}
 """Keeps Rerun's programs from reporting their use to its makers: there is no other variable for that."""
 
 OFFLINE_QUERY = "notebook=1&hide_welcome_screen=1"
-"""Keeps Rerun's page from the same, and from fetching examples from its makers."""
+"""Keeps Rerun's page from reporting as well, and from fetching examples from its makers."""
 
 _START_S = 30.0
 _STOP_S = 5.0
 
 
 class ViewServer:
-    """Serves the viewer's page on `web_port` and its data on `port` of `host`; `with` stops it.
+    """Server of the viewer's page on `web_port` and of its data on `port` of `host`; `with` stops it.
 
-    memory_mb: what it keeps for browsers that come late; the oldest data goes first. Raises InputError when it
-    cannot start, such as on a port in use.
+    memory_mb: data kept for browsers that connect late; the oldest goes first. Raises InputError if it cannot start,
+    such as on a port in use.
     """
 
     def __init__(self, host: str, port: int, web_port: int, memory_mb: int):
@@ -51,7 +51,7 @@ class ViewServer:
         command = [binary, "--serve-web", "--bind", host, "--port", str(port), "--web-viewer-port", str(web_port)]
         command += ["--server-memory-limit", f"{memory_mb}MB", "--newest-first"]
         if not _is_loopback(host):
-            # The page and the data have different ports, which is another origin to a browser.
+            # The page and the data have different ports, and so different origins to a browser.
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
         self._log = TemporaryFile()  # noqa: SIM115 - closed in close()
         self._process = subprocess.Popen(
@@ -76,12 +76,12 @@ class ViewServer:
 
     @property
     def address(self) -> str:
-        """Where data is sent to and fetched from."""
+        """Address to which data is sent, and from which it is fetched."""
         return f"rerun+http://{self._reachable()}:{self._port}/proxy"
 
     @property
     def page(self) -> str:
-        """What to open in a browser, as seen from this machine or, when served to all, from others."""
+        """Address to open in a browser, as seen from this machine or, if served to all, from others."""
         shown = socket.gethostname() if _is_everywhere(self._host) else self._host
         data = quote(f"rerun+http://{shown}:{self._port}/proxy", safe="")
         return f"http://{shown}:{self._web_port}/?url={data}&{OFFLINE_QUERY}"
@@ -118,7 +118,7 @@ def _is_everywhere(host: str) -> bool:
 
 
 def _require_free(host: str, port: int) -> None:
-    """InputError if the port is taken: Rerun would hand our data to whoever listens there."""
+    """Raise InputError if the port is taken: Rerun would hand our data to the program that listens there."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,4 @@
-"""What the live view says, as Markdown: how far a calibration is, the filter's state, which object it is."""
+"""Texts of the live view, as Markdown: progress of a calibration, the filter's state, which object it is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _BAR = 10  # marks of a probability of 1
 
 
 def guidance_text(step: str, values: Mapping[str, str]) -> str:
-    """What to do next, progress, and the presses thrown away with the reasons.
+    """Return the next step, the progress, and the presses thrown away with the reasons.
 
     values: those of the node `calibrate` on `/diagnostics`.
     """
@@ -24,7 +24,7 @@ def guidance_text(step: str, values: Mapping[str, str]) -> str:
 
 
 def status_text(state: str, reason: str, objects: Mapping[str, float]) -> str:
-    """The state with its reason, and a bar for the probability of each object by name; none if there are none."""
+    """Return the state with its reason, and a bar for the probability of each object by name, if there are any."""
     lines = [f"# {state}", reason]
     if objects:
         lines.append("## object")

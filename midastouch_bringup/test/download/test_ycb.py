@@ -137,6 +137,14 @@ def test_a_part_is_fetched_and_unpacked(tmp_path):
     assert "048_hammer.zip" in (out / "sim/SHA256SUMS").read_text()
 
 
+def test_what_a_call_left_nested_when_it_was_killed_is_put_right(tmp_path):
+    program = gdown(tmp_path, {"025_mug.zip": {"025_mug/00/0.jpg": b"1"}})
+    nested = tmp_path / "slides" / "sim" / "025_mug" / "025_mug" / "00"
+    nested.mkdir(parents=True)
+    assert download_part("sim", tmp_path / "slides", program) == []
+    assert [path.name for path in (tmp_path / "slides" / "sim" / "025_mug").iterdir()] == ["00"]
+
+
 def test_an_archive_that_would_escape_is_refused(tmp_path):
     program = gdown(tmp_path, {"025_mug.zip": {"../../evil": b"1"}})
     with pytest.raises(InputError, match=r"025_mug\.zip.*evil"):

@@ -1,1 +1,1 @@
-"""What the nodes of every package share: QoS, parameters, message conversions, diagnostics, spinning."""
+"""Common code of the nodes of every package: QoS, parameters, message conversions, diagnostics, spinning."""

@@ -1,4 +1,4 @@
-"""Files that parameters and messages name: by a path, as file://, or as package://NAME/PATH."""
+"""Addresses of files in parameters and messages: a path, file:// or package://NAME/PATH."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _FILE = "file://"
 
 
 def load_mesh(address: str, what: str = "mesh") -> ObjectMesh:
-    """The mesh at an address. Raises InputError as `resolve`, and for a file that is no mesh."""
+    """Load the mesh at an address. Raises InputError as `resolve` does, and for a file that is no mesh."""
     return ObjectMesh.load(resolve(address, what))
 
 
 def resolve(address: str, what: str) -> Path:
-    """The path an address means: a path itself, file:// or package://NAME/PATH.
+    """Return the path that an address names: a path itself, file:// or package://NAME/PATH.
 
-    Raises InputError, which calls the address `what`, for an empty one, a package that is not installed, a path that
-    leaves its package, a user that does not exist, and anything that is no address.
+    Raises InputError if the address is empty or malformed, its package is not installed, its path leaves the package or
+    its `~user` does not exist. `what` names the address in the message.
     """
     if not address:
         raise InputError(f"no {what} given; set it")
@@ -35,7 +35,7 @@ def resolve(address: str, what: str) -> Path:
             folder = Path(get_package_share_directory(name))
         except (PackageNotFoundError, ValueError) as error:
             raise InputError(f"{address}: no package '{name}' is installed; check {what}") from error
-        # Without following links: `colcon build --symlink-install` fills a share folder with links to the sources.
+        # Do not follow links: `colcon build --symlink-install` fills a share folder with links to the sources.
         path = Path(os.path.normpath(folder / inside))
         if not path.is_relative_to(folder):
             raise InputError(f"{address}: leaves its package; check {what}")
@@ -49,9 +49,9 @@ def resolve(address: str, what: str) -> Path:
 
 
 def require_within(address: str, path: Path, folders: Sequence[Path]) -> None:
-    """InputError unless `path`, which `address` means, lies in one of the folders, links followed.
+    """Raise InputError unless `path`, to which `address` resolves, lies in one of the folders; links are followed.
 
-    Addresses package:// are in their package already. No folders: everything is allowed.
+    A package:// address is always allowed, because `resolve` keeps it in its package. Without folders every path is.
     """
     if not folders or address.startswith(_PACKAGE):
         return

@@ -1,4 +1,4 @@
-"""NumPy arrays -> ROS messages (`message_arrays` is the way back).
+"""Conversion of NumPy arrays to ROS messages (`message_arrays` is the way back).
 
 Bulk data goes into messages as `array.array`: rclpy checks plain bytes and lists element by element, which is
 30-100 times slower.
@@ -20,13 +20,13 @@ from ..message_arrays import ENCODINGS, SECOND
 
 
 def stamp_from_ns(nanoseconds: int) -> Time:
-    """Nanoseconds as a message's time stamp; the nearest one that a message can hold (up to the year 2038)."""
+    """Return nanoseconds as a message's time stamp, clamped to the range of a message (up to the year 2038)."""
     sec = min(max(nanoseconds // SECOND, -(2**31)), 2**31 - 1)
     return Time(sec=sec, nanosec=nanoseconds % SECOND)
 
 
 def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:
-    """Image message of pixels (H, W) or (H, W, C) of the encoding's element type."""
+    """Return the image message of pixels (H, W) or (H, W, C); ValueError if they do not fit the encoding."""
     kind, channels = ENCODINGS[encoding]
     height, width = pixels.shape[:2]
     if pixels.dtype != kind or pixels.size != height * width * channels:
@@ -43,7 +43,7 @@ def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:
 
 
 def points_to_msg(points: np.ndarray, header: Header, **extra: np.ndarray) -> PointCloud2:
-    """Unorganised cloud of points (K, 3), metres, with further float32 fields (K,) by name."""
+    """Return an unorganised cloud of points (K, 3), metres, with further float32 fields (K,) by name."""
     columns = np.column_stack([points.reshape(-1, 3), *extra.values()]).astype("<f4")
     step = 4 * columns.shape[1]
     names = ["x", "y", "z", *extra]
@@ -63,7 +63,7 @@ def points_to_msg(points: np.ndarray, header: Header, **extra: np.ndarray) -> Po
 
 
 def poses_to_msgs(transforms: np.ndarray) -> list[Pose]:
-    """Pose messages of transforms (N, 4, 4)."""
+    """Return the pose messages of transforms (N, 4, 4)."""
     return [
         Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
         for x, y, z, qx, qy, qz, qw in se3.to_xyzquat(transforms).tolist()
@@ -71,27 +71,27 @@ def poses_to_msgs(transforms: np.ndarray) -> list[Pose]:
 
 
 def pose_to_msg(transform: np.ndarray) -> Pose:
-    """Pose message of a transform (4, 4)."""
+    """Return the pose message of a transform (4, 4)."""
     return poses_to_msgs(transform[None])[0]
 
 
 def stamped_pose(frame: str, transform: np.ndarray, stamp: Time | None = None) -> PoseStamped:
-    """A transform (4, 4) as a pose in a frame."""
+    """Return a transform (4, 4) as a stamped pose in a frame."""
     return PoseStamped(header=Header(stamp=stamp or Time(), frame_id=frame), pose=pose_to_msg(transform))
 
 
 def transform_to_msg(transform: np.ndarray) -> Transform:
-    """Transform message of a transform (4, 4)."""
+    """Return the transform message of a transform (4, 4)."""
     x, y, z, qx, qy, qz, qw = se3.to_xyzquat(transform).tolist()
     return Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
 def stamped_transform(stamp: Time, parent: str, child: str, transform: np.ndarray) -> TransformStamped:
-    """Where a frame `child` is in another one, for TF: T_parent_child (4, 4)."""
+    """Return the message for TF that places frame `child` in frame `parent`: T_parent_child (4, 4)."""
     header = Header(stamp=stamp, frame_id=parent)
     return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(transform))
 
 
 def float32_to_msg(values: np.ndarray) -> array.array:
-    """A float32[] field."""
+    """Return the values as a float32[] field."""
     return array.array("f", np.ascontiguousarray(values, np.float32).tobytes())

@@ -13,19 +13,19 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 RCLError = rclpy_implementation.RCLError
-"""What calls of rclpy raise, as when a signal has stopped it meanwhile."""
+"""Exception of rclpy when the layer below refuses a call, e.g. after a signal has stopped it; it has no public name."""
 PERIOD_S = 1.0
 _LOG_PERIOD = 5.0
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class Diagnostics:
-    """Publishes one status per `PERIOD_S`, unless `set_period` says another.
+    """Publisher of a node's status, once per `PERIOD_S` unless `set_period` changes that.
 
-    `describe` returns (level, message, values) when a status is due; counters are kept by the node itself.
-    Events reported through `problem` raise the next status to WARN and are named in it.
+    `describe` returns (level, message, values) when a status is due; the node keeps its own counters.
+    An event reported through `problem` raises the next status to at least WARN and is its message.
 
-    Attributes: hardware_id, what the node reports on, such as the serial number of a sensor; may be set at any time.
+    Attributes: hardware_id, the device that the node reports on, such as a sensor's serial number; may change any time.
     """
 
     def __init__(
@@ -39,11 +39,11 @@ class Diagnostics:
         self._problems: dict[str, int] = {}
         self._log_again: dict[str, float] = {}
         self._recent = ""
-        # steady: a bag that is paused must not silence a node's health
+        # a steady clock: the status must continue while a bag is paused
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def set_period(self, seconds: float) -> None:
-        """Publish a status once in so many seconds from now on."""
+        """Publish a status once in `seconds` from now on."""
         self._timer.timer_period_ns = round(seconds * 1e9)
         self._timer.reset()
 
@@ -51,7 +51,7 @@ class Diagnostics:
         """Count an event of bad input under `kind`, name it in the next status and log it at most once in 5 s."""
         self._problems[kind] = self._problems.get(kind, 0) + 1
         self._recent = message
-        # rclpy's own throttle inspects the stack at every call, a millisecond a bad frame
+        # rclpy's own throttle inspects the stack at every call, which costs a millisecond per bad frame
         now = time.monotonic()
         if now >= self._log_again.get(kind, now):
             self._log_again[kind] = now + _LOG_PERIOD
@@ -59,7 +59,7 @@ class Diagnostics:
 
     @contextlib.contextmanager
     def kept_up(self) -> Iterator[None]:
-        """Publish from a thread, at once and then periodically, while the caller blocks the executor."""
+        """Publish at once and then periodically, from another thread, while the caller blocks the executor."""
         over = threading.Event()
 
         def publish() -> None:
@@ -81,7 +81,7 @@ class Diagnostics:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Problems since the start by kind."""
+        """Number of problems since the start, by kind."""
         return dict(self._problems)
 
     def publish(self) -> None:
@@ -103,18 +103,18 @@ class Diagnostics:
 
 
 class Rate:
-    """Events per second over the time since they were last read, and the mean time each one took."""
+    """Events per second, and the mean time that each one took, since the last reading."""
 
     def __init__(self) -> None:
         self._since, self._count, self._busy = time.monotonic(), 0, 0.0
 
     def add(self, seconds: float) -> None:
-        """One event that took `seconds` of work."""
+        """Count one event that took `seconds` of work."""
         self._count += 1
         self._busy += seconds
 
     def values(self) -> dict[str, str]:
-        """`rate_hz` and `mean_ms` since the last call."""
+        """Return `rate_hz` and `mean_ms` since the last call."""
         now = time.monotonic()
         rate = self._count / max(now - self._since, 1e-9)
         mean = 1e3 * self._busy / max(self._count, 1)

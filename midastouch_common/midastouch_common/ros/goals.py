@@ -1,4 +1,4 @@
-"""Goals of actions that a node carries out itself, one message at a time, instead of in a callback that waits."""
+"""Action goals that a node carries out step by step, as messages arrive, instead of in a callback that waits."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ..message_arrays import point_from_msg, pose_from_msg
 
 
 class GoalServer:
-    """Offers an action, by its type and name. on_goal(goal) is called with each goal, on_cancel(goal) once it is being
-    cancelled; the node ends every one by `end_goal`.
+    """Server of an action, given by its type and name.
 
-    Close it before the node is destroyed: a goal could not be ended any more.
+    It calls on_goal(goal) with each goal, and on_cancel(goal) once the goal is being cancelled. The node ends each goal
+    by `end_goal`. Close the server before the node is destroyed: afterwards a goal could not be ended.
     """
 
     def __init__(
@@ -36,23 +36,23 @@ class GoalServer:
             node,
             kind,
             name,
-            execute_callback=lambda goal: None,  # `end_goal` names another one
+            execute_callback=lambda goal: None,  # `end_goal` supplies another one
             handle_accepted_callback=on_goal,
             cancel_callback=self._accept_cancel,
         )
 
     def close(self) -> None:
-        """Offer it no more."""
+        """Stop offering the action."""
         self._server.destroy()
 
     def _accept_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        # it is being cancelled only once this has returned
+        # the goal counts as being cancelled only after this has returned
         self._node.executor.create_task(lambda: self._on_cancel(goal))
         return CancelResponse.ACCEPT
 
 
 def end_goal(goal: ServerGoalHandle, success: bool, result: Any) -> None:
-    """End a goal with a result: as cancelled if that was asked for, else as succeeded or aborted."""
+    """End a goal with a result: as cancelled if a client asked for that, otherwise as succeeded or aborted."""
 
     def finish(goal: ServerGoalHandle) -> Any:
         if goal.is_cancel_requested:
@@ -67,35 +67,35 @@ def end_goal(goal: ServerGoalHandle, success: bool, result: Any) -> None:
 
 
 def name_of(kind: type) -> str:
-    """The name of an action of this type, if it is offered under that of its type."""
+    """Return the default name of an action of this type: the name of the type in lower case."""
     return kind.__name__.lower()
 
 
 def length_in(name: str, value: float, most: float) -> float:
-    """A length [m] of a goal; InputError unless it is more than nothing and at most `most`."""
+    """Return a length [m] of a goal; InputError unless it is more than 0 and at most `most`."""
     if not 0 < value <= most:
         raise InputError(f"{name} {value:g} is not between 0 and {most:g} m")
     return value
 
 
 def heading_in(value: float) -> float:
-    """A heading [rad] of a goal; InputError unless it is finite."""
+    """Return a heading [rad] of a goal; InputError unless it is finite."""
     if not math.isfinite(value):
         raise InputError("heading: not finite")
     return value
 
 
 def direction_in(message: Vector3) -> np.ndarray | None:
-    """A direction (3,) of a goal, its longest part 1, None if none is given; InputError unless it is finite."""
+    """Return a direction (3,) of a goal, its largest component 1 or -1, None for zeros; InputError unless finite."""
     direction = point_from_msg(message)
     if not np.isfinite(direction).all():
         raise InputError("direction: not finite")
-    # the square of what is given may be no number that there is
+    # no Euclidean norm: the square of a large component can overflow
     return direction / np.abs(direction).max() if direction.any() else None
 
 
 def pose_in(message: PoseStamped, frame: str) -> np.ndarray:
-    """A pose (4, 4) of a goal; InputError unless it is in this frame, and finite."""
+    """Return a pose (4, 4) of a goal; InputError unless it is in this frame, and finite."""
     if message.header.frame_id != frame:
         raise InputError(f"pose: it is in '{message.header.frame_id}'; give it in '{frame}'")
     return pose_from_msg(message.pose)

@@ -1,4 +1,4 @@
-"""What a node watches of others: which lifecycle nodes are active, and who publishes a topic."""
+"""Watches on other nodes: the states of lifecycle nodes, and the publishers of a topic."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from . import qos
 
 _ABSENT = "not running"
 _LOOK_S = 0.1  # for nodes that have come or gone
-_ASK_AGAIN_S = 1.0  # an event may be lost while both sides still find each other, and an answer with a node that dies
+_ASK_AGAIN_S = 1.0  # an event can be lost during discovery, and an answer with a node that dies
 
 
 class LifecycleWatch:
-    """Follows lifecycle nodes by what they say: `get_state` once, then their `transition_event`.
+    """Watch on the states of lifecycle nodes, by one call of `get_state` and then their `transition_event`.
 
-    node: listens for it and must be spun.
-    names: of the nodes, absolute or in the namespace of `node`.
+    node: the node that listens; it must be spun.
+    names: of the nodes to watch, absolute or in the namespace of `node`.
     """
 
     def __init__(self, node: Node, names: Iterable[str]):
@@ -31,12 +31,12 @@ class LifecycleWatch:
 
     @property
     def states(self) -> dict[str, str]:
-        """Label of each node's state by its name, e.g. `inactive`; `not running` before it is there."""
+        """Label of each node's state by the node's name, e.g. `inactive`; `not running` if the node is missing."""
         return {watched.name: watched.state for watched in self._watched}
 
     @property
     def waiting_for(self) -> str:
-        """The nodes that are not active, with their states, in words; empty when all are."""
+        """Names and states of the nodes that are not active, as text; empty when all are active."""
         return ", ".join(f"{name} ({state})" for name, state in self.states.items() if state != "active")
 
     def _look(self) -> None:
@@ -55,7 +55,7 @@ class _Watched:
         node.create_subscription(TransitionEvent, f"{name}/transition_event", self._on_event, qos.COMMAND)
 
     def look(self) -> None:
-        """Ask the node for its state unless it is known, or forget what was known of one that is gone."""
+        """Ask the node for its state unless it is known to be active; forget the state of a node that is gone."""
         if not self._client.service_is_ready():
             self._drop_question()
             self.state = _ABSENT
@@ -66,7 +66,7 @@ class _Watched:
             self._answer.add_done_callback(self._on_answer)
 
     def _on_answer(self, answer: Future) -> None:
-        if answer is self._answer:  # else it comes too late
+        if answer is self._answer:  # otherwise it comes too late
             self.state = answer.result().current_state.label
 
     def _on_event(self, event: TransitionEvent) -> None:
@@ -81,7 +81,7 @@ class _Watched:
 
 
 class OnlyPublisher:
-    """Watches whether a topic that a node subscribes comes from one publisher, as the stream of one sensor must."""
+    """Check that a subscribed topic has a single publisher, as the stream of one sensor must."""
 
     def __init__(self, node: Node, topic: str):
         self._node, self._topic = node, topic
@@ -89,7 +89,7 @@ class OnlyPublisher:
 
     @property
     def problem(self) -> str:
-        """The publishers, if there are several, and the fix; empty if not. The log has it when it changes."""
+        """Message that names the publishers and the fix if there are several, logged when it changes; or empty."""
         found = self._node.get_publishers_info_by_topic(self._topic)
         problem = ""
         if len(found) > 1:

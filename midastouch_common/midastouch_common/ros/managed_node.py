@@ -1,4 +1,4 @@
-"""The base of this project's lifecycle nodes."""
+"""Base class of this project's lifecycle nodes."""
 
 from __future__ import annotations
 
@@ -21,25 +21,23 @@ from .parameters import Parameter, Parameters
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
 """Parameter of every lifecycle node."""
 
-"""What rclpy raises when the layer below refuses; it has no public name."""
-
 INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
-"""Why a node that is not active does not do what it is asked for."""
+"""Reason that a node that is not active gives when it refuses a request."""
 
 _UNCONFIGURED = "not configured (ros2 lifecycle set)"
 
 
 class ManagedNode(PipelineNode, LifecycleNode, ABC):
-    """A lifecycle node that says what it is loading, and why it could not.
+    """Lifecycle node that reports what it is loading, and why loading failed.
 
     A subclass makes its publishers and services in its constructor, which ends with `autostart()`. An impossible
-    transition is answered with `success: false`; rclpy lets it raise out of the executor, so that any client could end
+    transition is answered with `success: false`; in rclpy it raises out of the executor, so that any client could end
     the process.
 
-    Attributes: failure, why the last transition failed or the node gave up; empty while it works or tries to.
+    Attributes: failure, the reason why the last transition failed or the node gave up; otherwise empty.
 
-    table: its parameters. Those that are neither `at_start` nor may change at run time may while the node is
-    unconfigured: what could not be loaded can be corrected and configured again. gone: as of `Parameters`.
+    table: the node's parameters. Those that are neither `at_start` nor changeable at run time can change while the node
+    is unconfigured, so that you can correct the name of a file and configure again. gone: as in `Parameters`.
     """
 
     def __init__(
@@ -49,7 +47,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         self.failure = ""
         self._doing, self._starting = _UNCONFIGURED, False
         self._error: Exception | None = None
-        self._lasting: set | None = None  # what the node has while it is not connected, too; None: it is not connected
+        self._lasting: set | None = None  # subscriptions and timers made before `connect`; None while not connected
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._change_state_or_refuse
         try:
@@ -60,7 +58,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         self.diagnostics = diagnostics.Diagnostics(self, self._describe_state)
 
     def autostart(self) -> None:
-        """Configure and activate if the parameter says so. Raises what went wrong, InputError or another."""
+        """Configure and activate if the parameter `autostart` is set. On failure raises InputError or another error."""
         if not self.parameters["autostart"]:
             self.say(_UNCONFIGURED)
             return
@@ -81,17 +79,17 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     @property
     def active(self) -> bool:
-        """Whether the node does its work."""
+        """True while the node does its work."""
         return self.lifecycle_state == "active"
 
     def say(self, doing: str) -> None:
-        """Report what the node does or waits for, until it is active."""
+        """Report in the diagnostics what the node does or waits for, until it is active."""
         self._doing = doing
         self.diagnostics.publish()
 
     @contextlib.contextmanager
     def busy(self, doing: str) -> Iterator[None]:
-        """Report in the diagnostics what the active node loads; a signal to stop breaks that off."""
+        """Report in the diagnostics what the active node is loading inside; a signal to stop breaks the loading off."""
         self._doing = doing
         try:
             with self.diagnostics.kept_up(), interruptible():
@@ -101,36 +99,36 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     @abstractmethod
     def configure(self) -> None:
-        """Load what the parameters name, and `say` so first; raises InputError.
+        """Load the files that the parameters name, and `say` so first; raises InputError.
 
-        A signal to stop breaks it off anywhere, so that it must not start what `unload` has to end.
+        A signal to stop can break it off anywhere, so it must not start anything that `unload` has to end.
         """
 
     @abstractmethod
     def connect(self) -> None:
         """Make subscriptions and timers; raises InputError.
 
-        They are destroyed when the node stops being active: a matched subscription means an active node.
+        The base destroys them when the node stops being active: a matched subscription means an active node.
         """
 
     def disconnect(self) -> None:
-        """End what else `connect` has begun."""
+        """End everything that `connect` has begun except subscriptions and timers, which the base destroys."""
 
     @abstractmethod
     def unload(self) -> None:
-        """Let go of what `configure` has loaded, all of it or a part."""
+        """Release what `configure` has loaded, even if it loaded only a part."""
 
     @abstractmethod
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics of the active node."""
+        """Return level, message and values for the diagnostics of the active node."""
 
     def destroy_node(self) -> None:
-        """As rclpy's, once what was begun has ended."""
+        """Disconnect, then destroy the node as rclpy does."""
         self._disconnect()
         super().destroy_node()
-        # which else keeps the node below it visible until it is collected
+        # otherwise the state machine keeps the underlying node visible until it is collected
         self._state_machine.destroy_when_not_in_use()
-        gc.unfreeze()  # what was loaded may go, now or when Python ends
+        gc.unfreeze()  # loaded objects can be collected again, now or when Python ends
 
     # --- transitions, called by rclpy
 
@@ -153,7 +151,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         return self._carry_out(self._disconnect_and_unload, "shut down")
 
     def _carry_out(self, transition: Callable[[], None], doing: str) -> TransitionCallbackReturn:
-        """Its result. The reason of a failure, which rclpy swallows, and what the node does next are reported."""
+        """Run a transition and return its result. Reports the reason of a failure, which rclpy swallows, or `doing`."""
         self.failure = ""
         try:
             transition()
@@ -169,7 +167,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         try:
             with self.diagnostics.kept_up(), interruptible():
                 self.configure()
-                # what lasts as long as the node: looking through it for garbage would hold up one answer in hundreds
+                # Loaded objects last as long as the node: searching them for garbage would delay some answers.
                 gc.collect()
                 gc.freeze()
         except BaseException:
@@ -177,7 +175,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
             raise
 
     def _connect(self) -> None:
-        """Connect; what is raised on the way leaves nothing behind."""
+        """Connect; if that fails, disconnect again before raising."""
         self._lasting = {*self.subscriptions, *self.timers}
         try:
             self.connect()
@@ -187,7 +185,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
             raise
 
     def _disconnect(self) -> None:
-        """Disconnect, as far as it is connected; a no-op when it is not."""
+        """Disconnect, even if only a part is connected; a no-op when the node is not connected."""
         if self._lasting is None:
             return
         self.disconnect()
@@ -206,11 +204,11 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         self.unload()
 
     def _fail(self, error: Exception) -> TransitionCallbackReturn:
-        """A transition's failure; the node stays in the state it was in before."""
+        """Report a transition's failure and return it; the node stays in the state it was in before."""
         expected = isinstance(error, InputError)
         self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
         if self._starting:
-            self._error = error  # which `autostart` raises, and whoever makes the node reports
+            self._error = error  # `autostart` raises it, and its caller reports it
         else:
             trace = "" if expected else "\n" + "".join(traceback.format_exception(error)).rstrip()
             self.get_logger().error(f"{self.failure}{trace}")

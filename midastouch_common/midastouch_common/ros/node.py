@@ -1,4 +1,4 @@
-"""The base of this project's nodes."""
+"""Base class of this project's nodes."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ _OWN_OF_RCLPY = ("/parameter_events", "/clock")
 
 
 class PipelineNode(Node):
-    """A node whose QoS can be overridden by parameters, `qos_overrides.TOPIC.publisher.reliability` and the like.
+    """Node whose QoS can be overridden by parameters such as `qos_overrides.TOPIC.publisher.reliability`.
 
-    TOPIC is the full name; policies are history, depth and reliability. Raises InputError for values that these do not
-    have.
+    TOPIC is the full name; the policies are history, depth and reliability. Raises InputError for a value that a policy
+    does not have.
     """
 
     def __init__(self, *args, **options) -> None:
         super().__init__(*args, **options)
-        # After Jazzy a context destroys the nodes that are left when it is shut down, and so those that could not be
-        # made, of which `destroy_node` would find only a part.
+        # After Jazzy, a context that is shut down destroys the nodes that are left, including nodes whose constructor
+        # failed; of these `destroy_node` would find only a part.
         if hasattr(self.context, "untrack_node"):
             self.context.untrack_node(self)
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile, **options) -> Publisher:
-        """As rclpy's; the QoS can be overridden by parameters."""
+        """Create a publisher as rclpy does; the QoS can be overridden by parameters."""
         return self._overridable(super().create_publisher, msg_type, topic, (), qos_profile, options)
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile, **options
     ) -> Subscription:
-        """As rclpy's; the QoS can be overridden by parameters."""
+        """Create a subscription as rclpy does; the QoS can be overridden by parameters."""
         return self._overridable(super().create_subscription, msg_type, topic, (callback,), qos_profile, options)
 
     def _overridable(
@@ -47,7 +47,7 @@ class PipelineNode(Node):
         if topic not in _OWN_OF_RCLPY:
             options.setdefault("qos_overriding_options", QoSOverridingOptions.with_default_policies())
         try:
-            # a copy: rclpy writes the overrides into the profile, which other topics share
+            # a copy: rclpy writes the overrides into the profile, which other topics use, too
             return create(msg_type, topic, *arguments, copy.copy(qos_profile), **options)
         except (ParameterException, RuntimeError) as error:
             if isinstance(error, ParameterException) or "QoS override" in str(error):
@@ -60,7 +60,7 @@ def refuse_unused_overrides(node: Node) -> None:
 
     Call it when the node is complete.
     """
-    # rclpy keeps what was given in this attribute only
+    # rclpy keeps the overrides in this attribute only
     unused = sorted(name for name in node._parameter_overrides if not node.has_parameter(name))
     if unused:
         known = ", ".join(sorted(name for name in node._parameters if name.startswith(unused[0].split(".")[0])))

@@ -1,4 +1,4 @@
-"""ROS parameters as data: one table per node, from which declarations, checks and documentation follow."""
+"""ROS parameters as data: one table per node, from which declarations, checks and documentation are made."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from ..errors import InputError
 
-# What rclpy itself lets a YAML file set on any node.
+# Parameters of rclpy itself, which a YAML file may set on any node.
 _FOREIGN = ("use_sim_time", "start_type_description_service")
 _FOREIGN_PREFIX = "qos_overrides."
 
@@ -26,9 +26,9 @@ class Parameter:
     `default` fixes the type (bool, int, float, str or a list of one of them). `minimum` and `maximum` are
     inclusive and hold for every element of a list; `choices` lists the only legal values. A parameter
     with `read_only=False` may change at any time. The others of a managed node may change while it is unconfigured,
-    except those with `at_start=True`. `presets`: for each of the choices, the defaults that it gives to parameters
-    further down the table; the YAML file and the command line override them. `former`: a name it had before, under
-    which a YAML file or the command line may still set it, with a warning.
+    except those with `at_start=True`. `presets` gives, for each of the choices, other defaults to parameters further
+    down the table; the YAML file and the command line override them. `former` is an earlier name, under which a YAML
+    file or the command line may still set the parameter, with a warning.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Parameter:
     former: str = ""
 
     def problem(self, value: Any) -> str | None:
-        """Why `value` is illegal, in words; None if it is legal."""
+        """Return the reason why `value` is illegal, as text; None if it is legal."""
         expected = type(self.default)
         if expected is list and isinstance(value, Iterable) and not isinstance(value, str):
             if len(value) != len(self.default):
@@ -70,7 +70,7 @@ class Parameter:
         return None
 
     def descriptor(self, managed: bool = False) -> ParameterDescriptor:
-        """What `ros2 param describe` shows; `managed`: of a managed node."""
+        """Return what `ros2 param describe` shows; `managed` is true for a parameter of a managed node."""
         text = f"{self.description} [{self.unit}]" if self.unit else self.description
         out = ParameterDescriptor(name=self.name, description=text)
         out.read_only = self.read_only and (self.at_start or not managed)
@@ -91,12 +91,12 @@ class Parameter:
 
 
 class Parameters:
-    """Declares a table on a node and reads it back: `parameters["queue_depth"]`.
+    """Values of a node's parameters, which it declares from a table: `parameters["queue_depth"]`.
 
     Raises InputError for a value of the wrong type or out of range, and for a name in the node's YAML file
     or command line that the table does not hold, so that a misspelt name never goes unnoticed.
 
-    unconfigured: of a managed node, whether it is in that state; gone: for names that it had, what is in their place.
+    unconfigured: returns whether a managed node is in that state. gone: advice for each name that was removed.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Parameters:
     ):
         self._node, self._unconfigured = node, unconfigured
         self.table = {parameter.name: parameter for parameter in table}
-        # rclpy keeps what the YAML file and the command line set in this attribute only
+        # rclpy keeps the values of the YAML file and the command line in this attribute only
         overrides = node._parameter_overrides
         self._rename_former(overrides)
         for name in overrides:
@@ -131,9 +131,9 @@ class Parameters:
         node.add_on_set_parameters_callback(self._check)
 
     def _rename_former(self, overrides: dict[str, Any]) -> None:
-        """Give overrides under a former name the present one, each with a warning; InputError where both are set.
+        """Move overrides under a former name to the present one, each with a warning; InputError if both are set.
 
-        In rclpy's own dictionary: a name left there that is not declared would be refused when the node is complete.
+        This changes rclpy's own dictionary: an undeclared name that is left there is refused when the node is complete.
         """
         for name, parameter in self.table.items():
             former = parameter.former
@@ -156,7 +156,7 @@ class Parameters:
         return SetParametersResult(successful=True)
 
     def _problem(self, parameter: Parameter, value: Any) -> str | None:
-        # rclpy itself refuses those that are read-only in every state
+        # rclpy itself refuses changes of parameters that are read-only in every state
         if parameter.read_only and self._unconfigured is not None and not self._unconfigured():
             return f"parameter '{parameter.name}' is read when the node is configured; clean it up first"
         return parameter.problem(value)
@@ -178,4 +178,4 @@ QUEUE = (
         at_start=True,
     ),
 )
-"""Parameters that every node with a stream input has."""
+"""Parameters of every node with a stream input."""

@@ -1,4 +1,4 @@
-"""Run nodes until a signal stops the process; bad input ends it with one line."""
+"""Runner of nodes: a signal stops the process, and bad input ends it with one line."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ _ROS_FIX = "check what follows --ros-args, and that logs can be written: $ROS_LO
 
 
 def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = None) -> int:
-    """Spins the nodes that `make_nodes` returns in one executor; the exit code for the process, which then ends.
+    """Spin the nodes that `make_nodes` returns in one executor, and return the exit code of the process.
 
-    Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made. `args` are the command
-    line with its ROS arguments (None: the process' own).
+    If `make_nodes` is a generator and a later node cannot be made, the earlier ones are destroyed. `args`: the command
+    line with its ROS arguments (None: the process' own). Other errors than InputError from `make_nodes` are raised.
 
-    Exit code 0: stopped by SIGINT, SIGTERM or SIGHUP, at any moment and however often; what is going on then, the
-    making of the nodes or a callback, is finished first, except that loading is broken off. 1: a node with an
-    attribute `gave_up` set it. 2: InputError, or ROS does not start; either is said in one line. What else `make_nodes`
-    raises is raised.
+    Exit code 0: stopped by SIGINT, SIGTERM or SIGHUP, at any moment and any number of them; the making of the nodes or
+    the present callback is finished first, but loading is broken off. 1: a node set its attribute `gave_up`. 2:
+    InputError, or ROS does not start; the reason is printed in one line.
     """
     try:
         return _spin(make_nodes, args)
@@ -39,7 +38,7 @@ def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = N
 
 
 def stop() -> None:
-    """End `run` as a signal would; from any thread."""
+    """End `run` as a signal does; you can call this from any thread."""
     signal.raise_signal(signal.SIGTERM)
 
 
@@ -47,13 +46,13 @@ def _spin(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None) 
     end_at_once()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # of several types of rclpy's, without a public name
+    except RuntimeError as error:  # base of several types of rclpy that have no public name
         print(f"ROS does not start: {' '.join(str(error).split())}; {_ROS_FIX}", file=sys.stderr)
         return EXIT_BAD_INPUT
     executor = SingleThreadedExecutor()
     nodes: Sequence[Node] = ()
     try:
-        # a task lets spin_once return, which executor.wake() would not
+        # a task makes spin_once return, which executor.wake() does not
         stops = stop_event(lambda: executor.create_task(lambda: None))
         with stops as stopping, contextlib.suppress(Stopped):
             nodes = _complete(make_nodes())
@@ -74,12 +73,12 @@ def _gave_up(nodes: Sequence[Node]) -> bool:
 
 
 def _complete(nodes: Iterable[Node]) -> Sequence[Node]:
-    """The nodes, unless one is given parameters that it does not have."""
+    """Return the nodes; InputError if one is given parameters that it does not have. On errors all are destroyed."""
     made: list[Node] = []
     try:
         made.extend(nodes)
         for node in made:
-            if not isinstance(node, ManagedNode):  # which are complete once active, and look themselves
+            if not isinstance(node, ManagedNode):  # a ManagedNode is complete once it is active, and checks this itself
                 refuse_unused_overrides(node)
     except BaseException:
         for node in made:

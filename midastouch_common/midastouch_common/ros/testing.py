@@ -1,6 +1,6 @@
-"""A graph for node tests: nodes under test and the test's own publishers and listeners in one executor.
+"""Graph for node tests: nodes under test and the test's own publishers and listeners in one executor.
 
-The test itself spins, so that nothing happens between two of its lines, and waits for events, never for time.
+The test itself spins, so nothing happens between two of its lines. It waits for events, never for a time.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from rclpy.task import Future
 
 from . import qos
 
-# Bounds a failing test only; a busy machine needs seconds for what takes milliseconds.
+# Limits only a test that fails; on a busy machine milliseconds become seconds.
 _TIMEOUT = 60.0
-_BETWEEN_LOOKS = 0.005  # s: that nodes have found each other wakes no executor
+_BETWEEN_LOOKS = 0.005  # s; the executor does not wake when nodes discover each other
 
 
 def _overrides(parameters: dict[str, Any]) -> list[Parameter]:
@@ -42,7 +42,7 @@ class RosGraph:
         self.companion = self.add(Node, node_name="companion")
 
     def add(self, make_node: Callable[..., Node], parameters: dict[str, Any] | None = None, **options) -> Node:
-        """A node made by `make_node`, with parameter values as from a YAML file."""
+        """Add the node that `make_node` returns, with parameter values as from a YAML file."""
         if parameters is not None:
             options["parameter_overrides"] = _overrides(parameters)
         node = make_node(**options)
@@ -51,7 +51,7 @@ class RosGraph:
         return node
 
     def add_all(self, make_nodes: Callable[[dict], list[Node]], parameters: dict[str, dict[str, Any]]) -> list[Node]:
-        """Nodes made together; `make_nodes` gets rclpy's node options by node name."""
+        """Add nodes that are made together; `make_nodes` gets rclpy's node options by node name."""
         nodes = make_nodes({name: {"parameter_overrides": _overrides(p)} for name, p in parameters.items()})
         for node in nodes:
             self._nodes.append(node)
@@ -71,7 +71,7 @@ class RosGraph:
         self.companion = self.add(Node, node_name="companion")
 
     def publisher(self, kind: type, topic: str, profile: QoSProfile | None = None, latched: bool = False) -> Publisher:
-        """A publisher that is already connected to a subscriber."""
+        """Return a publisher that is already connected to a subscriber."""
         profile = qos.latched(10) if latched else profile or qos.stage_publisher(100)
         publisher = self.companion.create_publisher(kind, topic, profile)
         self.spin_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
@@ -80,7 +80,7 @@ class RosGraph:
     def listen(
         self, kind: type, topic: str, latched: bool = False, wanted: Callable[[Any], bool] = lambda message: True
     ) -> list:
-        """The list into which the `wanted` messages of a topic arrive; its publisher is already connected."""
+        """Return the list to which the `wanted` messages of a topic are added; the publishers are already connected."""
         received: list = []
         profile = qos.latched(100) if latched else qos.stream_subscriber(100, reliable=True)
 
@@ -102,38 +102,38 @@ class RosGraph:
         return received
 
     def request(self, kind: type, name: str, request: Any) -> Future:
-        """Call a service, once it is there; its response will come."""
+        """Call a service once it is available; return the future of its response."""
         client = self.companion.create_client(kind, name)
         self.spin_until(client.service_is_ready, f"service {name}")
         return client.call_async(request)
 
     def call(self, kind: type, name: str, request: Any) -> Any:
-        """A service's response."""
+        """Call a service and return its response."""
         future = self.request(kind, name, request)
         self.spin_until(future.done, f"the response of {name}")
         return future.result()
 
     def set_parameters(self, node: str, **values: Any) -> list[SetParametersResult]:
-        """Set parameters of a node, each by itself, as `ros2 param set` does; one result for each."""
+        """Set parameters of a node, each by itself, as `ros2 param set` does; return one result for each."""
         request = SetParameters.Request(parameters=[each.to_parameter_msg() for each in _overrides(values)])
         return self.call(SetParameters, f"{node}/set_parameters", request).results
 
     def set_parameter(self, node: str, name: str, value: Any) -> SetParametersResult:
-        """Set one of them."""
+        """Set one parameter of a node."""
         return self.set_parameters(node, **{name: value})[0]
 
     def change_state(self, node: str, transition: str) -> bool:
-        """Ask a lifecycle node for a transition as nav2's lifecycle manager does; whether it succeeded."""
+        """Request a transition of a lifecycle node as nav2's lifecycle manager does; return whether it succeeded."""
         number = getattr(Transition, f"TRANSITION_{transition.upper()}")
         request = ChangeState.Request(transition=Transition(id=number))
         return self.call(ChangeState, f"{node}/change_state", request).success
 
     def state_of(self, node: str) -> str:
-        """The state a lifecycle node says it is in."""
+        """Return the state that a lifecycle node reports."""
         return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
 
     def spin_until(self, done: Callable[[], bool], what: str = "the awaited event") -> None:
-        """Spin until `done()`; AssertionError naming `what` if it does not come."""
+        """Spin until `done()` is true; AssertionError naming `what` if that takes too long."""
         deadline = time.monotonic() + _TIMEOUT
         while not done():
             assert time.monotonic() < deadline, f"{what} did not come within {_TIMEOUT:.0f} s"
@@ -154,7 +154,7 @@ class RosGraph:
 
 @contextlib.contextmanager
 def open_graph() -> Iterator[RosGraph]:
-    """A graph for one test, in the DDS domain of the environment."""
+    """Yield a graph for one test, in the DDS domain of the environment."""
     rclpy.init(args=[])
     graph = RosGraph()
     try:

@@ -1,1 +1,1 @@
-"""Where to touch next."""
+"""Suggestions of where to touch next."""

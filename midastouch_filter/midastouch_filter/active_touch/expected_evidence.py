@@ -1,10 +1,11 @@
-"""How much the touches along slides are expected to say for the hypothesis that is right, against each other one.
+"""Expected evidence of touches along slides for the right hypothesis, against each other one.
 
-If i is right, the finger follows i's surface, and a touch is as i's path has it there. The arm's motion says where j
-has the gel then; how well would the touch fit there? By codes: it has the code of one of the codebook's entries around,
-and is scored against the others around i, and against those around j. By maps, between two narrow hypotheses: the map
-that i's path renders is aligned to the object from j's pose. Where j has the gel off its surface the touch speaks as
-much against it as one can: the filter's surface constraint weighs codes down, and nothing explains a map there.
+If i is right, the finger follows i's surface, and a touch measures what i's path predicts. By the arm's motion, j has
+the gel at another pose then; how well does the touch fit there? By codes: the touch has the code of one of the
+codebook's entries around i's pose, and is scored against the others around i, and against those around j. By maps,
+between two narrow hypotheses: the map rendered on i's path is aligned to the object from j's pose. If j has the gel off
+its surface, the touch speaks as much against j as a touch can: a distance from the codebook's poses costs weight, and
+nothing explains a map there.
 """
 
 from __future__ import annotations
@@ -23,29 +24,29 @@ from .hypotheses import Hypothesis
 from .slide_prediction import nearest_and_log_weight
 
 _AROUND = 9  # entries around a pose: the nearest one and eight more, between which the true one lies
-_USUAL_POSES = 16  # poses, that say what is usual
+_USUAL_POSES = 16  # poses from which the usual residual is found
 _SAME_COSINE = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 
 
 def by_model(hypotheses: Sequence[Hypothesis]) -> Iterator[tuple[ObjectModel, np.ndarray]]:
-    """Each object's model and the numbers (G,) of its hypotheses."""
+    """Yield each object's model and the numbers (G,) of its hypotheses."""
     for model in dict.fromkeys(each.model for each in hypotheses):
         yield model, np.flatnonzero([each.model is model for each in hypotheses])
 
 
 def carried_along(starts: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """Poses (H, N, H, 4, 4): where hypothesis j (last) has the gel at touch n if i (first) is right.
+    """Return the gel's poses (H, N, H, 4, 4) by hypothesis j (last) at touch n if i (first) is right.
 
-    starts (H, 4, 4), where each has it now; ways (H, N, 4, 4), where each would have it at N touches if it is right.
+    starts (H, 4, 4): its pose now by each hypothesis; ways (H, N, 4, 4): at N touches by each, if that one is right.
     """
     motion = se3.inverse(starts)[:, None] @ ways
     return starts @ motion[:, :, None]
 
 
 def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.ndarray:
-    """Nats (H, N, H) that the code of a touch speaks for hypothesis i (first axis) against j (last axis) if i is right.
+    """Return the nats (H, N, H) of a touch's code for hypothesis i (first axis) against j (last axis) if i is right.
 
-    poses (H, N, H, 4, 4), as `carried_along`. Where i and j are alike it scatters about 0.
+    poses (H, N, H, 4, 4), from `carried_along`. If i and j are alike, the nats scatter about 0.
     """
     measurement, shape = hypotheses[0].model.measurement, poses.shape[:3]
     codes, log_weight = np.empty((*shape, _AROUND, measurement.dimension), np.float32), np.empty(shape)
@@ -57,7 +58,7 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     every = np.arange(len(hypotheses))
     touch = codes[every, :, every]
     cosines = touch @ codes.reshape(*shape[:2], -1, measurement.dimension).swapaxes(2, 3)
-    others = cosines < _SAME_COSINE  # the touch is none of the entries itself
+    others = cosines < _SAME_COSINE  # an entry is not scored against itself
     shape = *cosines.shape[:3], len(hypotheses), _AROUND
     similar = np.where(others, measurement.similarity(cosines), 0).reshape(shape).sum(axis=4)
     mean = similar / np.maximum(others.reshape(shape).sum(axis=4), 1)
@@ -68,18 +69,19 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
 
 
 def in_reach(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Whether gels at poses (N, 4, 4) are near enough to the surface to touch it, (N,)."""
+    """Return whether gels at poses (N, 4, 4) are near enough to the surface to touch it, (N,)."""
     return np.abs(_off(model, poses)) <= DEAD_DISTANCE
 
 
 def _off(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """How far (N,) [m] gels at poses (N, 4, 4) are over where they would be pressed as those of codebooks are."""
-    return model.surface.distance_of(poses[:, :3, 3]) + PRESS
+    """Return how far (N,) [m] gels at poses (N, 4, 4) are above the depth at which a codebook's gels are pressed."""
+    return model.surface.distance(poses[:, :3, 3]) + PRESS
 
 
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
-    """Fraction (N,) of each map that is left once poses (N, 4, 4) `in_reach`, known as well as entries are, are aligned
-    to it. They are moved along their axes onto the surface first: no contact would have no slope to align along."""
+    """Return the fraction (N,) of each map that stays unexplained once poses (N, 4, 4) `in_reach`, known as well as
+    entries are, are aligned to it. They are first moved along their axes onto the surface: without contact there is no
+    slope to align along."""
     settled = se3.make(poses[:, :3, :3], poses[:, :3, 3] - _off(model, poses)[:, None] * poses[:, :3, 2])
     align = model.alignment.align
     pairs = list(zip(settled, maps, strict=True))
@@ -87,8 +89,8 @@ def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: 
 
 
 def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
-    """Fraction of a rendered map that the right hypothesis leaves: what alignment from as far off as entries lie leaves
-    of those at some of its poses (N, 4, 4)."""
+    """Return the fraction of a rendered map that the right hypothesis usually leaves unexplained, at some of its poses
+    (N, 4, 4): alignment starts as far off as entries lie."""
     some = poses[:: max(len(poses) // _USUAL_POSES, 1)]
     directions = np.random.default_rng(0).standard_normal((len(some), 6))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -103,10 +105,10 @@ def map_evidence(
     at_wrong: np.ndarray,
     noise: NoiseModel,
 ) -> np.ndarray:
-    """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right hypothesis against
+    """Return the nats (N, W) >= 0 of the maps of touches at poses `at_right` (N, 4, 4) for the right hypothesis against
     each of W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the
-    surface nothing is explained; what is wrong with real maps, as with the last one, no hypothesis explains. Nor
-    is it evidence what the right hypothesis itself leaves of a touch, as where the gel tilts over an edge."""
+    surface nothing is explained. No hypothesis explains the errors of real maps, which are those of the last one. A
+    residual that the right hypothesis leaves, too, as when the gel tilts over an edge, is no evidence."""
     if not len(at_right):
         return np.zeros(at_wrong.shape[:2])
     usual = usually_unexplained(right, at_right, noise)
@@ -123,5 +125,5 @@ def map_evidence(
     own[reached] = unexplained(right.model, at_right[reached], maps[reached], noise)
     usual = np.minimum(np.maximum(usual, own) + real, 1.0)[:, None]
     found = np.minimum(found + real, 1.0)
-    # a touch of which less is left than usual is simple, not evidence against the right hypothesis
+    # a touch that leaves less than usual is simple, not evidence against the right hypothesis
     return np.maximum(noise.residual_evidence(usual) - noise.residual_evidence(found), 0.0)

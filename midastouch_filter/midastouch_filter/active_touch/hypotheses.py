@@ -1,4 +1,4 @@
-"""What the belief takes for possible, as a few poses with probabilities: what the next touch is to decide between."""
+"""Reduction of the belief to a few poses with probabilities, between which the next touch should decide."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from ..filter import ParticleFilter
 
 MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
-_MOST_NARROW = MOST // 2  # the other half are for what is spread out
+_MOST_NARROW = MOST // 2  # the other half is for the rest of the belief, which is spread out
 _NARROW, _NARROW_TURN = 8e-3, np.radians(24.0)  # m, rad: RMS spread of a mode below which one pose stands for it
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """The sensor may touch the object of `model`, called `name`, at `pose` (4, 4) `T_obj_gel`.
+    """Possible pose (4, 4) `T_obj_gel` of the sensor on the object of `model`, called `name`.
 
-    narrow: it stands for a narrow mode, or for what nearly has its surface; else it is one draw of many from what is
-    spread out. residual_ratio: fraction of the last map that it left unexplained, None if it was not aligned to one.
+    narrow: it stands for a narrow mode, or for a look-alike of one; otherwise it is one of many draws from the rest
+    of the belief. residual_ratio: fraction of the last map that it left unexplained, None if it was not aligned to one.
     """
 
     model: ObjectModel
@@ -38,11 +38,11 @@ class Hypothesis:
 
 
 def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
-    """Hypotheses and draws of a filter that was started, most probable first, probabilities of sum 1.
+    """Return hypotheses and draws of a filter that was started, most probable first, with probabilities of sum 1.
 
-    A hypothesis is a narrow mode. The rest of the belief is represented by draws, unless that is less than the doubt
-    that `converged_probability` leaves. A single hypothesis is then doubted that much: it is compared with poses that
-    nearly have its surface, of which only a part tells; or with poses all over the object, if it has none of these.
+    A hypothesis is a narrow mode. Draws represent the rest of the belief, unless that is less than the doubt
+    that `converged_probability` leaves. A single hypothesis is then doubted that much: its competitors are its
+    look-alikes, whose surface differs in a part only, or poses all over the object if it has no look-alikes.
     """
     belief, weights = running.belief, _probabilities(running)
     groups = [(sum(weights[group.members]), group) for group in running.groups]
@@ -72,34 +72,32 @@ def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
 
 
 def _probabilities(running: ParticleFilter) -> np.ndarray:
-    """Probabilities (P,) of all hypotheses, then all untested poses. Those on one object add up to the object's own,
-    which maps tell of in part only, if the object has any hypothesis."""
+    """Return probabilities (P,) of all hypotheses, then of all untested poses; once an object has a hypothesis, poses
+    on objects without one have none."""
     belief = running.belief
     log_weights = [belief.hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
-    weights, objects = np.exp(np.concatenate(log_weights) - belief.total()), _objects(belief)
-    mass = np.bincount(objects, weights, len(belief.objects))
-    known = np.isin(np.arange(len(mass)), belief.hypotheses.objects)
+    weights = np.exp(np.concatenate(log_weights) - belief.total())
+    known = np.isin(_objects(belief), belief.hypotheses.objects)
     if known.any():
-        of_object = np.where(known, running.identity[0], 0.0)
-        weights = weights * (of_object / of_object.sum() / np.maximum(mass, 1e-300))[objects]
-    return weights
+        weights = np.where(known, weights, 0.0)
+    return weights / weights.sum()
 
 
 def _objects(belief: Belief) -> np.ndarray:
-    """Numbers (P,) of the objects that all hypotheses, then all untested poses, are on."""
+    """Return the numbers (P,) of the objects that all hypotheses, then all untested poses, are on."""
     return np.concatenate(
         [belief.hypotheses.objects, *(np.full(len(some), k) for k, some in enumerate(belief.untested))]
     )
 
 
 def _name(belief: Belief, number: int) -> str:
-    """Of an object of several; nobody asks for that of a single one."""
+    """Return the name of an object of several; "" if there is only one."""
     return belief.objects[number].mesh.name if len(belief.objects) > 1 else ""
 
 
 def _as_image(hypothesis: Hypothesis, leading: Hypothesis) -> Hypothesis:
-    """The hypothesis at an exact image of the leading pose if it is one of its look-alikes: how well either is known
-    makes them differ everywhere, and only the surface where they really do is to be gone to."""
+    """Move a hypothesis that is a look-alike of the leading one to its exact image: otherwise the errors of both would
+    make them differ everywhere, and touches should go only where the surfaces really differ."""
     symmetry = hypothesis.model.symmetry
     images = symmetry.look_alikes @ leading.pose
     if hypothesis.model is not leading.model or not len(images):
@@ -111,7 +109,7 @@ def _as_image(hypothesis: Hypothesis, leading: Hypothesis) -> Hypothesis:
 
 
 def _spread(belief: Belief, weights: np.ndarray, taken: list[Group], count: int) -> list[Hypothesis]:
-    """Draws, systematic by weights (P,), from what is in none of the `taken` groups."""
+    """Draw systematically, by weights (P,), from everything that is in none of the `taken` groups."""
     weights, known = weights.copy(), belief.hypotheses.poses
     for group in taken:
         weights[group.members] = 0.0
@@ -127,7 +125,7 @@ def _spread(belief: Belief, weights: np.ndarray, taken: list[Group], count: int)
 
 
 def _look_alikes(model: ObjectModel, pose: np.ndarray, count: int) -> np.ndarray:
-    """At most `count` of the poses (C, 4, 4) that nearly have the same surface as this one (4, 4), evenly."""
+    """Return at most `count` evenly chosen poses (C, 4, 4) that nearly have the same surface as this one (4, 4)."""
     motions = model.symmetry.look_alikes
     if len(motions) > count:
         motions = motions[kernels.systematic(np.ones(len(motions)), count, 0.5)]
@@ -135,6 +133,6 @@ def _look_alikes(model: ObjectModel, pose: np.ndarray, count: int) -> np.ndarray
 
 
 def _all_over(model: ObjectModel, count: int) -> np.ndarray:
-    """Poses (count, 4, 4) of the codebook, evenly."""
+    """Return evenly chosen poses (count, 4, 4) of the codebook."""
     poses = model.lookup.poses
     return poses[kernels.systematic(np.ones(len(poses)), count, 0.5)]

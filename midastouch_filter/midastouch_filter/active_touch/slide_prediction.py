@@ -1,8 +1,8 @@
-"""Where slides lead on the surface of an object: straightest geodesics, many at once.
+"""Prediction of slides on the surface of an object: straightest geodesics, many at once.
 
-A finger that follows the surface turns with its normal and no further (parallel transport), so that a heading in its
-gel's plane stays one. As `straight_on` of the simulator, but in longer steps, by rougher normals, and what can be
-touched follows from the codebook.
+A finger that follows the surface turns with its normal and no further (parallel transport), so a heading stays fixed in
+its gel's plane. Compared with `straight_on` of the simulator, steps are longer and normals rougher, and the codebook
+shows which poses can touch.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from midastouch_perception.codebook import PRESS
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
 from ..core.object_model import ObjectModel
+from ..core.surface import DEAD_DISTANCE
 
 _STEP = 7.5e-3  # m; a gel is 19 mm wide
-_TOUCHES = 8  # of a slide, ever farther apart
+_SIGMA = 1e-3  # m: distance of touches beyond the reach of a codebook's poses, sigma
+_TOUCHES = 8  # most touches of a slide, at growing distances
 
 
 def predict_slides(
     model: ObjectModel, starts: np.ndarray, headings: np.ndarray, distances: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gel poses (H, K, T + 1, 4, 4) along slides, and which (H, K, T + 1) of them the gel can touch at.
+    """Return gel poses (H, K, T + 1, 4, 4) along slides, and at which (H, K, T + 1) of them the gel can touch.
 
     starts (H, 4, 4) `T_obj_gel`, headings (K,) [rad] in the gel's plane, from its x to its y axis; distances (T,) [m]
-    along the surface, ascending. The first pose of a slide is its start, laid flat onto the surface. Where a pose
-    cannot be touched at, as in a fold or below a rim, later ones may be again.
+    along the surface, ascending. The first pose of a slide is its start, laid flat onto the surface. After a pose at
+    which the gel cannot touch, as in a fold or below a rim, it may be able to again.
     """
     shape = len(starts), len(headings)
     walk = _Walk(model, np.repeat(starts, shape[1], axis=0), np.tile(headings, shape[0]))
@@ -40,22 +42,24 @@ def predict_slides(
         alive.append(walk.alive.copy())
         before = distance
     every = np.stack(poses, axis=1).reshape(*shape, len(distances) + 1, 4, 4)
-    # farther from the codebook, the filter would rather take a touch for chance
+    # further from the codebook, the filter would take a touch for an outlier
     _, log_weight = nearest_and_log_weight(model, every)
     near = log_weight > np.log(model.measurement.outlier)
     return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & near
 
 
 def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
-    gives the poses by how far off they lie; any entry for one farther than matters."""
-    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
-    log_weight = model.surface.log_weight(distance)
+    """Return the codebook's entries nearest to poses (..., 4, 4) of a gel that touches, and log-weights (...) <= 0 of
+    the poses by their distances to these; a pose that is too far off to matter gets any entry."""
+    within = model.lookup.largest_gap
+    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), within + DEAD_DISTANCE)
+    beyond = np.clip(distance - within, 0.0, DEAD_DISTANCE)
+    log_weight = -0.5 / _SIGMA**2 * np.square(beyond, dtype=float)
     return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
 
 
 class _Walk:
-    """N gels on their way over a surface."""
+    """Walk of N gels over a surface."""
 
     def __init__(self, model: ObjectModel, starts: np.ndarray, headings: np.ndarray):
         self._mesh, self._normals = model.mesh, model.normals
@@ -71,7 +75,7 @@ class _Walk:
         return se3.make(self._rotation, self._position - PRESS * self._rotation[:, :, 2])
 
     def advance(self, distance: float) -> None:
-        """Go on by `distance` [m]; a gel in a fold, where the closest point falls back, stays there."""
+        """Advance by `distance` [m]; a gel in a fold, where the closest point falls back, stays there."""
         steps = max(round(distance / _STEP), 1)
         for _ in range(steps):
             step, going = distance / steps, np.flatnonzero(self.alive)
@@ -90,7 +94,7 @@ class _Walk:
 
 
 def _laid_flat(rotations: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Rotations (N, 3, 3) turned by the smallest angle after which their z axes are the normals (N, 3)."""
+    """Turn rotations (N, 3, 3) by the smallest angle after which their z axes are the normals (N, 3)."""
     z = rotations[:, :, 2]
     axis, cosine = np.cross(z, normals), np.einsum("ni,ni->n", z, normals)
     sine = np.linalg.norm(axis, axis=1)
@@ -99,7 +103,7 @@ def _laid_flat(rotations: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
-    """Distances (T,) [m] of touches on a way of `length` [m]: the first after `spacing`, then ever farther apart."""
+    """Return distances (T,) [m] of touches on a way of `length` [m]: the first at `spacing`, then at growing steps."""
     count = int(np.clip(length / spacing, 1, _TOUCHES))
     if count == 1:
         return np.array([length])
@@ -108,7 +112,7 @@ def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
 
 
 def independence_on_the_way(tracks: np.ndarray, measured: np.ndarray, correlation: float) -> np.ndarray:
-    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `Track.keep`.
+    """Return how much of an independent touch each one on the way is, (H, K, T) in [0, 1], as `Track.keep` does.
 
     tracks (H, K, T + 1, 4, 4); measured (F, 4, 4), in the frame of the start.
     """

@@ -1,14 +1,14 @@
-"""Where to touch next: slides ranked by what they are expected to tell about the pose, for what they cost.
+"""Suggestions of where to touch next: slides ranked by their expected information about the pose per cost.
 
-The finger does not know where it is, so that it can only be given a motion relative to its gel: a heading, and how far.
-Each hypothesis says where that would lead (`slide_prediction.py`) and what the touches on the way would say for it
+The finger does not know where it is, so a suggestion is a motion relative to its gel: a heading and a length.
+Each hypothesis predicts where that leads (`slide_prediction.py`) and the evidence of the touches on the way
 (`expected_evidence.py`). With probabilities p and the evidence E(i, j) that speaks for i against j if i is right, the
 information of a slide about the pose is that of a mixture (Kolchinsky and Tracey 2017),
 
     I = - sum_i p_i log sum_j p_j exp(-E(i, j)),
 
-which lies between 0 and the entropy of p. Slides are ranked by information per metre, the best policy where more of
-them follow. Poses of several objects may compete: then it is information about the object, too.
+which lies between 0 and the entropy of p. Slides are ranked by information per metre, the best policy if more of
+them follow. If poses on several objects compete, it is information about the object, too.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .hypotheses import Hypothesis, hypotheses_of
 from .slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
 
 HEADINGS = 8
-_PER_MOTION = 2  # touches on the shortest one: over an edge that it crosses there should be one
+_PER_MOTION = 2  # touches on the shortest motion, so that one lies beyond an edge that it crosses
 CLEARANCE = 0.01
-"""m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
+"""m above the surface on the way of a lift: enough for the filter to distinguish it from a gap in a slide."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """max_length [m] of a suggestion, None: the object's diagonal; lifts, whether they are allowed; count, at most."""
+    """Request: max_length [m] of a motion, None for the object's diagonal; lifts, whether allowed; count, at most."""
 
     max_length: float | None = None
     lifts: bool = False
@@ -42,9 +42,9 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift: no contact on the
-    way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on the object, by the
-    most probable hypothesis that can go this way, the first where it is now; n = 0 where none on that object can."""
+    """Suggested motion: heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift:
+    no contact on the way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on one
+    object, from the present one, by its most probable hypothesis that can go this way; n = 0 if none can."""
 
     heading: float
     length: float
@@ -57,8 +57,8 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Advice:
-    """suggestions, best first; indistinguishable: hypotheses remain that nothing within reach can tell apart;
-    message."""
+    """Answer: suggestions, best first; indistinguishable, whether hypotheses remain that nothing within reach can
+    distinguish; message."""
 
     suggestions: list[Suggestion]
     indistinguishable: bool
@@ -68,7 +68,7 @@ class Advice:
 def advise(
     hypotheses: Sequence[Hypothesis], measured: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str = ""
 ) -> Advice:
-    """What to do next, given what is possible: hypotheses, most probable first, probabilities of sum 1.
+    """Suggest what to do next, given hypotheses, most probable first, with probabilities of sum 1.
 
     measured (F, 4, 4): gels that have touched since the last lift, in the frame of the present one. on: name of the
     object in whose frame paths are wanted.
@@ -81,7 +81,7 @@ def advise(
 
 
 class _Outlook:
-    """What every heading leads to, for H hypotheses, K headings and T touches on the way."""
+    """Expected evidence in every heading, for H hypotheses, K headings and T touches on the way."""
 
     def __init__(
         self, hypotheses: Sequence[Hypothesis], measured: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str
@@ -114,10 +114,10 @@ class _Outlook:
         return tracks, touchable[:, :, 1:]
 
     def _evidence(self) -> np.ndarray:
-        """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow hypotheses by their maps."""
+        """Return the nats (H, K, T, H) of each touch, as `code_evidence`; between narrow hypotheses by their maps."""
         ways = self._tracks[:, :, 1:]
         flat = ways.reshape(len(ways), -1, 4, 4)
-        # a narrow hypothesis is where it is; laid flat, two poses alike would no longer be carried to poses alike
+        # a narrow hypothesis is not laid flat: motions would no longer carry look-alikes to look-alikes
         narrow = np.array([each.narrow for each in self._hypotheses])[:, None, None]
         starts = np.where(narrow, np.stack([each.pose for each in self._hypotheses]), self._tracks[:, 0, 0])
         poses = carried_along(starts, flat)
@@ -125,7 +125,7 @@ class _Outlook:
         narrow = self._with_maps()
         for i in narrow:
             others = [j for j in narrow if j != i]
-            evidence[i][:, others] = 0.0  # what tells two competitors apart does not tell which hypothesis is right
+            evidence[i][:, others] = 0.0  # a touch that distinguishes two competitors does not show which one is right
             others = others if i == 0 else [0]
             within_reach = self._touchable if self._wanted.lifts else self._slid
             some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in others]
@@ -134,30 +134,30 @@ class _Outlook:
         return evidence.reshape(*ways.shape[:3], -1)
 
     def _with_maps(self) -> list[int]:
-        """Hypotheses whose maps can be compared, none if the most probable hypothesis is none of them, or the only
-        one."""
+        """Return the hypotheses whose maps can be compared; none if the most probable one is not among them, or is the
+        only one."""
         able = [k for k, each in enumerate(self._hypotheses) if each.narrow and each.model.alignment is not None]
         return able if able[:1] == [0] and len(able) > 1 else []
 
     def slides(self) -> list[Suggestion]:
-        """The best one in each heading."""
+        """Return the best slide in each heading."""
         return self._best(self._by_slide, self._slid, self._distances, lift=False)
 
     def lifts(self) -> list[Suggestion]:
-        """The best one in each heading, to where no slide leads."""
+        """Return the best lift in each heading, to where no slide leads."""
         if not self._wanted.lifts:
             return []
         beyond = self._touchable & ~self._slid
         return self._best(self._by_lift, beyond, self._distances + 2 * CLEARANCE, lift=True)
 
     def _best(self, evidence: np.ndarray, possible: np.ndarray, cost: np.ndarray, lift: bool) -> list[Suggestion]:
-        """possible (H, K, T); what most of the belief would not let happen is not suggested."""
+        """Return the best motions that are possible (H, K, T) for more than half of the belief."""
         likely = (np.tensordot(self._probability, possible, axes=1) > 0.5) & self._long_enough
         information = np.where(likely, mixture_information(self._probability, evidence), -1.0)
         out = []
         for k, t in enumerate(np.argmax(information / cost, axis=1)):
             if likely[k, t]:
-                able = np.flatnonzero(possible[:, k, t] & self._drawn)[:1]  # of these the most probable
+                able = np.flatnonzero(possible[:, k, t] & self._drawn)[:1]  # the most probable of them
                 stops = [0, t + 1] if lift else range(t + 2)
                 out.append(
                     Suggestion(
@@ -173,7 +173,7 @@ class _Outlook:
         return out
 
     def _reason(self, evidence: np.ndarray, distance: float, lift: bool) -> str:
-        """In words, by the two hypotheses that it tells apart best; evidence (H, H)."""
+        """Return the reason, which names the two hypotheses that a motion distinguishes best; evidence (H, H)."""
         p = self._probability
         narrow = [k for k, each in enumerate(self._hypotheses) if each.narrow]
         how = f"{'touched again' if lift else 'after'} {1e3 * distance:.0f} mm"
@@ -187,13 +187,13 @@ class _Outlook:
         return f"{how} {'away ' if lift else ''}{pair[0]} differs from {pair[1]}"
 
     def alike(self) -> list[Hypothesis]:
-        """Hypotheses that compete with the most probable one and cannot be distinguished from it; none if that is no
-        hindrance."""
+        """Return the most probable hypothesis and those that cannot be distinguished from it; none unless these alone
+        keep the answer uncertain."""
         narrow = [k for k, each in enumerate(self._hypotheses) if each.narrow]
         if len(narrow) < 2:
             return []
-        most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is touched by two of them
-        if self._wanted.lifts:  # wherever the object is by then, touches there tell
+        most = self._by_slide[:, :, -1].sum(axis=1)  # two slides touch hardly any surface in common
+        if self._wanted.lifts:  # a touch elsewhere is evidence even if the object has moved by then
             most = np.maximum(most, self._elsewhere.max(axis=(1, 2)))
         top = narrow[0]
         odds = np.log(self._probability[top] / self._probability)
@@ -205,7 +205,7 @@ class _Outlook:
 
 
 def mixture_information(probability: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-    """Nats (...) about which of H hypotheses of a probability (H,) is right, by evidence (H, ..., H)."""
+    """Return the nats (...) about which of H hypotheses of probability (H,) is right, by evidence (H, ..., H)."""
     inner = np.log(np.exp(-evidence) @ probability)
     return -np.tensordot(probability, inner, axes=1)
 
@@ -228,18 +228,18 @@ def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], al
 
 
 class Advisor:
-    """Advises on what one filter touches, by what it takes for possible."""
+    """Adviser on where one filter should touch next, by its belief."""
 
     def __init__(self, running: ParticleFilter):
         self._running, self._noise = running, NoiseModel.of(running.config)
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        """What the belief takes for possible, most probable first; none before something was measured."""
+        """Poses that the belief holds for possible, most probable first; none before something was measured."""
         return hypotheses_of(self._running) if self._running.modes else []
 
     def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was measured."""
+        """Suggest where to touch next; None before something was measured."""
         running, hypotheses = self._running, self.hypotheses
         on = running.object.mesh.name if len(running.objects) > 1 else ""
         return advise(hypotheses, running.measured_gels, wanted, self._noise, on) if hypotheses else None

@@ -1,15 +1,16 @@
 """Alignment of a sensor pose to measured penetration maps: Gauss-Newton on the pose's own rendered view.
 
-The codebook tells poses apart by a few millimetres. The measured map M tells more: for a pose x the renderer gives the
-map R(x) that should be measured, and the residual M - R(x) over the pixels, weighed robustly, gives a gradient and an
-information matrix in all six directions (point-to-plane registration with projective correspondences, Chen and
-Medioni 1992). Directions that the contact does not constrain (sliding on a plane, turning on a ball) keep their prior.
+The codebook distinguishes poses a few millimetres apart. The measured map M is more precise: for a pose x the renderer
+gives the map R(x) that should be measured, and the residual M - R(x) over the pixels, weighed robustly, gives a
+gradient and an information matrix in all six directions (point-to-plane registration with projective correspondences,
+Chen and Medioni 1992). Directions that the contact does not constrain (sliding on a plane, turning on a ball) keep
+their prior.
 
 Several fingers of one frame are a sequential Bayesian update, finger by finger: the belief about the first gel, a
 Gaussian, is transformed to the next finger's gel by the adjoint of the transform between them, aligned to that finger's
-map, and transformed back. An arm reports each pose with an error of its own that does not stay: a map sees the sum of
-both, and only the hypothesis' part of the innovation moves it for good. The noise of a map is as large as what it
-leaves unexplained says.
+map, and transformed back. An arm reports each pose with an error that does not last. A map sees the sum of this error
+and the hypothesis' own, and only the hypothesis' part of the innovation moves it for good. The part of a map that stays
+unexplained gives the size of its noise.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from midastouch_perception.sensor_model import SensorModel
 from .noise_model import NoiseModel
 from .touch import Measurement, gels_of
 
-_MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
+_MARGIN = 1e-3  # m: surface that is about to touch is rendered up to this far below the gel
 _MOST_DESCENTS = 4
 
 
@@ -48,7 +49,7 @@ class Aligned:
 
 @dataclass(frozen=True)
 class Sighting:
-    """Where one frame's maps have a hypothesis, that frame's error of the arm included.
+    """Pose at which one frame's maps see a hypothesis, including that frame's error of the arm.
 
     pose (4, 4) `T_obj_gel`; covariance (6, 6) in the pose's own frame; fit, fraction of the maps that it explains.
     """
@@ -60,11 +61,11 @@ class Sighting:
 
 @dataclass(frozen=True)
 class Alignments:
-    """What penetration maps make of P hypotheses.
+    """Result of aligning P hypotheses to penetration maps.
 
-    poses (P, 4, 4) and covariances (P, 6, 6): without this frame's error of the measured pose, unchanged where too
+    poses (P, 4, 4) and covariances (P, 6, 6): without this frame's error of the measured pose, unchanged if too
     little is explained; fits (P, F), fraction of each of F maps that is explained; seen (P, 4, 4) and seen_covariances
-    (P, 6, 6): the pose of this very frame; descents (P,).
+    (P, 6, 6): the pose in this very frame; descents (P,), their number.
     """
 
     poses: np.ndarray
@@ -75,12 +76,12 @@ class Alignments:
     descents: np.ndarray
 
     def sightings(self) -> list[Sighting]:
-        """Each hypothesis as this frame's maps have it."""
+        """Return each hypothesis as this frame's maps see it."""
         return [Sighting(*each) for each in zip(self.seen, self.seen_covariances, self.fits.min(axis=1), strict=True)]
 
 
 class PenetrationAlignment:
-    """Aligns poses on one mesh.
+    """Alignment of poses on one mesh.
 
     Args: mesh; sensor, at the resolution of the penetration maps; noise.
     Attributes: sensor; map_shape, rows and columns of the maps.
@@ -96,15 +97,15 @@ class PenetrationAlignment:
         self._noise = noise
 
     def render(self, poses: np.ndarray) -> np.ndarray:
-        """Penetration maps (N, H, W) m that are measured at poses (N, 4, 4)."""
+        """Return the penetration maps (N, H, W) [m] that a sensor measures at poses (N, 4, 4)."""
         return np.maximum(self._renderer.render(poses), 0.0)
 
     def align(
         self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray, start: np.ndarray | None = None
     ) -> Aligned:
-        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a penetration map (H, W) m.
+        """Return the posterior of a prior N(pose (4, 4), covariance (6, 6), own frame), given a penetration map (H, W).
 
-        The optimum is looked for from `start` (4, 4), by default the prior's pose.
+        The map is in metres. The search for the optimum begins at `start` (4, 4), by default the prior's pose.
         """
         pose = np.ascontiguousarray(pose, float)
         start = pose if start is None else np.ascontiguousarray(start, float)
@@ -123,8 +124,8 @@ class PenetrationAlignment:
         """Align P hypotheses N(poses (P, 4, 4), covariances (P, 6, 6), own frames) of the first gel to the maps of all
         touches, one finger after the other, on all cores.
 
-        needed (P,): a hypothesis of which less than this fraction can be explained does not matter, and is given up.
-        descents: at most; seeds: the hypotheses only say where to begin, and need not hold the pose.
+        needed (P,): a hypothesis that cannot explain this fraction of the maps does not matter, and is given up.
+        descents: the most per hypothesis. seeds: the hypotheses are only starting points and need not hold the pose.
         """
         noise = self._noise
         return Alignments(
@@ -146,6 +147,6 @@ class PenetrationAlignment:
 
 
 def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Covariance (..., 6, 6) of a pose's own frame after the frame went on by `motion` (4, 4)."""
+    """Return the covariance (..., 6, 6) in a pose's own frame after that frame has moved by `motion` (4, 4)."""
     flat = np.ascontiguousarray(covariance).reshape(-1, 6, 6)
     return kernels.transform_covariances(flat, np.ascontiguousarray(motion)).reshape(covariance.shape)

@@ -1,6 +1,6 @@
-"""What a belief answers: modes with weight and covariance, which object it is, and draws of the pose.
+"""Answer of a belief: modes with weight and covariance, covariance of the whole, and draws of the pose.
 
-Hypotheses nearer to each other than what counts as one pose, modulo symmetry, are one mode; its weight is their sum.
+Hypotheses that count as one pose, modulo symmetry, are one mode; its weight is the sum of theirs.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .estimate import Mode
 from .noise_model import NoiseModel
 from .pose_hypothesis import alike, another
 
-_MOST_MODES, _GROUPED = 64, 200  # published; heaviest hypotheses that make them
-_NEGLIGIBLE = 1e-5  # probability of a hypothesis that makes no mode of its own
-_HARDLY_ANY = 1e-14  # m^2, rad^2: rounding can make a covariance without it singular
+_MOST_MODES, _GROUPED = 64, 200  # modes that are published; heaviest hypotheses that are grouped into modes
+_NEGLIGIBLE = 1e-5  # probability below which a hypothesis makes no mode of its own
+_HARDLY_ANY = 1e-14  # m^2, rad^2: added to a covariance that rounding may have made singular
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Group:
 
 
 def grouped(belief: Belief) -> list[Group]:
-    """The modes of a belief, heaviest first; none while no hypothesis was tested."""
+    """Return the modes of a belief, heaviest first; none while no hypothesis was tested."""
     hypotheses = belief.hypotheses
     if not len(hypotheses):
         return []
@@ -59,9 +59,9 @@ def grouped(belief: Belief) -> list[Group]:
 def modes_of(
     belief: Belief, groups: Sequence[Group], sightings: dict[int, Sighting], widening: float, noise: NoiseModel
 ) -> list[Mode]:
-    """The groups on one object as modes at present, a mode's pose where it is seen best.
+    """Return groups as modes at present, each at its heaviest hypothesis, or where this frame's maps see that.
 
-    widening: factor on the covariance of what is seen.
+    sightings: by number of the hypothesis. widening: factor on the covariance of a sighting.
     """
     hypotheses, total = belief.hypotheses, belief.total()
     out = []
@@ -85,12 +85,12 @@ def modes_of(
 
 
 def covariance_of(belief: Belief, number: int, modes: Sequence[Mode]) -> np.ndarray:
-    """Covariance (6, 6) of the belief about one object, of which these are the modes.
+    """Return the covariance (6, 6) of the belief about one object, given its modes.
 
     It is about the first mode's pose, in the order and axes of `Mode.covariance`.
 
-    A mode's own covariance says how well its pose is known if it is the right one. The published covariance also says
-    how far away the truth lies if it is another one.
+    A mode's own covariance is the uncertainty of its pose if it is the right mode. The published covariance also
+    includes the distance to the truth if another mode is right.
     """
     first = modes[0]
     others = modes[1:]
@@ -103,20 +103,19 @@ def covariance_of(belief: Belief, number: int, modes: Sequence[Mode]) -> np.ndar
         weights.extend([float(mass.sum()) / 64] * 64)
     if not poses:
         return first.covariance
-    left = np.array(weights) / (first.weight + sum(weights))  # other objects have frames of their own
+    left = np.array(weights) / (first.weight + sum(weights))  # of this object: others have frames of their own
     return first.covariance * (1.0 - left.sum()) + _scatter(np.stack(poses), left, first.pose)
 
 
 def _scatter(poses: np.ndarray, weights: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """Second moment (6, 6) of position and rotation vector of weighted poses (n, 4, 4) about a centre (4, 4)."""
+    """Return the second moment (6, 6) of position and rotation vector of weighted poses (n, 4, 4) about a centre."""
     turned = poses[:, :3, :3] @ centre[:3, :3].T
     offset = np.concatenate([poses[:, :3, 3] - centre[:3, 3], se3.log(se3.make(turned, np.zeros(3)))[:, 3:]], axis=1)
     return np.einsum("n,ni,nj->ij", weights, offset, offset)
 
 
 def draws(belief: Belief, number: int, count: int, seed: int) -> np.ndarray:
-    """Poses (count, 4, 4) drawn from the mixture of hypotheses and untested poses on one object, at present, equally
-    weighted."""
+    """Draw equally weighted poses (count, 4, 4) at present from the hypotheses and untested poses on one object."""
     rng = np.random.default_rng(seed)
     hypotheses, some = belief.hypotheses.some(belief.hypotheses.objects == number), belief.untested[number]
     log_weights = np.concatenate([hypotheses.log_weights, some.log_weights])

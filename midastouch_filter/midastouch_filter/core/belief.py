@@ -1,8 +1,8 @@
-"""What the filter believes: a set of pose hypotheses on one or several objects.
+"""Belief of the filter: a set of pose hypotheses on one or several objects.
 
 A hypothesis is the particle of a Rao-Blackwellised particle filter: a Gaussian over poses, with a weight. It was
 aligned to at least one penetration map. Poses of a codebook that no map was compared with yet are *untested*: points,
-weighed by codes alone. All poses are those of one frame, the last keyframe; `since` leads from there to the present.
+weighed by codes alone. All poses are of one frame, the last keyframe; `since` is the gel's motion from then to now.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .object_model import ObjectModel
 from .particles import Particles
 
 BEHIND = -14.0
-"""nats: hypotheses whose weight is that far behind the heaviest one go."""
-_SAME_T, _SAME_R = 2e-3, np.radians(2.0)  # m, rad: hypotheses that are nearer have met
+"""nats: log-weight, relative to the heaviest, below which a hypothesis is dropped."""
+_SAME_T, _SAME_R = 2e-3, np.radians(2.0)  # m, rad: hypotheses nearer to each other have met
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Hypotheses:
 
     @classmethod
     def none(cls) -> Hypotheses:
-        """Without any."""
+        """Return a set without hypotheses."""
         return cls.at(np.empty((0, 4, 4)), np.zeros((6, 6)), np.empty(0), 0, 0.0)
 
     @classmethod
@@ -56,7 +56,7 @@ class Hypotheses:
         number: int,
         odometer: float,
     ) -> Hypotheses:
-        """On one object, all of one covariance (6, 6), at a reading of the odometer [m]."""
+        """Return hypotheses on object `number`, with the same covariance (6, 6), aligned at an odometer reading [m]."""
         n = len(poses)
         spread, on = np.tile(covariance, (n, 1, 1)), np.full(n, number, np.int32)
         return cls(poses, spread, log_weights, on, np.full(n, odometer), np.ones(n))
@@ -65,32 +65,31 @@ class Hypotheses:
         return len(self.poses)
 
     def some(self, index: np.ndarray) -> Hypotheses:
-        """Those of an index or mask."""
+        """Return the hypotheses of an index or mask."""
         return Hypotheses(*(each[index] for each in vars(self).values()))
 
     def joined(self, others: Hypotheses) -> Hypotheses:
-        """These, then the others."""
+        """Return these hypotheses, followed by the others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Hypotheses(*(np.concatenate(pair) for pair in pairs))
 
     def moved(self, motion: np.ndarray) -> Hypotheses:
-        """After the gel moved by `motion` (4, 4)."""
+        """Return the hypotheses after the gel moved by `motion` (4, 4)."""
         if not len(self):
             return self
         return replace(self, poses=self.poses @ motion, covariances=transform_covariance(self.covariances, motion))
 
     def widened(self, covariance: np.ndarray) -> Hypotheses:
-        """Each known less well by a covariance (6, 6) in its own frame."""
+        """Return the hypotheses with a covariance (6, 6) added to each, in its own frame."""
         return replace(self, covariances=self.covariances + covariance)
 
     def drifted(self, odometer: float, drift: np.ndarray) -> Hypotheses:
-        """Each known less well by a covariance (6, 6) for every metre since it was last aligned."""
+        """Return the hypotheses with a covariance (6, 6) added for every metre since each was last aligned."""
         growth = np.maximum(odometer - self.aligned_at, 0.0)[:, None, None] * drift
         return replace(self, covariances=self.covariances + growth, aligned_at=np.full(len(self), odometer))
 
     def merged(self, symmetry: Symmetry) -> Hypotheses:
-        """One in place of all that have met on one object, modulo its symmetry: the heaviest, with the weight of
-        all."""
+        """Merge hypotheses that have met on one object, modulo its symmetry: the heaviest gets the weight of all."""
         if len(self) < 2:
             return self
         order = np.argsort(-self.log_weights, kind="stable")
@@ -103,7 +102,7 @@ class Hypotheses:
             return replace(self, poses=poses)
         rank = np.empty(len(self), int)
         rank[order] = np.arange(len(self))
-        # each goes into the heaviest of those near it that stay
+        # each is merged into the heaviest hypothesis near it that stays
         ranked = np.sort(rank[pairs], axis=1)
         log_weights, into = self.log_weights.copy(), np.arange(len(self))
         for a, b in order[ranked[np.lexsort(ranked.T)]]:
@@ -118,8 +117,8 @@ class Belief:
     """Hypotheses and untested poses on the objects.
 
     Attributes: objects; hypotheses; untested, for each object poses of its codebook with log-weights, as particles;
-    support (O,) [nats], what the touches speak for each object, against being none of those that are known; since
-    (4, 4), motion of the gel since the frame that all poses are of.
+    support (O,) [nats], evidence of the touches for each object, against none of the known ones; since (4, 4), motion
+    of the gel since the frame that all poses are of.
     """
 
     def __init__(self, objects: Sequence[ObjectModel]):
@@ -132,7 +131,7 @@ class Belief:
         self.since = np.eye(4)
 
     def total(self) -> float:
-        """Log of the sum of all weights."""
+        """Return the log of the sum of all weights."""
         return _log_sum([_log_sum(self.hypotheses.log_weights), self._untested_total()])
 
     @property
@@ -141,14 +140,14 @@ class Belief:
         return float(np.exp(self._untested_total() - self.total()))
 
     def _untested_total(self) -> float:
-        # of many thousand weights, which change once a keyframe
+        # cached: the many thousand weights change once per keyframe
         weights = [some.log_weights for some in self.untested]
         if not all(now is before for now, before in zip(weights, self._summed, strict=True)):
             self._summed, self._untested_sum = weights, _log_sum([_log_sum(each) for each in weights])
         return self._untested_sum
 
     def object_masses(self) -> np.ndarray:
-        """Fractions (O,) of the weight that are on each object."""
+        """Return the fraction (O,) of the weight on each object."""
         hypotheses, total = self.hypotheses, self.total()
         own = np.bincount(hypotheses.objects, np.exp(hypotheses.log_weights - total), len(self.objects))
         return own + [np.exp(some.log_weights - total).sum() for some in self.untested]
@@ -163,7 +162,7 @@ class Belief:
             some.log_weights = some.log_weights + factor
 
     def come_up(self, odometer: float, drift: np.ndarray) -> None:
-        """Take the present frame for the one that all poses are of; arguments as of `Hypotheses.drifted`."""
+        """Bring all poses to the present frame; arguments as for `Hypotheses.drifted`."""
         self.hypotheses = self.hypotheses.moved(self.since).drifted(odometer, drift)
         row, still = Odometry.from_matrix(self.since).row, np.zeros(6, np.float32)
         for model, some in zip(self.objects, self.untested, strict=True):
@@ -178,26 +177,26 @@ class Belief:
     def expect(
         self, number: int, entries: np.ndarray, log_weights: np.ndarray, poses: np.ndarray | None = None
     ) -> None:
-        """Add poses at `entries` (n,) of an object's codebook, untested, with log-weights (n,), at the present frame.
+        """Add untested poses at `entries` (n,) of an object's codebook, with log-weights (n,), at the present frame.
 
         poses (n, 4, 4), if they lie elsewhere: the entries are then those nearest to them. All poses of the belief must
-        be of that frame (`come_up`).
+        be of the present frame (`come_up`).
         """
         born = Particles.from_poses(self.objects[number].lookup.poses[entries] if poses is None else poses, entries)
         born.log_weights = log_weights
         self.untested[number] = Particles.joined([self.untested[number], born])
 
     def take(self, number: int, rows: np.ndarray) -> Particles:
-        """Take untested poses, by their rows (n,), out of the belief."""
+        """Remove untested poses from the belief, by their rows (n,), and return them."""
         some, kept = self.untested[number], np.ones(len(self.untested[number]), bool)
         kept[rows] = False
         self.untested[number] = some.some(kept)
         return some.some(rows)
 
     def settle(self, negligible: float) -> None:
-        """Normalise the weights, drop what is too light to matter, and let hypotheses that have met become one.
+        """Normalise the weights, drop what is too light to matter, and merge hypotheses that have met.
 
-        negligible: log-weight of an untested pose, relative to the heaviest hypothesis, below which it goes.
+        negligible: log-weight, relative to the heaviest hypothesis or pose, below which an untested pose is dropped.
         """
         self.scale(-self.total())
         weights = [self.hypotheses.log_weights, *(some.log_weights for some in self.untested)]
@@ -216,7 +215,7 @@ def _no_particles() -> Particles:
 
 
 def _log_sum(values: np.ndarray | Sequence[float]) -> float:
-    """log(sum(exp)) of values (n,), -inf without any."""
+    """Return log(sum(exp)) of values (n,), -inf without any."""
     values = np.asarray(values)
     top = values.max(initial=-np.inf)
     return float(top + np.log(np.exp(values - top).sum())) if np.isfinite(top) else -np.inf

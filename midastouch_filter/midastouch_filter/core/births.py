@@ -1,6 +1,6 @@
-"""Which hypotheses are born: at the start, after a lift, and where touches contradict all that is believed.
+"""Births of hypotheses: at the start, after a lift, and when touches contradict the whole belief.
 
-A change is a birth of hypotheses and nothing else. The weight of those that are born is the probability of the change.
+A change is modelled as a birth of hypotheses only. The weight of the newborn is the probability of the change.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from .belief import Belief, Hypotheses
 from .noise_model import NoiseModel
 from .pose_hypothesis import Prior
 
-_LEADING = 4  # hypotheses whose neighbourhood is believed in after a push
-_CROWDED = 2  # times the codebook: with as many untested poses no further ones are born
+_LEADING = 4  # heaviest hypotheses, of which a push adds wider copies
+_CROWDED = 2  # with more untested poses than this many codebooks hold, no further ones are born
 
 
 class Births:
-    """Adds hypotheses to beliefs, modulo what is asked for.
+    """Source of new hypotheses and untested poses for a belief.
 
-    Args: noise; most: number of poses of each codebook, the first ones, which are spread evenly.
+    Args: noise; most: number of poses of each codebook that are used: the first ones, which are spread evenly.
     """
 
     def __init__(self, noise: NoiseModel, most: int):
         self._noise, self._most = noise, most
 
     def anywhere(self, belief: Belief, log_mass: float, prior: Prior | None = None) -> None:
-        """Add poses all over the objects, untested, `log_mass` in all; prior: of the pose, None if nothing is known.
+        """Add untested poses all over the objects, of `log_mass` in all; prior: of the pose, None if nothing is known.
 
-        A prior that is narrower than entries are apart is a hypothesis of its own, with half of the mass.
+        A prior that is narrower than the distance between entries is also a hypothesis, with half of the mass.
         """
         of_each = log_mass - math.log(len(belief.objects))
         between = self._noise.between_entries
@@ -50,11 +50,11 @@ class Births:
             belief.expect(number, entries, log_weights - np.logaddexp.reduce(log_weights) + of_each)
 
     def of_finger(self, belief: Belief, gel: np.ndarray) -> None:
-        """Take, in place of all untested poses with which the first finger's gel touches the object, those with which
-        another gel (4, 4), in its frame, does.
+        """Replace untested poses, at which the first finger's gel touches the object, by those at which another does.
 
-        Of a finger on a corner, or in the air, none of the poses may be near the truth. Poses of which some are more
-        probable stay: a prior is about the first finger.
+        gel (4, 4): pose of the other gel in the first one's frame. If the first finger is on a corner or in the air,
+        none of the poses at which it touches may be near the truth. Poses of unequal weight stay: they come from a
+        prior, which is about the first finger.
         """
         if np.array_equal(gel, np.eye(4)):
             return
@@ -66,7 +66,7 @@ class Births:
             belief.expect(number, model.lookup.exact(poses), some.log_weights, poses)
 
     def after_change(self, belief: Belief, probability: float) -> bool:
-        """The object was moved with this probability, to anywhere; whether further poses were added."""
+        """Allow for a move of the object to anywhere, of this probability; return whether poses were added."""
         untested = len(belief) - len(belief.hypotheses)
         if untested > _CROWDED * sum(min(len(model.lookup), self._most) for model in belief.objects):
             return False
@@ -75,7 +75,7 @@ class Births:
         return True
 
     def after_push(self, belief: Belief) -> None:
-        """The object was pushed with the probability of that: to near where the leading hypotheses have it."""
+        """Allow for a push, of probability `change_pushed`: add wider copies of the leading hypotheses."""
         hypotheses = belief.hypotheses
         leading = np.argsort(-hypotheses.log_weights, kind="stable")[:_LEADING]
         pushed = hypotheses.some(leading).widened(self._noise.push)

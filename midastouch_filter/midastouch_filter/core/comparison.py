@@ -1,12 +1,12 @@
-"""A belief compared with the touches of one keyframe: which hypotheses are aligned, in what order, and what they gain.
+"""Comparison of a belief with the touches of one keyframe: alignment of hypotheses, its order, and their gain.
 
-Codes propose, maps decide. Every untested pose gains what the code says of it, at once. Then hypotheses are aligned to
+Codes propose, maps decide. Every untested pose gains its code's evidence at once. Then hypotheses are aligned to
 the keyframe's maps, the heaviest first, and after them the untested poses with the largest weights, which thereby
-become hypotheses. That is done in slices: what the time does not reach keeps what its code says. Hypotheses that can no
-longer matter are not aligned: even a map that they explain entirely would leave them too far behind.
+become hypotheses. This is done in slices; a pose that is not reached in time keeps its code's evidence. A hypothesis
+can no longer matter, and is not aligned, if even a map that it explains entirely would leave it too far behind.
 
-A map's evidence is absolute, a code's is relative to a pose at random; both are brought to one scale by the poses that
-were tested last: those of them whose codes are worst stand for the untested ones (docs/method.md).
+A map's evidence is absolute, a code's is relative to a random pose. The poses that were first tested at this keyframe
+bring both to one scale: those with the worst codes stand for the untested ones (docs/method.md).
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from .gates import Gates
 from .noise_model import NoiseModel
 from .touch import Measurement
 
-_OFF_SURFACE = 0.02  # m from any entry, where a gel can touch nothing; 1 rad counts as 10 mm
-_SEEN = 64  # hypotheses that are remembered as they were seen
-_DESCENTS, _DESCENTS_AGAIN = 4, 2  # at most, of a pose that is tested first, and of a hypothesis aligned before
-_ENOUGH = 8  # freshly tested poses that tell what an untested one may gain
+_OFF_SURFACE = 0.02  # m: a gel this far from every entry can touch nothing; 1 rad counts as 10 mm
+_SEEN = 64  # hypotheses whose sightings are kept
+_DESCENTS, _DESCENTS_AGAIN = 4, 2  # most of a freshly tested pose, and of a hypothesis that was aligned before
+_ENOUGH = 8  # freshly tested poses from which the gain of an untested one can be estimated
 
 
 class Comparison:
-    """Compares a belief with what fingers touch at one keyframe.
+    """Comparison of a belief with the touches of all fingers at one keyframe.
 
-    Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; weights (F,) in
-    [0, 1], how much of an independent touch each is; negligible: fraction of the weight that untested poses may keep
-    without being tested; most: number of untested poses that are tested, None for all; odometer [m], its reading;
-    changed, whether the object may have been moved since the last one; noise; gates, which count.
+    Args: belief, whose poses are those of this frame; touches, at least one, each with code and map; log_ratios, of
+    each touch at the entries of each object; weights (F,) in [0, 1], how much of an independent touch each is;
+    negligible, fraction of the weight that untested poses may keep; most, number of untested poses that are tested,
+    None for all; odometer [m], its reading; changed, whether the object may have been moved since the last keyframe;
+    noise; gates, which count.
 
-    Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, where this
-    frame's maps have the hypotheses that were aligned first, by their numbers.
+    Attributes: done; paused, whether `most` untested poses were tested and further ones matter; seen, sightings by this
+    frame's maps of the hypotheses that were aligned first, by their numbers.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Comparison:
         self._odometer, self._changed, self.done, self.paused = odometer, changed, False, False
         self.seen: dict[int, Sighting] = {}
         hypotheses = belief.hypotheses
-        self._known = n = len(hypotheses)  # those after them are freshly tested
+        self._known = n = len(hypotheses)  # later ones are freshly tested
         self._by_maps = belief.objects[0].alignment is not None
         self._prior, self._gain = hypotheses.log_weights.copy(), np.full(n, np.nan)
         self._fresh_gain: list[float] = []
@@ -73,7 +74,7 @@ class Comparison:
     # ------------------------------------------------------------------ codes
 
     def _of_untested(self, number: int) -> np.ndarray:
-        """Nats (n,) that the codes speak for each untested pose on an object; a gel off the surface gets the least."""
+        """Return the codes' nats (n,) for each untested pose on an object; a gel off the surface gets the least."""
         some, lookup = self._belief.untested[number], self._belief.objects[number].lookup
         out = np.zeros(len(some))
         for touch, of_object, weight in zip(self._touches, self._log_ratios, self._weights, strict=True):
@@ -91,7 +92,7 @@ class Comparison:
         return np.append(log_ratio, log_ratio.min())[entries].astype(float)
 
     def _codes(self, index: np.ndarray) -> np.ndarray:
-        """Nats (n,) that the codes speak for hypotheses of an index (n,)."""
+        """Return the codes' nats (n,) for hypotheses of an index (n,)."""
         hypotheses, unknown = self._belief.hypotheses, index[np.isnan(self._code[index])]
         for number in np.unique(hypotheses.objects[unknown]):
             some = unknown[hypotheses.objects[unknown] == number]
@@ -99,7 +100,7 @@ class Comparison:
         return self._code[index]
 
     def _of_all(self, number: int, poses: np.ndarray) -> np.ndarray:
-        """Nats (n,) that the codes of all fingers speak for poses (n, 4, 4) on an object."""
+        """Return the nats (n,) of all fingers' codes for poses (n, 4, 4) on an object."""
         every = zip(self._touches, self._log_ratios, self._weights, strict=True)
         codes = [self._of_poses(number, poses, touch, weight * each[number]) for touch, each, weight in every]
         return np.sum(codes, axis=0)
@@ -107,7 +108,7 @@ class Comparison:
     # ------------------------------------------------------------------ slices
 
     def work(self, count: int) -> int:
-        """Align up to `count` hypotheses; how many were. Sets `done` once nothing that matters is left."""
+        """Align up to `count` hypotheses and return how many were. Sets `done` once nothing that matters is left."""
         aligned = 0
         while aligned < count and not (self.done or self.paused):
             index = self._next(count - aligned)
@@ -122,17 +123,17 @@ class Comparison:
         return aligned
 
     def extend(self, count: int) -> None:
-        """Test so many further poses, if any matter: the gel is held still, and there is time to."""
+        """Test up to `count` further poses, if any matter: while the gel is held still, there is time for it."""
         if self.paused:
             self._left, self.paused = count, False
 
     def _next(self, count: int) -> np.ndarray:
-        """The hypotheses (n,) to align next; none if no further one matters."""
+        """Return the hypotheses (n,) to align next; none if no further one matters."""
         while len(self._queue):
             index, self._queue = self._queue[:count], self._queue[count:]
             within = self._prior[index] + self._most_gain >= self._bound
             if (hopeless := index[~within]).size:
-                self._gain[hopeless] = 0.0  # so far behind that it goes, whatever that says
+                self._gain[hopeless] = 0.0  # too far behind, whatever the maps would give
                 self._gates.count("hopeless", len(hopeless))
             if within.any():
                 return index[within]
@@ -140,7 +141,7 @@ class Comparison:
 
     @property
     def _bound(self) -> float:
-        """Log-weight, with its gain, below which a hypothesis goes."""
+        """Log-weight, with the gain, below which a hypothesis is dropped."""
         known = ~np.isnan(self._gain)
         if not known.any():
             return -math.inf
@@ -154,7 +155,7 @@ class Comparison:
         return float(sum(weight * max(each.max() for each in of_touch) for of_touch, weight in every))
 
     def _promoted(self, count: int) -> np.ndarray:
-        """The heaviest untested poses as hypotheses (n,), if untested ones matter."""
+        """Turn the heaviest untested poses into hypotheses, if untested ones matter; return their numbers (n,)."""
         self._weigh()
         belief, hypotheses = self._belief, self._belief.hypotheses
         count = count if self._left is None else min(count, self._left)
@@ -177,7 +178,7 @@ class Comparison:
 
     @property
     def _matter(self) -> bool:
-        """Whether untested poses hold more of the weight than may be left to them."""
+        """True while untested poses hold more of the weight than they may keep."""
         return any(map(len, self._belief.untested)) and self._belief.untested_mass >= self._negligible
 
     def _promote(self, number: int, rows: np.ndarray) -> None:
@@ -186,7 +187,7 @@ class Comparison:
         taken = self._belief.take(number, rows)
         poses = taken.poses
         code = self._of_all(number, poses)
-        prior = taken.log_weights - code  # the map says it instead
+        prior = taken.log_weights - code  # the map's evidence replaces the code's
         born = Hypotheses.at(poses, self._noise.between_entries, prior, number, self._odometer)
         self._belief.hypotheses = self._belief.hypotheses.joined(born)
         self._prior = np.append(self._prior, prior)
@@ -194,11 +195,11 @@ class Comparison:
         self._code = np.append(self._code, code)
 
     def _believe_codes(self, index: np.ndarray) -> None:
-        """What codes say of hypotheses of an index (n,): without maps they are the evidence."""
+        """Take the codes as the evidence for hypotheses of an index (n,), because there are no maps."""
         belief, between = self._belief, self._noise.between_entries
         code = self._gain[index] = self._codes(index)
         covariances, fit = belief.hypotheses.covariances.copy(), belief.hypotheses.fit.copy()
-        # a pose that codes speak for is known as well as a codebook's best entry is
+        # a pose that the codes support is known as well as a codebook's best entry
         wide = np.trace(covariances[index] - between, axis1=1, axis2=2) > 0
         covariances[index[wide & (code > 0)]] = between
         # probability that the touches are no outliers
@@ -227,10 +228,10 @@ class Comparison:
             self._fresh_code.extend(self._code[fresh])
 
     def _aligned(self, number: int, index: np.ndarray, hypotheses: Hypotheses) -> Alignments:
-        """Of hypotheses on one object, ended early where one cannot matter any more."""
+        """Return the alignments of hypotheses on one object, ended early for one that can no longer matter."""
         bound, needed = self._bound, None
         if math.isfinite(bound) and (least := self._weights.min()) > 0:
-            # of the finger that counts least, if all others were explained entirely
+            # gain needed of the finger that counts least, if all others were explained entirely
             gain = (bound - self._prior[index] - self._most_gain) / least + self._noise.residual_evidence(0.0)
             needed = np.clip(1.0 - self._noise.residual_of(gain), 0.0, 1.0)
         fresh = bool(index[0] >= self._known)
@@ -248,7 +249,7 @@ class Comparison:
     # ------------------------------------------------------------------ weights
 
     def _weigh(self) -> None:
-        """Set the weights of all hypotheses to what they are by what was aligned so far."""
+        """Set the weights of all hypotheses by the alignments so far."""
         known = ~np.isnan(self._gain)
         log_weights = self._prior.copy()
         log_weights[known] += self._gain[known] - self._level(known)
@@ -257,8 +258,7 @@ class Comparison:
         self._belief.hypotheses = replace(self._belief.hypotheses, log_weights=log_weights)
 
     def support(self, number: int) -> float:
-        """Nats that the touches speak for an object, against being none of those that are known; 0 without a hypothesis
-        on it."""
+        """Return the touches' nats for an object, against none of the known ones; 0 without a hypothesis on it."""
         hypotheses = self._belief.hypotheses
         own = np.flatnonzero(hypotheses.objects == number)
         if not len(own):
@@ -272,13 +272,13 @@ class Comparison:
         return float(self._noise.object_evidence(code, self._weights.max() * contradicted))
 
     def _level(self, known: np.ndarray) -> float:
-        """Nats that maps give a pose at random."""
+        """Return the nats that maps give a random pose."""
         if not self._by_maps or not known.any():
             return 0.0
         if len(self._fresh_gain) >= _ENOUGH:
             gains = np.array(self._fresh_gain)
             worst = np.argsort(self._fresh_code, kind="stable")[: max(len(gains) // 2, _ENOUGH)]
-            # one more that fits as well as the best so far may always be among those that were not tested (Laplace)
+            # among the untested there may always be one more that fits as well as the best so far (Laplace)
             among = np.append(gains[worst], self._gain[known].max())
             return float(np.logaddexp.reduce(among) - math.log(len(among)))
         best = np.flatnonzero(known)[[int(np.argmax(self._gain[known]))]]

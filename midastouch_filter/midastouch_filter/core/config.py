@@ -12,7 +12,7 @@ from midastouch_common.errors import InputError
 
 
 def _number(default: float, low: float, high: float, unit: str, doc: str, former: str = ""):
-    """A dataclass field that carries what a parameter server or a table needs to know about it."""
+    """Return a dataclass field that carries everything a parameter server or a table needs to know about it."""
     return field(default=default, metadata={"low": low, "high": high, "unit": unit, "doc": doc, "former": former})
 
 
@@ -59,7 +59,7 @@ class FilterConfig:
         0.02, 1e-5, 0.1, "m", "path over which touches see nearly the same; 1 rad counts as 10 mm"
     )
 
-    # --- penetration maps; jitter as of the paper's tracker (section 5)
+    # --- penetration maps; jitter as that of the paper's tracker (section 5)
     refinement: bool = _switch(True, "compare hypotheses with penetration maps; off: with codes only")
     jitter_translation: float = _number(5e-4, 1e-6, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
     jitter_rotation: float = _number(
@@ -166,13 +166,13 @@ GONE = {
     "converged_mass": "a mode's weight is its probability: converged_probability",
     "converged_translation": "a mode's covariance is that of its pose: converged_error",
 }
-"""Fields that there were, and what is in their place."""
+"""Former fields, and what replaces each of them."""
 
 
 def by_present_names(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings in which a former name of a field is replaced by the present one, with a FutureWarning that names both.
+    """Replace former names of fields in settings by the present ones, with a FutureWarning that names both.
 
-    Raises InputError where both are given, and on a field that is `GONE`.
+    Raises InputError if both are given, and on a field that is `GONE`.
     """
     for name in settings:
         if name in GONE:

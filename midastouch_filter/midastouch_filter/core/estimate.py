@@ -1,4 +1,4 @@
-"""What a step of the filter answers: modes with mass, mean pose and covariance, and a status."""
+"""Answer of one step of the filter: modes with weight, pose and covariance, and a status."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Mode:
 
     @property
     def spread_translation(self) -> float:
-        """RMS distance [m] of the truth to the pose, if the mode is right."""
+        """RMS distance [m] from the truth to the pose, if the mode is right."""
         c = self.covariance
         return math.sqrt(c[0, 0] + c[1, 1] + c[2, 2])
 
     @property
     def spread_rotation(self) -> float:
-        """RMS angle [rad] of the truth to the pose, if the mode is right."""
+        """RMS angle [rad] from the truth to the pose, if the mode is right."""
         c = self.covariance
         return math.sqrt(c[3, 3] + c[4, 4] + c[5, 5])
 

@@ -1,4 +1,4 @@
-"""What fingers on one object measure: which of it can be used.
+"""Check of the measurements of all fingers on one object.
 
 The state is the pose of the first finger's gel; the transform between the gels gives the pose of every other finger.
 """
@@ -18,22 +18,22 @@ from .object_model import ObjectModel
 from .touch import Measurement
 
 FIRST = ""
-"""Name of the first finger, whose gel the hypotheses are poses of."""
+"""Name of the first finger; hypotheses are poses of its gel."""
 
 _LARGEST_HAND = 10.0  # m between two fingers of one hand
 
 
 class Fingers:
-    """Checks measurements.
+    """Check of measurements.
 
-    Args: model of an object, which says what codes and maps look like; gates, which count what is refused.
+    Args: model of an object, which has the format of codes and maps; gates, which count what is refused.
     """
 
     def __init__(self, model: ObjectModel, gates: Gates):
         self._model, self._gates = model, gates
 
     def usable(self, touches: Mapping[str, Measurement]) -> list[Measurement]:
-        """The touches with codes of length 1 and, where maps are compared, with maps; the first finger's first."""
+        """Return the touches with codes of length 1 and, if maps are compared, with maps; the first finger's first."""
         out = []
         for name in sorted(touches):
             if not touches[name].in_contact:
@@ -47,7 +47,7 @@ class Fingers:
         return out
 
     def _checked(self, name: str, touch: Measurement) -> Measurement:
-        """Raises ValueError(kind, reason) on a touch that cannot be used; no reason where nothing is wrong with it."""
+        """Return a usable touch; raises ValueError(kind, reason), with an empty reason if only its map is missing."""
         if name != FIRST:
             touch = replace(touch, T_gel_finger=_checked_pose(touch.T_gel_finger))
         try:
@@ -65,14 +65,14 @@ class Fingers:
 
 
 def by_name(measurement: Measurement, others: Mapping[str, Measurement]) -> dict[str, Measurement]:
-    """What all fingers measure, the first one under its name; raises InputError if a further one has none."""
+    """Return all fingers' measurements, the first one's as `FIRST`; raises InputError if a further one has no name."""
     if FIRST in others:
         raise InputError("others: a further finger needs a name")
     return {FIRST: measurement, **others}
 
 
 def _checked_pose(T_gel_finger: np.ndarray) -> np.ndarray:
-    """The transform, its rotation orthonormal; raises ValueError(kind, reason) if it cannot be used."""
+    """Return the transform with an orthonormal rotation; raises ValueError(kind, reason) if it cannot be used."""
     try:
         motion = Odometry.from_matrix(T_gel_finger)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Where a gel was and felt nothing there is no object."""
+"""Evidence of free space: the object is not at poses where a gel touched nothing."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .belief import Belief
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 
-_TOUCHING = 1e-3  # m, deeper in the object no gel in the air can have been
+_TOUCHING = 1e-3  # m: deeper in the object a gel would have touched it
 
 
 def refute(belief: Belief, gels: np.ndarray, noise: NoiseModel) -> None:
-    """Weigh a belief by gels (A, 4, 4) that were in the air, in the frame of the first finger's at present.
+    """Weigh a belief by gels (A, 4, 4) that were in the air, in the present frame of the first finger's gel.
 
-    Each pose gains the probability that all of them were outside the object, by how well it is known.
+    Each pose gains the log-probability that all of them were outside the object, given how well the pose is known.
     """
     if not len(gels):
         return
@@ -36,7 +36,7 @@ def refute(belief: Belief, gels: np.ndarray, noise: NoiseModel) -> None:
 def _outside(
     model: ObjectModel, poses: np.ndarray, variances: np.ndarray, gels: np.ndarray, noise: NoiseModel
 ) -> np.ndarray:
-    """Nats (n,) of the probability that all gels were outside the object, by variances [m^2] of poses (n, 4, 4)."""
+    """Return the log-probability (n,) that all gels were outside, for poses (n, 4, 4) of these variances [m^2]."""
     at = (poses[:, :3, :3] @ gels[:, :3, 3].T).transpose(0, 2, 1) + poses[:, None, :3, 3]
-    distance = model.surface.distance_of(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
+    distance = model.surface.distance(at.reshape(-1, 3)).reshape(len(poses), len(gels)).min(axis=1)
     return np.maximum(log_ndtr((distance + _TOUCHING) / np.sqrt(variances + noise.jitter[0, 0])), noise.prior_floor)

@@ -1,4 +1,4 @@
-"""What a step left out, and how long the rest of it took."""
+"""Counts of the work that steps skipped, and times of their stages."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
 
 GATES = ("at_rest", "no_contact", "unchanged_code")
-"""Each recognises work that can be skipped:
+"""Names of the gates, each of which recognises work that can be skipped:
 
 at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same image again, and no new
-touch. Counted besides: keyframes; descents, alignments to maps; promoted, untested poses that were compared with maps;
-hopeless, hypotheses that could not matter any more and were not; born, how often poses all over the object were added;
-pushed, how often poses near the leading ones were.
+touch. Also counted: keyframes; descents, alignments to maps; promoted, untested poses that were compared with maps;
+hopeless, hypotheses that were not compared because they could no longer matter; born, how often poses all over the
+object were added; pushed, how often poses near the leading ones were.
 """
 
 
 class Gates:
-    """Counts what was skipped, refused or added, by name.
+    """Counters, by name, of what was skipped, refused or added.
 
-    Args: open_gates, names of `GATES` that let everything pass, to see what they are worth.
-    Attributes: counts, by name; note, the last refusal of this step in words, "" if there was none.
+    Args: open_gates, names of `GATES` that skip nothing, to measure what they save.
+    Attributes: counts, by name; note, reason of the last refusal of this step, "" if there was none.
     """
 
     def __init__(self, open_gates: Collection[str] = ()):
@@ -34,7 +34,7 @@ class Gates:
         return skip
 
     def refuse(self, kind: str, reason: str) -> None:
-        """Input was refused, for a reason in words."""
+        """Count input that was refused, and note the reason."""
         self.count(kind, 1)
         self.note = reason
 
@@ -44,7 +44,7 @@ class Gates:
 
 
 class Stopwatch:
-    """Times named stages with `clock`, a function that returns seconds (`time.perf_counter`)."""
+    """Timer of named stages; `clock` returns seconds (`time.perf_counter`)."""
 
     def __init__(self, clock: Callable[[], float]):
         self.clock = clock
@@ -55,12 +55,12 @@ class Stopwatch:
         self.ms: dict[str, float] = {}
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Add the time spent inside to the stage's milliseconds."""
+        """Return a context that adds the time spent inside to the stage's milliseconds."""
         return _Stage(self, name)
 
 
 class _Stage(AbstractContextManager):
-    # a class, because a generator would take longer than some stages
+    # a class, because a generator would cost more time than some stages
     def __init__(self, watch: Stopwatch, name: str):
         self._watch, self._name = watch, name
 

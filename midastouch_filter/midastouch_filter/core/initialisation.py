@@ -1,4 +1,4 @@
-"""Whether a start can be used (paper section 4.3, "Initialization")."""
+"""Check of a start (paper section 4.3, "Initialization")."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from midastouch_common.errors import InputError
 
 from .motion_model import Odometry
 
-_WIDEST = 1e3  # m, rad; what is farther off is a mistake, and float32 loses it
+_WIDEST = 1e3  # m, rad: larger values are mistakes, and float32 is too coarse for them
 
 
 def checked_prior(pose: np.ndarray, sigma_t: float, sigma_r: float) -> np.ndarray:
-    """The prior `T_obj_gel` (4, 4), its rotation orthonormal, if a start can be drawn around it.
+    """Return the prior `T_obj_gel` (4, 4) with an orthonormal rotation, if a start can be drawn around it.
 
     Raises InputError if it is no rigid transform, or if it or a sigma [m, rad] is negative, not finite or absurd.
     """

@@ -2,12 +2,12 @@
 
 Distance between poses, in metres: d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2 with r = 10 mm per radian, the paper's
 rotation scale. Unlike the paper's scaled log map it is continuous over SO(3) and the same for rotations about any
-axis. The nearest entry is found exactly in a grid of cells, ring by ring until no farther one can hold it; a particle
-that moved a little since the last step is followed through the neighbour graph of the codebook instead, which costs
-a tenth of it.
+axis. The nearest entry is found exactly in a grid of cells, ring by ring until no further ring can hold it. A particle
+that moved a little since the last step is followed through the neighbour graph of the codebook instead, at a tenth of
+the cost.
 
 The graph's links are chosen as in DiskANN (Subramanya et al. 2019): of the entries around one, those in different
-directions first. With the nearest entries alone the walk gets stuck where they all lie on one side.
+directions first. With the nearest entries alone the walk would get stuck at entries whose neighbours lie on one side.
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ from .workers import Workers
 _NEIGHBOURS = 24
 _LINKS = 48
 _CANDIDATES = 64  # nearest entries that links are chosen from
-_HOPS = 8  # of a walk, which may take twice as many
 
 
 class NearestEntry:
-    """Search for the entry nearest to any pose among the codebook's poses `T_obj_gel` (M, 4, 4).
+    """Search for the nearest entry of any pose among the codebook's poses `T_obj_gel` (M, 4, 4).
 
     Attributes: poses; records (M, 8) float32, each position, 0, quaternion.
     """
@@ -46,7 +45,7 @@ class NearestEntry:
         return len(self.records)
 
     def exact(self, poses: np.ndarray, within: float = np.inf) -> np.ndarray:
-        """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), in less than a microsecond each.
+        """Return the nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), in less than a microsecond each.
 
         The entry is `len(self)` for a pose that has no entry nearer than `within` [m].
         """
@@ -54,16 +53,15 @@ class NearestEntry:
 
 
 class PoseLookup(NearestEntry):
-    """`NearestEntry` with a graph of neighbours, in which particles are followed from step to step.
+    """`NearestEntry` with a graph of neighbours, through which particles are followed from step to step.
 
     Attributes: graph, the entries as the kernels take them; neighbours (M, K) int32, the K nearest other entries of
     each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to the nearest other
-    entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop along the graph
-    can cover. Raises InputError for fewer than two poses.
+    entry; largest_gap m, which 99 % of these keep below. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers, graph: tuple[np.ndarray, np.ndarray] | None = None):
-        """`graph`, as `neighbours_and_links` gives it, if that is known."""
+        """Make the look-up; `graph`, if it is known, as `neighbours_and_links` returns it."""
         if len(poses) < 2:
             raise InputError(f"codebook: {len(poses)} poses; build one of at least some thousands")
         super().__init__(poses)
@@ -71,18 +69,12 @@ class PoseLookup(NearestEntry):
         self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
         self.graph = kernels.PoseGraph(self.records, links)
         self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
-        nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
+        nearest = self.neighbour_distance[:, 0]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
-        self.stride = float(np.median(farthest))
-
-    @property
-    def reach(self) -> float:
-        """Pose distance [m] that `follow` surely bridges: a quarter of what its hops could cover in a straight line."""
-        return 0.5 * _HOPS * self.stride
 
     def nearest(self, poses: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them.
+        """Return the nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them.
 
         A pose that has no entry nearer than `within` [m] gets any entry, at an infinite distance.
         """
@@ -97,7 +89,7 @@ class PoseLookup(NearestEntry):
         return entries, np.where(found, distance, np.inf)
 
     def around(self, entries: np.ndarray, count: int) -> np.ndarray:
-        """Entries (N, count): each of `entries` (N,), and the nearest ones of it."""
+        """Return entries (N, count): each of `entries` (N,), followed by those nearest to it."""
         return np.column_stack([entries, self.neighbours[entries, : count - 1]])
 
     def follow(self, particles: Particles) -> np.ndarray:
@@ -116,7 +108,7 @@ class PoseLookup(NearestEntry):
 
 
 def neighbours_and_links(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of poses (M, 4, 4): neighbours (M, K) int32, the nearest others, nearest first, and links (M, L) int32."""
+    """Return neighbours (M, K) int32 of poses (M, 4, 4), nearest first, and links (M, L) int32."""
     features = _features(poses)
     candidates = min(_CANDIDATES, len(poses) - 1)
     distance, index = KDTree(features).query(features, k=candidates + 1)
@@ -130,7 +122,7 @@ def neighbours_and_links(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def space_filling_order(poses: np.ndarray) -> np.ndarray:
-    """Order (M,) of poses (M, 4, 4) along a space-filling curve, by position.
+    """Return the order (M,) of poses (M, 4, 4) along a space-filling curve, by position.
 
     Entries near in space are then near in memory, which makes walking the graph several times faster.
     """
@@ -144,6 +136,6 @@ def space_filling_order(poses: np.ndarray) -> np.ndarray:
 
 
 def _features(poses: np.ndarray) -> np.ndarray:
-    """(N, 12) float32 whose Euclidean distance is the distance between the poses (N, 4, 4)."""
+    """Return features (N, 12) float32 whose Euclidean distance is the distance between the poses (N, 4, 4)."""
     rotation = (ROTATION_SCALE / np.sqrt(2)) * poses[:, :3, :3].reshape(-1, 9)
     return np.concatenate([poses[:, :3, 3], rotation], axis=1).astype(np.float32)

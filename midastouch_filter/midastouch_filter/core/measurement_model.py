@@ -1,4 +1,4 @@
-"""Measurement model: what a tactile code says about each pose of a codebook (paper equation 2, calibrated).
+"""Measurement model: evidence of a tactile code for each pose of a codebook (paper equation 2, calibrated).
 
 The paper weighs particles by a softmax of cosines, whose ratios never exceed e^2. Here the similarity s of the
 measured code to a codebook entry becomes a log-likelihood ratio against a random touch of the same object,
@@ -6,7 +6,7 @@ measured code to a codebook entry becomes a log-likelihood ratio against a rando
     l = log((1 - outlier) exp(s / T) / mean over the codebook(exp(s / T)) + outlier),
 
 with temperature T and outlier fraction fitted when the network was trained (an InfoNCE-trained similarity is such a
-ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): it speaks fully against.
+ratio up to its temperature). l = 0: the touch is no evidence; l = log(outlier): it speaks fully against the pose.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from midastouch_common.errors import InputError
 from .config import FilterConfig
 from .workers import Workers
 
-_SPARSE = 16  # stride through the sample below that is enough to find what is typical of a code
+_SPARSE = 16  # stride through the sample below that is enough for a code's typical similarity
 _SAMPLE = 2048  # codebook entries that stand for all of them
 
 
 class MeasurementModel:
-    """Scores the codes of one object's codebook by a measured one.
+    """Likelihood of a measured code at the entries of one object's codebook.
 
     Args: codes (M, D), in the order of the look-up's poses; meta, which holds `temperature` and `outlier`; config;
     workers. Attributes: codes, float32; outlier.
@@ -48,7 +48,7 @@ class MeasurementModel:
         return self.codes.shape[1]
 
     def unit_code(self, code: np.ndarray | None) -> np.ndarray:
-        """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
+        """Return the measured code (D,) float32 at unit length; raises ValueError with the reason if it is unusable."""
         if code is None:
             raise ValueError("no code in a touch")
         code = np.asarray(code, np.float32).ravel()
@@ -62,9 +62,9 @@ class MeasurementModel:
         return (code / norm).astype(np.float32)
 
     def likelihoods(self, code: np.ndarray) -> np.ndarray:
-        """Likelihoods (M,) float32 of a unit code (D,) at every entry, up to a factor that all objects share.
+        """Return the likelihoods (M,) float32 of a unit code (D,) at all entries, up to a factor common to all objects.
 
-        In our own threads: those of BLAS would spin beside them, and double the time of a step.
+        It runs in our own threads: those of BLAS would spin next to them and double the time of a step.
         """
         cosines, code = np.empty(len(self.codes), np.float32), np.ascontiguousarray(code, np.float32)
         self._workers.run(
@@ -73,17 +73,17 @@ class MeasurementModel:
         return self.similarity(cosines)
 
     def similarity(self, cosines: np.ndarray) -> np.ndarray:
-        """Likelihood (...) up to a factor, of cosines (...) between codes."""
+        """Return the likelihood (...), up to a factor, of cosines (...) between codes."""
         return np.exp((cosines - 1) / np.float32(self._temperature))
 
     def log_ratio_between(self, codes: np.ndarray, similarity: np.ndarray) -> np.ndarray:
-        """l (n, m) of codes (n, D) at m poses, which they have a similarity (n, m) with."""
+        """Return l (n, m) of codes (n, D) at m poses, given their similarity (n, m) there."""
         typical = self.similarity(codes @ self._sampled_codes[::_SPARSE].T).mean(axis=1)
         return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
 
 
 def log_ratios(models: Sequence[MeasurementModel], code: np.ndarray) -> list[np.ndarray]:
-    """l (M,) float32 of a unit code (D,) at every entry of each object, against a touch at random of any of them."""
+    """Return l (M,) float32 of a unit code (D,) at every entry of each object, against a random touch of any object."""
     every = [model.likelihoods(code) for model in models]
     outlier = models[0].outlier
     mean = sum(float(each.sum(dtype=float)) for each in every) / sum(map(len, every))
@@ -91,8 +91,8 @@ def log_ratios(models: Sequence[MeasurementModel], code: np.ndarray) -> list[np.
 
 
 def calibration(meta: dict, config: FilterConfig) -> tuple[float, float]:
-    """Temperature and outlier fraction: configured, or else a codebook's; raises InputError if its metadata has
-    none."""
+    """Return temperature and outlier fraction: the configured ones, or those of a codebook's metadata; raises
+    InputError if it has none."""
     return (
         config.temperature or _calibration(meta, "temperature", np.inf),
         config.outlier or _calibration(meta, "outlier", 1.0),
@@ -100,7 +100,7 @@ def calibration(meta: dict, config: FilterConfig) -> tuple[float, float]:
 
 
 def _calibration(meta: dict, name: str, below: float) -> float:
-    """The number `name` in a codebook's metadata; InputError unless it lies between 0 and `below`."""
+    """Return the number `name` in a codebook's metadata; raises InputError unless it lies between 0 and `below`."""
     try:
         value = float(meta[name])
     except (KeyError, TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Motion of the sensor between two frames, and whether it can be used."""
+"""Motion of the sensor between two frames, and the check that it can be used."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Odometry:
 
     @classmethod
     def from_matrix(cls, transform: np.ndarray) -> Odometry:
-        """Checked odometry (4, 4); raises ValueError saying what is wrong if it is no finite rigid transform."""
+        """Check odometry (4, 4); raises ValueError with the reason if it is no finite rigid transform."""
         transform = np.ascontiguousarray(transform, float)
         if transform.shape != (4, 4):
             raise ValueError(f"odometry of shape {transform.shape} instead of (4, 4)")

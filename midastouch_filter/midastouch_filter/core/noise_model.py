@@ -1,4 +1,4 @@
-"""What is assumed of the noise of poses and maps, and of how often the object is moved (`NoiseModel`)."""
+"""Assumptions about the noise of poses and maps, and about how often the object is moved (`NoiseModel`)."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from .config import FilterConfig
 
 
 def _diagonal(translation: float, rotation: float) -> np.ndarray:
-    """Covariance (6, 6) of a pose in its own frame, by sigmas per axis in m and rad."""
+    """Return the covariance (6, 6) of a pose in its own frame, by sigmas per axis in m and rad."""
     return np.diag(np.repeat([translation, rotation], 3) ** 2)
 
 
-# sites of a codebook are some 4 mm apart, and the turns of a site 22.5 deg, of which this is half
+# sites of a codebook are some 4 mm apart; turns at a site are 22.5 deg apart, and the sigma is half of that
 _BETWEEN_ENTRIES = _diagonal(4e-3, np.radians(12.0))
 REGION_WIDTH = 24.5
-"""Factor on the covariance of a pose that was aligned to a frame's maps, times what they leave unexplained, by which
-the region of 95 % holds the truth as often as it says: fitted by `midastouch_benchmark/fits/regions.py`."""
+"""Factor on the covariance of a pose that was aligned to a frame's maps, times their unexplained fraction. With it the
+95 % region holds the truth in 95 % of frames; fitted by `midastouch_benchmark/fits/regions.py`."""
 
 
 LEAST_UNKNOWN, MOST_UNKNOWN = 0.005, 0.96
-"""Probabilities that none of the known objects is touched, below and above which no touches bring it: one that was
-refused is believed again within some touches."""
+"""Limits of the probability that none of the known objects is touched: an object that was refused can be believed
+again within a few touches."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
     """Covariances (6, 6) are of [translation, rotation] in a pose's own frame, m^2 and rad^2; evidence is in nats.
 
-    jitter: of one measured sensor pose; an arm reports each with an error of its own that does not stay.
+    jitter: of one measured sensor pose; an arm reports each with an error that does not last.
     finger_error: of a further finger's pose, given the first one's. drift: of the odometry, for every metre of path.
     push: how far a push moves the object.
     map_noise [m]: error of a penetration map; pixels within map_correlation [m] of each other have the same error.
@@ -38,11 +38,12 @@ class NoiseModel:
     map_patches: half the number of independent parts of a map; residual_floor: fraction of a map that is never
     explained; see `residual_evidence`. touch_correlation [m]: path over which touches see nearly the same patch, so
     that the evidence of one counts in part; 1 rad counts as 10 mm.
-    change, change_lifted, change_pushed: probability that the object was moved to anywhere between two keyframes, and
-    while the sensor was lifted; that it was pushed, where touches contradict all hypotheses.
+    change, change_lifted: probability that the object was moved to anywhere between two keyframes, and while the
+    sensor was lifted. change_pushed: that it was pushed, if touches contradict all hypotheses.
     prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
-    explained: fraction of a map from which on a pose explains it. code_support, contradiction: see `object_evidence`.
+    explained: a pose explains a map if it explains more than this fraction. code_support, contradiction: see
+    `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -65,31 +66,30 @@ class NoiseModel:
     contradiction: float = 2.74
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
-        """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
-        unexplained.
+        """Return the maps' nats, up to a constant, for hypotheses that leave fractions `residual_ratio` unexplained.
 
-        The error of a map is normal, of a scale that differs from touch to touch and is not known: marginalised, the
+        The error of a map is normal, but its scale is unknown and differs from touch to touch: marginalised, the
         likelihood is a power of the residual (Student).
         """
         return -self.map_patches * np.log(np.asarray(residual_ratio) + self.residual_floor)
 
     def residual_of(self, evidence: np.ndarray) -> np.ndarray:
-        """The fraction of a map that is left unexplained at so much `residual_evidence`."""
+        """Return the unexplained fraction of a map at which `residual_evidence` has this value."""
         with np.errstate(over="ignore"):
             return np.exp(-evidence / self.map_patches) - self.residual_floor
 
     def object_evidence(self, code: np.ndarray, contradicted: np.ndarray) -> np.ndarray:
-        """Nats that touches speak for an object, against being none of those that are known.
+        """Return the touches' nats for an object, against none of the known ones.
 
-        code: nats that their codes speak for the leading hypothesis on it, against a touch at random; of many touches
-        in a row only a fraction counts, since codes and maps of one surface err alike. contradicted: 0 to 1, whether
-        the hypothesis that led before leaves them unexplained: what is touched is not what was expected.
+        code: nats of their codes for the leading hypothesis on it, against a random touch; only a fraction of them
+        counts, since the codes and maps of one surface err alike. contradicted: 0 to 1, whether the hypothesis that
+        led before leaves the touches unexplained: they are not the expected ones.
         """
         return self.code_support * code - self.contradiction * contradicted
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:
-        """With the configured values of what differs between machines."""
+        """Return the noise model with the configured values."""
         return cls(
             jitter=_diagonal(config.jitter_translation, config.jitter_rotation),
             finger_error=_diagonal(config.finger_translation, config.finger_rotation),

@@ -1,7 +1,7 @@
-"""What the filter knows of one object: its codebook, its surface, and what it would measure there.
+"""Model of one object: its codebook, its surface, and the measurements expected there.
 
-What follows from mesh and codebook alone is made once and kept with the codebook: to find it again at every start would
-take longer than all else that a start needs.
+Arrays that follow from mesh and codebook alone are made once and kept with the codebook: to compute them at every start
+would take longer than the rest of the start.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .config import FilterConfig
 from .lookup import PoseLookup, neighbours_and_links, space_filling_order
 from .measurement_model import MeasurementModel
 from .noise_model import NoiseModel
-from .surface import DEAD_DISTANCE, SurfaceConstraint, SurfaceGrid
+from .surface import DEAD_DISTANCE, SurfaceGrid
 from .touch import MAP_SCALE, Measurement, require_network
 from .workers import Workers
 
@@ -37,20 +37,20 @@ if TYPE_CHECKING:
 _SURFACE_SAMPLE = 2048  # points
 _POINTS = 10_000
 _NEAREST = 4  # points; one of them is on the same side of a thin plate
-# To be raised when the content of the arrays changes its meaning: others are then made anew.
+# Raise this number when the arrays change their meaning: kept ones are then made again.
 _PREFIX = "index1_"
 _OF_ENTRIES = ("neighbours", "links")
 
 
 class ObjectModel:
-    """Made once for mesh, codebook and config; holds nothing of what was measured, so that filters can share it.
+    """Model of one object, made once for mesh, codebook and config. It holds no measurements, so filters can share it.
 
-    A denser codebook of the same object can replace the first: references to parts of the model
+    A denser codebook of the same object can replace the first (`take`): references to parts of the model
     then have the new entries.
-    Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
-    surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
-    nearest one that a codebook pose touches; measurement model; symmetry of the object; alignment to
-    penetration maps, None if the codebook does not name its sensor or none is asked for.
+    Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), numbers in the codebook of the
+    look-up's entries; surface, distances to it; normals of it; gap, typical distance [m] of a point of the surface to
+    the nearest one that a codebook pose touches; measurement, model of codes; symmetry of the object; alignment to
+    penetration maps, None if the codebook does not name its sensor, or without `refinement`.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -60,9 +60,9 @@ class ObjectModel:
         self.symmetry = symmetry_of(mesh, codebook)
         self._network_id = str(codebook.meta.get("tcn", ""))
         kept = codebook.derived
-        fits = float(kept.get(_PREFIX + "band", np.nan)) == DEAD_DISTANCE  # otherwise it was made by other code
+        fits = float(kept.get(_PREFIX + "band", np.nan)) == DEAD_DISTANCE  # otherwise other code made it
         with _named(codebook):
-            self._grid = SurfaceGrid(mesh, DEAD_DISTANCE, kept.get(_PREFIX + "distances") if fits else None)
+            self.surface = SurfaceGrid(mesh, DEAD_DISTANCE, workers, kept.get(_PREFIX + "distances") if fits else None)
             self.normals = RoughNormals(mesh, kept.get(_PREFIX + "normals"))
         self._make_entries(codebook)
         self.alignment: PenetrationAlignment | None = None
@@ -76,25 +76,24 @@ class ObjectModel:
         with _named(codebook):
             self.lookup = PoseLookup(poses, self.workers, _graph(codebook.derived, len(poses)))
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.config, self.workers)
-        self.surface = SurfaceConstraint(self._grid, self.lookup.largest_gap, self.workers)
         self.gap = _gap(self.mesh, poses)
 
     def with_codebook(self, codebook: Codebook) -> ObjectModel:
-        """A model of the same object by another codebook, for `take`. It may be made beside a running filter."""
+        """Return a model of the same object with another codebook, for `take`; a filter may run meanwhile."""
         _require_usable(codebook)
         other = copy.copy(self)
         other._make_entries(codebook)
         return other
 
     def take(self, other: ObjectModel) -> None:
-        """Have the entries of another model of the same object in place of one's own."""
-        for name in ("lookup", "measurement", "surface"):
+        """Replace the entries by those of another model of the same object."""
+        for name in ("lookup", "measurement"):
             vars(getattr(self, name)).update(vars(getattr(other, name)))
         self.order, self.gap = other.order, other.gap
 
     @property
     def density(self) -> str:
-        """How dense the codebook is, and what that allows, in words."""
+        """Density of the codebook, and the precision that it allows, as a phrase."""
         size, spacing, gap = len(self.lookup), 1e3 * self.lookup.spacing, 1e3 * self.gap
         return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone locate the gel to {gap:.1f} mm)"
 
@@ -104,7 +103,7 @@ class ObjectModel:
 
 
 def symmetry_of(mesh: ObjectMesh, codebook: Codebook) -> ObjectSymmetry:
-    """The object's symmetry: what the codebook tells of it, or what is found if it tells nothing but its sensor."""
+    """Return the symmetry that the codebook states, otherwise a computed one; none if it does not name its sensor."""
     if codebook.symmetry is not None:
         return codebook.symmetry
     if not codebook.meta.get("sensor"):
@@ -113,7 +112,7 @@ def symmetry_of(mesh: ObjectMesh, codebook: Codebook) -> ObjectSymmetry:
 
 
 def _gap(mesh: ObjectMesh, poses: np.ndarray) -> float:
-    """Median distance [m] of points of the surface to the nearest one touched by poses (M, 4, 4)."""
+    """Return the median distance [m] of points of the surface to the nearest one touched by poses (M, 4, 4)."""
     points = mesh.sample_surface(_SURFACE_SAMPLE, np.random.default_rng(0))[0]
     touched = poses[:, :3, 3] + PRESS * poses[:, :3, 2]
     return float(np.median(KDTree(touched).query(points)[0]))
@@ -133,9 +132,9 @@ def _require_usable(codebook: Codebook) -> None:
 
 
 class RoughNormals:
-    """Those of the nearest one of 10,000 points of the surface; these are found when they are first needed.
+    """Normals of a surface, taken from the nearest of 10,000 points; these are sampled when they are first needed.
 
-    Args: mesh; kept, `values` of earlier ones of this mesh, if there are any.
+    Args: mesh; kept, `values` that were made for this mesh before, if there are any.
     """
 
     def __init__(self, mesh: ObjectMesh, kept: np.ndarray | None = None):
@@ -145,7 +144,7 @@ class RoughNormals:
 
     @cached_property
     def values(self) -> np.ndarray:
-        """(10000, 6) float32, the points [m] and their outward normals."""
+        """Points [m] and their outward normals, (10000, 6) float32."""
         if self._kept is not None:
             return self._kept
         points = self._mesh.sample_surface(_POINTS, np.random.default_rng(0))[0]
@@ -156,7 +155,7 @@ class RoughNormals:
         return cKDTree(self.values[:, :3])  # without threads: queries are small
 
     def at(self, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Outward normals (N, 3) at surface points (N, 3), on the side to which the mesh's `faces` (N,) look."""
+        """Return outward normals (N, 3) at surface points (N, 3), on the side that the mesh's `faces` (N,) look to."""
         near = self.values[self._tree.query(points, k=_NEAREST)[1], 3:].astype(float)
         facing = np.einsum("nkj,nj->nk", near, self._mesh.face_normals[faces]) > 0
         return near[np.arange(len(near)), np.argmax(facing, axis=1)]
@@ -164,7 +163,7 @@ class RoughNormals:
 
 @contextmanager
 def _named(codebook: Codebook) -> Iterator[None]:
-    """Let what is wrong with derived arrays be said of their file."""
+    """Turn errors in kept arrays into InputErrors that name their file."""
     try:
         yield
     except ValueError as error:
@@ -182,21 +181,21 @@ def _graph(kept: Mapping[str, np.ndarray], entries: int) -> tuple[np.ndarray, np
 
 
 def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray]:
-    """What to keep with a codebook, for the default configuration; nothing for a codebook too small to be used."""
+    """Return the arrays to keep with a codebook; none for a codebook too small to be used."""
     if len(codebook.poses) < 2:
         return {}
     graph = neighbours_and_links(codebook.poses[space_filling_order(codebook.poses)])
     arrays = {
         **dict(zip(_OF_ENTRIES, graph, strict=True)),
         "band": np.array(DEAD_DISTANCE),
-        "distances": SurfaceGrid(mesh, DEAD_DISTANCE).values,
+        "distances": SurfaceGrid(mesh, DEAD_DISTANCE, Workers(1)).values,
         "normals": RoughNormals(mesh).values,
     }
     return {_PREFIX + name: array for name, array in arrays.items()}
 
 
 def of_surface(kept: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What of `derived_arrays` is of the mesh alone, so that it holds for any part of the codebook, too."""
+    """Return those `derived_arrays` that depend on the mesh alone, so that they hold for any part of the codebook."""
     of_entries = [_PREFIX + name for name in _OF_ENTRIES]
     return {
         name: np.array(array) for name, array in kept.items() if name.startswith(_PREFIX) and name not in of_entries

@@ -1,4 +1,4 @@
-"""Whether there is time left before the next frame, for work that is done once the answer is out."""
+"""Time left before the next frame, for work that is done once the answer is out."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import time
 from collections.abc import Callable
 
 InTime = Callable[[], bool]
-"""Says whether there is time left before the next frame."""
+"""Function that returns whether there is time left before the next frame."""
 
-_OF_THE_FRAME = 0.5  # the other half is for networks in the same process
+_OF_THE_FRAME = 0.5  # fraction of the frame's time; the rest is for networks in the same process
 
 
 def always() -> bool:
-    """There is."""
+    """Return True: there is always time."""
     return True
 
 
 def until_next_frame(elapsed: float | None, clock: Callable[[], float] = time.perf_counter) -> InTime:
-    """For a frame that begins now, `elapsed` [s] after the last one (None: unknown, so nothing waits for its end)."""
+    """Return the `InTime` of a frame that begins now, `elapsed` [s] after the last one (`always` if None: unknown)."""
     if elapsed is None:
         return always
     end = clock() + _OF_THE_FRAME * elapsed

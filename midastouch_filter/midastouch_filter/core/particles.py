@@ -13,8 +13,8 @@ from midastouch_common import se3
 class Particles:
     """N weighted hypotheses `T_obj_gel`.
 
-    positions (N, 3) float32 m; quaternions (N, 4) float32 xyzw, unit; log_weights (N,) float64, normalised so
-    that the weights sum to 1; entries (N,) int32, the codebook entry nearest to each particle.
+    positions (N, 3) float32 m; quaternions (N, 4) float32 xyzw, unit; log_weights (N,) float64, normalised so that
+    the weights sum to 1, except in a `Belief`; entries (N,) int32, the codebook entry nearest to each particle.
     """
 
     positions: np.ndarray
@@ -24,7 +24,7 @@ class Particles:
 
     @classmethod
     def from_poses(cls, poses: np.ndarray, entries: np.ndarray) -> Particles:
-        """Equally weighted particles from poses `T_obj_gel` (N, 4, 4) and their codebook entries (N,)."""
+        """Return equally weighted particles at poses `T_obj_gel` (N, 4, 4) with their codebook entries (N,)."""
         rows = se3.to_xyzquat(poses)
         return cls(
             np.ascontiguousarray(rows[:, :3], np.float32),
@@ -35,7 +35,7 @@ class Particles:
 
     @classmethod
     def joined(cls, sets: list[Particles]) -> Particles:
-        """All particles of several sets, with their weights."""
+        """Return all particles of several sets, with their weights."""
         names = ("positions", "quaternions", "log_weights", "entries")
         return cls(*(np.concatenate([getattr(each, name) for each in sets]) for name in names))
 
@@ -44,20 +44,20 @@ class Particles:
 
     @property
     def poses(self) -> np.ndarray:
-        """(N, 4, 4) float64 `T_obj_gel`."""
+        """Poses `T_obj_gel` (N, 4, 4) float64."""
         return se3.from_xyzquat(np.concatenate([self.positions, self.quaternions], axis=1))
 
     @property
     def weights(self) -> np.ndarray:
-        """(N,) float64, sum 1."""
+        """Weights (N,) float64, exp(log_weights)."""
         return np.exp(self.log_weights)
 
     def some(self, rows: np.ndarray) -> Particles:
-        """Those of an index or mask, with their weights."""
+        """Return the particles of an index or mask, with their weights."""
         return Particles(*(np.ascontiguousarray(each[rows]) for each in vars(self).values()))
 
     def select(self, ancestors: np.ndarray) -> Particles:
-        """Copies of the particles at indices `ancestors` (n,), equally weighted."""
+        """Return equally weighted copies of the particles at indices `ancestors` (n,)."""
         return Particles(
             self.positions.take(ancestors, axis=0),
             self.quaternions.take(ancestors, axis=0),

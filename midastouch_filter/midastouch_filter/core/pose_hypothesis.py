@@ -1,4 +1,4 @@
-"""Distances between poses, what counts as one pose, and what is known of a start."""
+"""Distances between poses, limits within which poses count as one, and the prior of a start."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.symmetry.group import Symmetry
 
 ANOTHER, ANOTHER_TURN = 0.01, np.radians(20.0)
-"""m, where 1 rad counts as 10 mm, and rad: a hypothesis farther than this from the truth, or turned by more, is a wrong
-answer, so it is another hypothesis."""
+"""m, where 1 rad counts as 10 mm, and rad: a hypothesis beyond this distance or angle from the truth is a wrong answer,
+so two poses that differ by more are different hypotheses."""
 
 NO_SYMMETRY = Symmetry()
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Where the start was thought to be: pose (4, 4), sigma_t [m] and sigma_r [rad] per axis."""
+    """Gaussian prior of a start: pose (4, 4), sigma_t [m] and sigma_r [rad] per axis."""
 
     pose: np.ndarray
     sigma_t: float
@@ -28,23 +28,23 @@ class Prior:
 
     @property
     def covariance(self) -> np.ndarray:
-        """(6, 6) of [translation, rotation], m^2 and rad^2."""
+        """Covariance (6, 6) of [translation, rotation], m^2 and rad^2."""
         return np.diag(np.repeat([self.sigma_t, self.sigma_r], 3) ** 2)
 
     def widened(self, covariance: np.ndarray) -> Prior:
-        """Known less well by a covariance (6, 6), the same along all axes."""
+        """Return the prior with a covariance (6, 6) added, which is the same along all axes."""
         sigma_t, sigma_r = np.sqrt(np.diag(self.covariance + covariance)[[0, 3]])
         return Prior(self.pose, float(sigma_t), float(sigma_r))
 
     def log_density(self, poses: np.ndarray, floor: float, symmetry: Symmetry) -> np.ndarray:
-        """(N,) nats of poses (N, 4, 4), modulo a symmetry, below the prior's own pose, but no less than `floor`."""
+        """Return log-densities (N,) of poses (N, 4, 4), modulo a symmetry, relative to the peak, at least `floor`."""
         error = se3.log(se3.inverse(self.pose) @ symmetry.nearest(poses, self.pose))
         squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
         return np.maximum(-0.5 * squared, floor)
 
 
 def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Pose distances (...) [m] as the look-up's, of (..., 4, 4) and (..., 4, 4), broadcast."""
+    """Return pose distances (...) [m], as the look-up defines them, of (..., 4, 4) and (..., 4, 4), broadcast."""
     squared = np.square(a - b)
     # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
     turned = 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
@@ -52,11 +52,11 @@ def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 Differ = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Which (N,) of poses (N, 4, 4) differ from a pose (4, 4)."""
+"""Function that returns which (N,) of poses (N, 4, 4) differ from a pose (4, 4)."""
 
 
 def another(symmetry: Symmetry = NO_SYMMETRY) -> Differ:
-    """What makes a pose another hypothesis, modulo a symmetry."""
+    """Return the function that tests which poses are another hypothesis than a pose, modulo a symmetry."""
 
     def differ(poses: np.ndarray, pose: np.ndarray) -> np.ndarray:
         nearest = symmetry.nearest(poses, pose)
@@ -67,7 +67,7 @@ def another(symmetry: Symmetry = NO_SYMMETRY) -> Differ:
 
 
 def alike(poses: np.ndarray) -> np.ndarray:
-    """Which (N, N) of poses (N, 4, 4) are no other hypotheses than each other, as `another` without a symmetry."""
+    """Return which (N, N) of poses (N, 4, 4) are one hypothesis, by the limits of `another` and no symmetry."""
     positions, rotations = poses[:, :3, 3], poses[:, :3, :3].reshape(-1, 9)
     position = positions - positions.mean(axis=0)
     norms = np.square(position).sum(axis=1)

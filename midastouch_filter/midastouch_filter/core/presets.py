@@ -1,6 +1,6 @@
 """Named settings of the filter, between run time and error.
 
-Launch files read this module, in a Python that need not have the filter's libraries: it imports none of them.
+Launch files import this module in a Python that may lack the filter's libraries, so it imports none of them.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ PRESETS: dict[str, dict[str, int]] = {
     BALANCED: {},
     PAPER: {},
 }
-"""By name, the settings of `FilterConfig` that differ from its defaults. `PAPER` is another filter (`PaperFilter`)."""
+"""Settings of `FilterConfig` that differ from its defaults, by preset. `PAPER` is another filter (`PaperFilter`)."""
 
 
 def preset(name: str) -> dict[str, int]:
-    """Settings of a preset; InputError for an unknown name."""
-    if name not in list(PRESETS):  # a file may hold anything, a list too
+    """Return the settings of a preset; raises InputError for an unknown name."""
+    if name not in list(PRESETS):  # `in PRESETS` would fail on a list, which a file may hold as the name
         raise InputError(f"preset {name}: not known; there are {', '.join(PRESETS)}")
     return PRESETS[name]
 
 
 def preset_in_words(name: str) -> str:
-    """For help and tables."""
+    """Return the description of a preset for help and tables."""
     if name == PAPER:
         return "the paper's own filter, as a baseline: one sensor, codes only"
     return ", ".join(f"{key} {value}" for key, value in PRESETS[name].items()) or "the defaults"

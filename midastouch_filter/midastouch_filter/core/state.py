@@ -1,4 +1,4 @@
-"""Whether the filter's answer may be trusted: one state and the reason for it."""
+"""State of the filter, which says whether its answer can be trusted, and the reason for it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ STALE = "stale"
 SEARCHING = "searching"
 STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE, SEARCHING)
 WAITING = "waiting"
-"""Said of a frame whose answer is still to come; no state of the filter."""
+"""State in the status of a frame whose answer is still to come; the filter itself is never in it."""
 
-# probability of another object: said above the first, taken back below the second; nothing is converged above the third
+# probability of another object: lost above the first until below the second, and not converged above the third
 _FOREIGN, _OWN, _DOUBTED = 0.95, 0.5, 0.3
 _FOUND = 2.0  # nats: a trend below 0 is lost, and found again above this
-_LISTED = 0.9  # probability that the truth is among the published modes, from which on they are all that is possible
+_LISTED = 0.9  # probability that the truth is among the published modes, below which the filter is searching
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Status:
 
     state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
-    likelihood_trend [nats]: what the last touches speak for the dominant mode, against one that barely explains them
-    (below 0: it does not); skipped: how often each gate saved work or refused input; ms: per stage, those of what
-    followed the last answer included; symmetry of the object, in words; foreign: whether it is
-    lost because another object is touched.
+    likelihood_trend [nats]: evidence of the last touches for the dominant mode, against one that barely explains them
+    (below 0: it does not explain them); skipped: how often each gate saved work or refused input; ms: milliseconds per
+    stage, with the deferred work after the last answer; symmetry: a phrase on the object's; foreign: whether the state
+    is `lost` because another object is touched.
     """
 
     state: str
@@ -52,13 +52,13 @@ class Status:
 
 @dataclass(frozen=True)
 class StateEvidence:
-    """What the state depends on; units as in `Status`.
+    """Input from which the state follows; units as in `Status`.
 
-    trend: as `Status.likelihood_trend`; restarted: why the filter started again in this frame, in words, "" if not;
+    trend: as `Status.likelihood_trend`; restarted: why the filter started again in this frame, "" if it did not;
     listed: probability that the truth is among the published modes; mode_mass: weight of the dominant mode; error_t
-    [m], error_r [rad]: RMS distance and angle of the truth to the published pose, by its covariance, if its mode is
-    the right one; unknown: probability that another object is touched; alike: how many poses feel the same as each
-    one, in words, empty if none do.
+    [m], error_r [rad]: RMS distance and angle from the truth to the published pose, by its covariance, if its mode is
+    the right one; unknown: probability that another object is touched; alike: phrase on how many poses feel the same as
+    each one, empty if none do.
     """
 
     initialised: bool = False
@@ -74,7 +74,7 @@ class StateEvidence:
 
 
 class StateMachine:
-    """Turns evidence into a state, with hysteresis so that it does not flicker at a limit."""
+    """State that follows from evidence, with hysteresis so that it does not flicker at a limit."""
 
     def __init__(self, config: FilterConfig):
         self._config = config
@@ -83,11 +83,11 @@ class StateMachine:
 
     @property
     def foreign(self) -> bool:
-        """Whether it is lost because another object is touched."""
+        """True while the state is `lost` because another object is touched."""
         return self.state == LOST and self._foreign
 
     def update(self, evidence: StateEvidence) -> tuple[str, str]:
-        """Next state and its reason."""
+        """Return the next state and its reason."""
         self.state, self.reason = self._next(evidence)
         return self.state, self.reason
 

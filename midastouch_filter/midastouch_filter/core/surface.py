@@ -1,6 +1,6 @@
 """Distance of the gel's apex to the object's surface (paper appendix C).
 
-The paper prunes particles farther than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
+The paper prunes particles further than 2 mm from the nearest mesh vertex. Vertices are not the surface, so the
 signed distance to the surface itself is stored on a grid: filled exactly near the surface, saturated elsewhere,
 interpolated trilinearly.
 """
@@ -16,23 +16,23 @@ from midastouch_common.mesh import ObjectMesh
 from .workers import Workers
 
 DEAD_DISTANCE = 6e-3
-"""m: a gel farther from the surface than this touches nothing."""
-_SIGMA = 1e-3  # m: how far beyond the reach of a codebook's poses a touch still lies, sigma
+"""m: a gel further from the surface than this touches nothing."""
 _LARGEST_GRID = 4_000_000  # nodes, 2 bytes each
-_FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm where the radius of curvature is 5 mm
+_FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm if the radius of curvature is 5 mm
 _UNIT = 1e-6  # m per stored integer
 _COARSE = 4  # fine nodes per coarse one while building
 
 
 class SurfaceGrid:
-    """Signed distance to a mesh's surface, negative inside, right within `band` metres of it.
+    """Signed distance to a mesh's surface, negative inside, correct within `band` metres of it.
 
+    Args: mesh; band; workers that interpolate; values of an earlier grid of this mesh and band, if there are any.
     Attributes: spacing m, of the nodes; limit m, where distances saturate, a little more than `band`; values (X, Y, Z)
     int16, the distances in micrometres.
     """
 
-    def __init__(self, mesh: ObjectMesh, band: float, values: np.ndarray | None = None):
-        """`values` of an earlier grid of this mesh and band, if there are any."""
+    def __init__(self, mesh: ObjectMesh, band: float, workers: Workers, values: np.ndarray | None = None):
+        self._band, self._workers = band, workers
         # a cell with one saturated corner interpolates wrongly: keep such cells out of the band
         self.limit = band + 2 * _FINEST
         low, high = mesh.bounds
@@ -62,7 +62,7 @@ class SurfaceGrid:
             out = (blocks[chosen, None] + offsets).reshape(-1, 3)
             return out[(out < shape).all(axis=1)]
 
-        # a block's nodes lie within its half diagonal of its centre: farther blocks hold saturated nodes only
+        # a block's nodes lie within half its diagonal of its centre: blocks beyond `reach` hold saturated nodes only
         centre = signed_distance(mesh, self._origin + blocks * self.spacing + half_block)
         reach = self.limit + np.sqrt(3) * half_block
         self.values[tuple(nodes(centre < -reach).T)] = -round(self.limit / _UNIT)
@@ -70,24 +70,25 @@ class SurfaceGrid:
         signed = signed_distance(mesh, self._origin + near * self.spacing)
         self.values[tuple(near.T)] = np.clip(signed, -self.limit, self.limit) / _UNIT
 
-    def distance(self, positions: np.ndarray, workers: Workers) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of positions (N, 3) float32; `limit` outside the grid."""
-        out = np.empty(len(positions), np.float32)
-        workers.run(len(positions), lambda low, high, _: self.interpolate(low, high, positions, out))
-        return out
+    def distance(self, positions: np.ndarray) -> np.ndarray:
+        """Return signed distances (N,) float32 [m] of positions (N, 3): -`limit` deep inside, inf beyond the band."""
+        positions, out = np.ascontiguousarray(positions, np.float32), np.empty(len(positions), np.float32)
 
-    def interpolate(self, low: int, high: int, positions: np.ndarray, out: np.ndarray) -> None:
-        """Set out (N,) float32 [m] for the positions [low, high) of (N, 3) float32, in one thread."""
-        kernels.interpolate_grid(
-            low, high, positions, self.values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
-        )
+        def interpolate(low: int, high: int, _: int) -> None:
+            kernels.interpolate_grid(
+                low, high, positions, self.values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
+            )
+
+        self._workers.run(len(positions), interpolate)
+        out[out > self._band] = np.inf
+        return out
 
 
 def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
-    """Signed distances (N,) m of points (N, 3), negative inside.
+    """Return signed distances (N,) [m] of points (N, 3), negative inside.
 
-    The side is told by the vertex normals interpolated at the closest point (Baerentzen and Aanaes 2005): face
-    normals tell it wrongly beyond sharp edges, and ray counting fails on the holes of scans.
+    The vertex normals, interpolated at the closest point, give the side (Baerentzen and Aanaes 2005): face
+    normals give a wrong one beyond sharp edges, and ray counting fails on the holes of scans.
     """
     closest, distance, face = mesh.closest_points(points)
     corners = mesh.faces[face]
@@ -100,29 +101,3 @@ def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
     smooth = np.einsum("nk,nkj->nj", weights, mesh.vertex_normals[corners])
     side = np.einsum("nj,nj->n", points - closest, smooth)
     return np.where(side < 0, -distance, distance)
-
-
-class SurfaceConstraint:
-    """Where the surface is, and how far from a codebook's poses a touch may lie."""
-
-    def __init__(self, grid: SurfaceGrid, codebook_reach: float, workers: Workers):
-        """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
-        self._grid, self._codebook_reach, self._workers = grid, codebook_reach, workers
-
-    def distance_of(self, positions: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of the surface to positions (N, 3), negative inside, where they saturate
-        beyond `DEAD_DISTANCE`; infinite outside beyond it."""
-        found = self._grid.distance(np.ascontiguousarray(positions, np.float32), self._workers)
-        found[found > DEAD_DISTANCE] = np.inf
-        return found
-
-    def log_weight(self, codebook_distance: np.ndarray) -> np.ndarray:
-        """(N,) float64 <= 0 of gels in contact by their pose distance (N,) [m] to the nearest entry: 0 within reach,
-        quadratic beyond; far off is no proof."""
-        beyond = np.clip(codebook_distance - self._codebook_reach, 0.0, DEAD_DISTANCE)
-        return -0.5 / _SIGMA**2 * np.square(beyond, dtype=float)
-
-    @property
-    def reach(self) -> float:
-        """Pose distance [m] to the nearest entry, beyond which `log_weight` tells no difference."""
-        return self._codebook_reach + DEAD_DISTANCE

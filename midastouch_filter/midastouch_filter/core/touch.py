@@ -1,4 +1,4 @@
-"""What one finger measures in one frame."""
+"""Measurement of one finger in one frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from midastouch_perception.pipeline import Touch
 
 MAP_SCALE = 0.25
-"""Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""
+"""Size, relative to the camera image, of the maps that the filter compares with rendered ones: 80 x 60 pixels."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Measurement:
 
     in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60)
     float32 m, the measured map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that measured it
-    in the gel frame of the first finger, whose pose the filter estimates: None for that one itself. If the two images
-    were taken at different times, the transform is from the one gel then to the other gel then, through the frame that
-    the object rests in.
+    in the gel frame of the first finger, whose pose the filter estimates: None for the first finger itself. If the two
+    images were taken at different times, each gel is where it was at the time of its image, in the frame that the
+    object rests in.
     """
 
     in_contact: bool
@@ -38,7 +38,7 @@ class Measurement:
 
 
 def gels_of(touches: Sequence[Measurement]) -> np.ndarray:
-    """(F, 4, 4) of the gels that touch, in the frame of the first finger's."""
+    """Return the poses (F, 4, 4) of the gels that touch, in the frame of the first finger's gel."""
     gels = [np.eye(4) if touch.T_gel_finger is None else touch.T_gel_finger for touch in touches]
     return np.array(gels).reshape(-1, 4, 4)
 
@@ -54,19 +54,19 @@ def require_network(touches: Iterable[Measurement], network_id: str) -> None:
 
 
 def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
-    """Map (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
+    """Reduce a penetration map, whose sides are multiples of 80 and 60, by block means: (80, 60) float32 [m]."""
     rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
     return kernels.block_means(np.ascontiguousarray(penetration, np.float32), rows, columns)
 
 
 def measurement_of(touch: Touch) -> Measurement:
-    """The measurement of one touch, with its penetration map."""
+    """Return the measurement of one touch, with its penetration map."""
     contact = touch.contact
     penetration = reduced_penetration(contact.penetration) if contact.in_contact else None
     return Measurement(contact.in_contact, touch.code, contact.area_m2, touch.network_id, penetration)
 
 
 def measurement_from_msg(msg: Any) -> Measurement:
-    """The measurement of a TactileCode message, without its map; its code is a read-only view of the message."""
+    """Return the measurement of a TactileCode message, without a map; its code is a read-only view of the message."""
     code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
     return Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)

@@ -1,7 +1,7 @@
-"""What the filter asks of the machine: threads for kernels that release the GIL, and freed memory handed back.
+"""Threads for kernels that release the GIL, and return of freed memory to the system.
 
-Kernels work on a range of particles in one thread; the ranges go to a small thread pool, that may be used from
-several Python threads at once.
+Kernels work on a range of particles in one thread; the ranges go to a small thread pool, which several Python threads
+may use at once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _WORTH_A_THREAD = 4096  # items; handing over a range costs about 20 us, as much
 
 
 class Workers:
-    """Runs `kernel(low, high, chunk)` over [0, n) on `threads` threads (0: one per available core)."""
+    """Thread pool of `threads` threads (0: one per available core) for kernels and functions."""
 
     def __init__(self, threads: int = 0):
         available = len(os.sched_getaffinity(0))
@@ -29,9 +29,9 @@ class Workers:
         self._pool = ThreadPoolExecutor(max(self.threads - 1, 1), "filter")  # starts its threads when they are needed
 
     def run(self, n: int, kernel: Callable[[int, int, int], None]) -> None:
-        """Call the kernel on at most CHUNKS disjoint ranges that cover [0, n); returns when all are done.
+        """Call `kernel(low, high, chunk)` on at most CHUNKS disjoint ranges that cover [0, n), until all are done.
 
-        How [0, n) is cut depends on n alone, never on the number of threads.
+        The ranges depend on n alone, never on the number of threads.
         """
         if n < _WORTH_A_THREAD:
             kernel(0, n, 0)
@@ -40,13 +40,13 @@ class Workers:
         self._distribute(CHUNKS, lambda c: kernel(bounds[c], bounds[c + 1], c))
 
     def map(self, function: Callable[[T], R], items: list[T]) -> list[R]:
-        """`function` of each item, in their order. Worth it from about 100 us an item that holds no lock."""
+        """Return `function` of each item, in their order. It pays from about 100 us per item without the GIL."""
         out: dict[int, R] = {}
         self._distribute(len(items), lambda k: out.__setitem__(k, function(items[k])))
         return [out[k] for k in range(len(items))]
 
     def _distribute(self, count: int, do: Callable[[int], None]) -> None:
-        """Call `do` with each of [0, count), in whichever thread is free; returns when all are done.
+        """Call `do` with each of [0, count), in whichever thread is free, until all are done.
 
         So no call waits for a thread that gets no processor.
         """
@@ -64,7 +64,7 @@ class Workers:
 
 
 def trim() -> None:
-    """Give back what the C library keeps of freed memory, where it can (glibc): 75 MiB once a filter is built."""
+    """Give back freed memory that the C library keeps, if it can (glibc): 75 MiB once a filter is built."""
     malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if malloc_trim is not None:
         malloc_trim(ctypes.c_size_t(0))

@@ -1,1 +1,1 @@
-"""Which object of a catalogue is touched."""
+"""Identification of the touched object among those of a catalogue."""

@@ -1,4 +1,4 @@
-"""The objects that may be touched: of each what it takes to find out whether it is the one."""
+"""Catalogue of the objects that may be touched, with a model of each to identify it by."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from ..core.workers import Workers
 from ..loaded_object import SIZE
 
 FEWEST = SIZE
-"""Poses of each codebook that are compared, at least: as many as are enough to localise by."""
+"""Fewest poses of each codebook that are compared: as many as are enough to localise by."""
 
 ROOM = 2**20
-"""Poses of a catalogue, all of which a touch is compared with: 40 ms of one core, a third more than all YCB scans."""
+"""Most poses of a catalogue; a touch is compared with all: 40 ms of one core, a third more than all YCB scans."""
 
-_SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
+_SPACING = 8e-3  # m between sites: an alignment reaches `between_entries` of the noise model to either side
 
-_SAME_SIZE = 8 * np.finfo(np.float32).eps  # fraction of its size within which one mesh is another one, written anew
+_SAME_SIZE = 8 * np.finfo(np.float32).eps  # fraction of the size by which a mesh that is written again may differ
 
 
 class Entry:
     """One object of a catalogue.
 
     Attributes: name; mesh; meta, description of its codebook; source, the codebook's file, or the mesh's; model, made
-    ready, so that no touch has to wait for it.
+    in advance, so that no touch has to wait for it.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Entry:
         self.model = ObjectModel(mesh, codebook, config, noise, workers)
 
     def is_same_as(self, other: Entry) -> bool:
-        """Whether the two meshes are one, be it in other files."""
+        """Return whether the two meshes are the same, even if in different files."""
         close = _SAME_SIZE * self.mesh.diagonal
         return self.mesh.sha256 == other.mesh.sha256 or (
             self.mesh.faces.shape == other.mesh.faces.shape
@@ -65,7 +65,7 @@ class Entry:
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; duplicates, for each name that stands for the same mesh as another one, that one's; sensor, at
+    Attributes: entries; duplicates, name of the entry with the same mesh, for each name that was left out; sensor, at
     map resolution; network_id.
     Raises InputError without objects.
     """
@@ -81,9 +81,9 @@ class Catalogue:
     def of(
         cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], config: FilterConfig, room: int = ROOM
     ) -> Catalogue:
-        """Of meshes with their codebooks, and the files of these, if there are any, for messages.
+        """Make a catalogue of meshes and codebooks, and the codebooks' files, if there are any, to name in messages.
 
-        Meshes that are the same count once, under the first one's name. Raises InputError on more than `room` poses,
+        Equal meshes count once, under the name of the first. Raises InputError on more than `room` poses,
         two objects of one name, and codebooks of different networks or sensors.
         """
         noise, workers = NoiseModel.of(config), Workers(config.threads)
@@ -113,16 +113,16 @@ class Catalogue:
         return len(self.entries)
 
     def entry(self, name: str) -> Entry:
-        """The object of that name."""
+        """Return the object of that name."""
         return next(entry for entry in self.entries if entry.name == name)
 
     def without(self, name: str) -> Catalogue:
-        """The same but for one object."""
+        """Return the catalogue without one object."""
         return Catalogue([entry for entry in self.entries if entry.name != name])
 
 
 def poses_worth(mesh: ObjectMesh) -> int:
-    """Number of poses that identify this object: its sites are at an even distance, whatever its size."""
+    """Return the number of poses that identify this object: sites are equally far apart, whatever its size."""
     return max(FEWEST, YAWS * math.ceil(mesh.area / _SPACING**2))
 
 
@@ -133,11 +133,11 @@ def read_catalogue(
     sensor: str | Path,
     room: int = ROOM,
 ) -> Catalogue:
-    """From codebooks (.npz), whose meshes they name, folders of codebooks, and meshes.
+    """Read codebooks (.npz), which name their meshes, folders of codebooks, and meshes.
 
-    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Of a codebook only what is needed is read;
-    in a folder, those of other sensors are passed over. Raises InputError that names the file: missing, unreadable, too
-    large or too small, of another sensor, and as `Catalogue.of`.
+    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Only the needed part of a codebook is read;
+    codebooks of other sensors in a folder are left out. Raises InputError that names the file if it is missing,
+    unreadable, too large or too small, or of another sensor, and as `Catalogue.of` does.
     """
     catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), config, room)
     require_sensor(catalogue.sensor, sensor, catalogue.entries[0].source)
@@ -154,7 +154,7 @@ def _files(sources: Sequence[Path], sensor: str | Path) -> list[Path]:
         inside = sorted(source.glob("*.npz"))
         if not inside:
             raise InputError(f"{source}: folder without codebooks (*.npz); fill it with midastouch build-codebook")
-        # a folder holds those of every sensor that an object was to be felt with
+        # a folder may hold an object's codebooks for several sensors
         out += [path for path in inside if _sensor_of(path).content_id == ours] or inside[:1]
     return out
 
@@ -181,7 +181,7 @@ def _read(
 
 
 def _require_alike(first: Entry, other: Entry) -> None:
-    """Raise InputError unless codes of both can be compared."""
+    """Raise InputError unless the codes of both can be compared."""
     for key, what in (("tcn", "network"), ("sensor", "sensor")):
         one, two = first.meta[key], other.meta[key]
         if one != two:

@@ -1,4 +1,4 @@
-"""A localiser that does not know the object: one filter runs on all objects of a catalogue."""
+"""Localiser that does not know the object: one filter runs on all objects of a catalogue."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .identity import UNKNOWN, Identity
 
 
 class CatalogueLocaliser(Localiser):
-    """Estimates the pose on the object that leads.
+    """Localiser on the leading object of a catalogue.
 
-    Nothing is estimated before an object is more probable than that it is none of them. While another object, or none,
-    may be touched, the state is not `converged`. A pose that is given counts on every object.
+    There is no estimate until an object is more probable than `unknown`, none of them. While another object, or none,
+    may be touched, the state is not `converged`. A given pose applies to every object.
 
-    Args: catalogue; config; seed; on_object: called with every entry that comes to lead; on_identity: with what was
-    found and the gel's pose T_base_gel (4, 4) and stamp [ns], whenever touches were compared.
+    Args: catalogue; config; seed; on_object: called with every entry that begins to lead; on_identity: called with the
+    identity, the gel's pose T_base_gel (4, 4) and the stamp [ns] whenever touches were compared.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class CatalogueLocaliser(Localiser):
 
     @property
     def identity(self) -> Identity | None:
-        """What is touched, as far as it is known; None once `set_object` has named it."""
+        """Identity of the touched object, as far as it is known; None once `set_object` has named it."""
         if self._catalogue is None:
             return None
         return Identity.of([entry.name for entry in self._catalogue.entries], self._object.filter)
@@ -63,7 +63,7 @@ class CatalogueLocaliser(Localiser):
         return f"which of {len(self._catalogue)} objects it is, is not known yet: {words}"
 
     def set_object(self, loaded: LoadedObject) -> None:
-        """Localise on this object, whatever the catalogue says."""
+        """Localise on this object and ignore the catalogue."""
         self._catalogue = self._leading = None
         super().set_object(loaded)
 
@@ -90,7 +90,7 @@ class CatalogueLocaliser(Localiser):
         return self.estimate
 
     def _follow(self) -> None:
-        """Let the object lead that the estimate is on."""
+        """Make the object that the estimate is on the leading one."""
         running = self._object.filter
         if not running.groups:
             self._leading = None
@@ -102,8 +102,8 @@ class CatalogueLocaliser(Localiser):
                 self._on_object(leading)
 
     def _qualified(self, estimate: Estimate) -> Estimate:
-        """The estimate with a status that names what competes. A pose on the leading object that the filter is sure of
-        leaves no weight to other objects, but it may be that none of them is touched."""
+        """Return the estimate with a status that names the competing objects. A sure pose on the leading object leaves
+        no weight to other objects, but the touched object may still be none of the catalogue's."""
         status, words = estimate.status, self._found.in_words()
         if status.state == CONVERGED and self._found.answer != self._leading.name:
             status = dataclasses.replace(status, state=AMBIGUOUS, reason=f"not sure which object it is: {words}")

@@ -1,8 +1,7 @@
-"""Which object of a catalogue is touched, and how probable that is.
+"""Identity of the touched object among those of a catalogue, with probabilities.
 
-Identity and pose are one question: the filter's hypotheses are on all objects, and `unknown` is what none of them
-explains. Codes are of one network, so that how well they fit is on one scale over all objects. docs/internals.md has
-the mathematics.
+Identity and pose are estimated together: the filter's hypotheses are on all objects, and `unknown` competes with them.
+All codes are of one network, so their fits are on one scale over all objects. docs/internals.md has the mathematics.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from ..core.noise_model import NoiseModel
 from ..filter import ParticleFilter
 
 UNKNOWN = "unknown"
-"""Name of what is none of the catalogue's objects."""
+"""Name for an object that is none of the catalogue's."""
 
 _NAMED_PROBABILITY = 0.01
 
@@ -34,7 +33,7 @@ class PossiblePose:
 @dataclass(frozen=True)
 class CandidateObject:
     """An object of the catalogue: name; probability that it is touched; hypotheses on it, most probable first, whose
-    probabilities sum up to that; none before it was compared with a touch."""
+    probabilities add up to that; none before the object was compared with a touch."""
 
     name: str
     probability: float
@@ -43,15 +42,15 @@ class CandidateObject:
 
 @dataclass(frozen=True)
 class Identity:
-    """What is touched: objects of the catalogue, most probable first; unknown, the probability that it is none of
-    them. All probabilities together are 1."""
+    """Identity of the touched object: objects of the catalogue, most probable first; unknown, the probability that it
+    is none of them. All probabilities together are 1."""
 
     objects: list[CandidateObject]
     unknown: float
 
     @classmethod
     def of(cls, names: Sequence[str], running: ParticleFilter) -> Identity:
-        """What a filter on objects of these names has found."""
+        """Return the identity that a filter on objects of these names has found."""
         probabilities, unknown = running.identity
         modes = _modes(running)
         objects = []
@@ -64,23 +63,23 @@ class Identity:
 
     @property
     def leading(self) -> CandidateObject:
-        """The most probable object."""
+        """Most probable object."""
         return self.objects[0]
 
     @property
     def answer(self) -> str:
-        """The most probable object's name, or `UNKNOWN` if that is more probable."""
+        """Name of the most probable object, or `UNKNOWN` if that is more probable."""
         return UNKNOWN if self.unknown > self.leading.probability else self.leading.name
 
     def in_words(self) -> str:
-        """Those that compete, such as "mug 62 %, bowl 30 %, unknown 8 %"."""
+        """Return the competing objects as a phrase, such as "mug 62%, bowl 30%, unknown 8%"."""
         fractions = [*((each.name, each.probability) for each in self.objects), (UNKNOWN, self.unknown)]
         named = sorted((each for each in fractions if each[1] >= _NAMED_PROBABILITY), key=lambda each: -each[1])
         return ", ".join(f"{name} {fraction:.0%}" for name, fraction in named)
 
 
 def _modes(running: ParticleFilter) -> list[tuple[int, PossiblePose]]:
-    """The filter's modes on all objects at present, heaviest first, with the numbers of the objects."""
+    """Return the filter's modes on all objects at present, heaviest first, with the numbers of the objects."""
     groups = running.groups
     if not groups:
         return []

@@ -1,4 +1,4 @@
-"""What the active filter node does with codes: each waits for its transform, is processed once and answered."""
+"""Processing of codes by the active filter node: each waits for its transform, is processed once and answered."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from .transform_source import TransformSource
 
 
 class CodeProcessor:
-    """Listens to codes and transforms from when it is made until `close`; the node destroys its subscriptions.
+    """Listener to codes and transforms, from its construction until `close`; the node destroys its subscriptions.
 
-    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. on_estimate: gets the
-    stamp [ns] of each frame once it is answered. Attributes:
-    transforms; network_id, of the newest code; report, what was said of the frames.
+    maps: whether the filter uses them. Without `subscribe` codes come through `on_code` only. on_estimate: called with
+    the stamp [ns] of each frame once it is answered. Attributes:
+    transforms; network_id of the newest code; report, which publishes each frame's status.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class CodeProcessor:
         if subscribe:
             self._subscribe(maps)
         node.create_timer(0.05, self._on_timer, clock=clock.steady)
-        # last: if something before it failed, its thread would go on
+        # last: its thread would outlive a constructor that fails after it
         self.transforms = TransformSource(
             node,
             frames=(self._base, self._sensor, *fingers_of(self._parameters).values()),
@@ -103,11 +103,11 @@ class CodeProcessor:
 
     @property
     def waits_for(self) -> str:
-        """What the next answer waits for, in words."""
+        """Phrase on what the next answer waits for."""
         return self._localiser.waiting_for or "waiting for tactile/code"
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
-        """Take one code, stamp in ns; it is answered when its transform is there."""
+        """Take one code, stamp in ns; it is answered once its transform is known."""
         judged = self._timeline.judge(stamp, measurement)
         self._obey(judged)
         if judged.held:
@@ -128,7 +128,7 @@ class CodeProcessor:
         self._process_queue()
 
     def _refuse(self, stamp: int) -> None:
-        """A code whose stamp is wrong."""
+        """Drop a code whose stamp is wrong."""
         self._queue.remove(stamp)
         self.report.counts["odd_stamps"] += 1
         reason = f"stamped {1e-9 * stamp:.3f} s, unlike the codes before and after: dropped"
@@ -142,19 +142,19 @@ class CodeProcessor:
             return None
 
     def forgive_silence(self) -> None:
-        """Restart the time-out of input: the node did not listen until now."""
+        """Restart the time-out of input, because the node did not listen until now."""
         if self._last_arrival is not None:
             self._last_arrival = self._clock.now()
 
     def change_object(self) -> None:
-        """Forget what was measured on the object before, and answer what still waits."""
+        """Forget what was measured on the old object, and answer the codes that still wait."""
         self._fingers.clear()
         for stamp in self._queue.clear():
             self.report.say(stamp, STALE, "the object was changed while this code waited for its transform")
         self.report.forget()
 
     def _is_incomplete(self, stamp: int, measurement: Measurement, waited: float) -> bool:
-        """Whether the code's cloud or what another finger measured is still to come."""
+        """Return whether the code's cloud or another finger's measurement is still to come."""
         if self._maps is not None and measurement.in_contact and self._maps.awaited(stamp, waited):
             return True
         return self._fingers.awaited(stamp, waited)
@@ -190,16 +190,16 @@ class CodeProcessor:
         self._localiser.deferred_update(in_time)
 
     def _until_next(self, stamp: int) -> InTime:
-        """Of a frame that is answered from now on. A live one has to hurry; a replay is the same on each machine."""
+        """Return the limit of a frame that begins now: a live one must hurry, a replay is the same on any machine."""
         elapsed, self._last_stamp = seconds_between(self._last_stamp, stamp), stamp
-        live = self._parameters["queue_depth"] == 1  # what comes meanwhile is dropped
+        live = self._parameters["queue_depth"] == 1  # codes that come meanwhile are dropped
         return until_next_frame(elapsed, self._clock.steady_now) if live else always
 
     def _on_transforms_jump(self, stamp: int) -> None:
         self._obey(self._timeline.ask_again())
 
     def _reset(self, stamp: int) -> None:
-        """Time ran back to `stamp` [ns]."""
+        """Start again, because time ran back to `stamp` [ns]."""
         self.transforms.rewind(stamp)
         self._queue.clear()
         self._fingers.rewind(stamp)
@@ -222,26 +222,26 @@ class CodeProcessor:
 
 
 class NodeClock:
-    """Attributes: steady, rclpy's clock that never stops and that NTP cannot step."""
+    """Clocks of a node. Attributes: steady, rclpy's clock that never stops and that NTP cannot step."""
 
     def __init__(self, node: Node):
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node = node
-        # paused simulated time must not run out the time-outs
+        # time-outs must not run out while simulated time is paused
         self._timeout_clock = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
         self._last = self._gone = 0.0
 
     def now(self) -> float:
-        """Seconds by which time-outs run; simulated time that jumps back does not turn them back."""
+        """Return the seconds by which time-outs run; simulated time that jumps back does not turn them back."""
         last, self._last = self._last, 1e-9 * self._timeout_clock.now().nanoseconds
         self._gone += max(0.0, last - self._last)
         return self._last + self._gone
 
     def steady_now(self) -> float:
-        """Seconds that pass in any case."""
+        """Return the seconds of the steady clock."""
         return 1e-9 * self.steady.now().nanoseconds
 
     def stamp(self) -> int:
-        """Stamp [ns] of what is said of no image."""
-        # a replay's clock stands at the stamp of the image that it waits for, whose answer this is not
+        """Return the stamp [ns] for a status that is about no image."""
+        # 1 ns less: a replay's clock stands at the stamp of the image whose answer it waits for, which this is not
         return max(0, self._node.get_clock().now().nanoseconds - 1)

@@ -1,6 +1,6 @@
-"""Everything the filter node says: estimate, modes, particles, status, the object's frame, and which object it may be.
+"""Publisher of the filter node's results: estimate, modes, particles, status, the object's frame and its identity.
 
-The one place that guards against non-finite numbers: nothing that holds one leaves this module.
+This module alone guards against non-finite numbers: it publishes no message that holds one.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from . import markers
 
 
 class EstimatePublisher:
-    """Publishes what one filter node knows.
+    """Publisher of one filter node's results.
 
-    What is only looked at (particles, cloud, hypotheses) is built only while it has subscribers, at most
+    Messages for viewers (particles, cloud, hypotheses) are built only while they have subscribers, at most
     `view_rate` times per second of `clock` [s].
     """
 
@@ -67,14 +67,14 @@ class EstimatePublisher:
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
 
     def show_object(self, mesh: str | Path) -> None:
-        """Show another mesh (a path or a package:// address) and remove what was drawn about the last one."""
+        """Show another mesh (a path or a package:// address) and remove the drawings on the last one."""
         header = Header(frame_id=self._parameters["object_frame_id"])
         address = str(mesh) if "://" in str(mesh) else Path(mesh).resolve().as_uri()
         self._hypotheses.publish(markers.cleared_hypotheses(header))
         self._mesh.publish(markers.object_mesh(address, header))
 
     def status(self, stamp: int, status: Status) -> None:
-        """Publish a status that stands for itself: no frame was processed."""
+        """Publish a status on its own, without a processed frame."""
         self._status.publish(_status_to_msg(status, self._header(stamp)))
 
     def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
@@ -97,7 +97,7 @@ class EstimatePublisher:
         self.status(stamp, estimate.status)
 
     def identity(self, identity: Identity, T_base_gel: np.ndarray, stamp: int) -> None:
-        """Publish which objects may be touched at `stamp` [ns], and where each then is; T_base_gel (4, 4)."""
+        """Publish which objects may be touched at `stamp` [ns], and each one's pose with the gel at T_base_gel."""
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["base_frame_id"])
         self._objects.publish(object_hypotheses(identity, T_base_gel, header))
 
@@ -105,7 +105,7 @@ class EstimatePublisher:
         return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
 
     def _symmetry_fields(self, running: RunningFilter) -> dict:
-        """Those of `PoseModes`; made anew only for another object."""
+        """Return the fields of `PoseModes` on symmetry; they are made again only for another object."""
         symmetry = running.object.symmetry.exact
         if symmetry is not self._sent_symmetry:
             self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
@@ -191,10 +191,10 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
 
 
 def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header) -> Detection3DArray:
-    """One detection for each object with a hypothesis, most probable first, and one for `unknown`, which has no pose.
+    """Return a detection for each object with a hypothesis, most probable first, and one without pose for `unknown`.
 
-    Scores are probabilities, of sum 1 but for objects without a hypothesis; the pose is the object's in the base frame,
-    with the gel at T_base_gel (4, 4) and at the object's best hypothesis.
+    Scores are probabilities, of sum 1 except for objects without a hypothesis. The pose is the object's in the base
+    frame, with the gel at T_base_gel (4, 4) and at the object's best hypothesis.
     """
     found = [
         ObjectHypothesisWithPose(
@@ -211,7 +211,7 @@ def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header
 
 
 def _object_pose(hypothesis: CandidateObject, T_base_gel: np.ndarray) -> PoseWithCovariance:
-    """Of the object in the base frame; covariance about the base's axes (REP 103)."""
+    """Return the object's pose in the base frame; the covariance is about the base's axes (REP 103)."""
     best = hypothesis.hypotheses[0]
     T_gel_obj = se3.inverse(best.pose)
     T_base_obj = T_base_gel @ T_gel_obj

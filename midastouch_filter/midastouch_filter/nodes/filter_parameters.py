@@ -182,16 +182,16 @@ GONE = {
     "initial_pose.sigma_translation": "it is the first number of initial_sigma",
     "initial_pose.sigma_rotation": "it is the second number of initial_sigma",
 }
-"""Parameters that there were, and what is in their place."""
+"""Former parameters, and what replaces each of them."""
 
 
 def config_of(parameters: Parameters) -> FilterConfig:
-    """The filter's settings."""
+    """Return the filter's settings."""
     return FilterConfig(**{parameter.name: parameters[parameter.name] for parameter in _CONFIG})
 
 
 def start_of(parameters: Parameters) -> Start | None:
-    """The start that `init_mode`, `initial_pose` and `initial_sigma` describe; None: no pose is given."""
+    """Return the start that `init_mode`, `initial_pose` and `initial_sigma` describe; None if no pose is given."""
     if parameters["init_mode"] != "pose":
         return None
     position, angles = np.split(np.array(parameters["initial_pose"]), 2)

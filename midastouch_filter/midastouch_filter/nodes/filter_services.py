@@ -1,4 +1,4 @@
-"""What others ask of the filter node: nav2's two services for a localiser, `set_object`, and where to start."""
+"""Services of the filter node, nav2's two for a localiser and `set_object`, and the topics that give a start."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .transform_source import TransformSource
 
 
 class FilterServices:
-    """Offers the services for a node's localiser; while the node is not active (None), they answer that it is not.
+    """Services for a node's localiser; while the node is not active (localiser None), they report that.
 
-    `change_object(mesh, codebook)` raises InputError if it leaves the old object.
+    `change_object(mesh, codebook)` raises InputError if the node keeps the old object.
     """
 
     def __init__(
@@ -68,10 +68,10 @@ class FilterServices:
 
 
 class StartTopics:
-    """Subscribes both topics for a localiser; `on_bad(kind, reason)` gets the poses that cannot be used.
+    """Subscriptions to both topics for a localiser; `on_bad(kind, reason)` is called for poses that cannot be used.
 
     `initialpose` is the gel frame's pose, in the object's frame or, once the object's pose is known, in any
-    other; `object_pose_prior` the object's pose in any frame. Both are taken at the newest transform: stamps
+    other; `object_pose_prior` is the object's pose in any frame. Both are taken at the newest transform: stamps
     of poses made by hand are often of another clock.
     """
 
@@ -121,7 +121,7 @@ class StartTopics:
         self._localiser.expect_object_at(self._in_base(frame) @ pose, sigma_t, sigma_r)
 
     def _in_base(self, frame: str) -> np.ndarray:
-        """T_base_frame (4, 4), the newest."""
+        """Return the newest T_base_frame (4, 4)."""
         if not frame:
             raise InputError("header.frame_id is empty; name the frame that the pose is in")
         if frame == self._base:

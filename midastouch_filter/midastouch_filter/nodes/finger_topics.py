@@ -25,16 +25,16 @@ from ..transforms import TransformError
 from ..transforms.queue import Wait
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
-# The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
+# The code is made from the cloud, so the cloud comes first or, if it is overtaken, at once; otherwise it was lost.
 CLOUD_TIMEOUT = CODE_TIMEOUT
-"""s of waiting where messages may be lost."""
-_RELIABLE_CLOUD_TIMEOUT = 5.0  # s; where none is lost, a busy machine is all that is waited for
+"""Longest wait [s] for a cloud, if messages may be lost."""
+_RELIABLE_CLOUD_TIMEOUT = 5.0  # s; if none is lost, only a busy machine can delay one
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
 _KEPT_CLOUDS = 256
 
 
 def fingers_of(parameters: Parameters) -> dict[str, str]:
-    """Gel frame of each further finger by its namespace; InputError if the parameter `fingers` says something else."""
+    """Return the gel frame of each further finger by namespace; raises InputError on a malformed `fingers`."""
     given = parameters["fingers"]
     found: dict[str, str] = {}
     for part in given.split(",") if given.strip() else []:
@@ -53,9 +53,9 @@ def fingers_of(parameters: Parameters) -> dict[str, str]:
 class FingerTopics:
     """All further fingers of one node.
 
-    lookup: as `TransformSource.lookup`. now: seconds by which a finger falls silent. on_update: called after every
-    message: what waits can ask again. on_bad(kind, reason): gets what cannot be used. Attributes: counts,
-    of frames that each finger missed, by reason and name.
+    lookup: as `TransformSource.lookup`. now: clock [s] that measures a finger's silence. on_update: called after every
+    message, so that waiting frames can ask again. on_bad(kind, reason): called for input that cannot be used.
+    Attributes: counts of frames that each finger missed, by reason and name.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class FingerTopics:
         self._silent: list[str] = []
 
     def _listen(self, name: str, frame: str) -> FingerMemory:
-        """Subscribe what a finger measures."""
+        """Subscribe to a finger's topics and return its memory."""
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
         base = self._parameters["base_frame_id"]
         maps = None
@@ -110,12 +110,12 @@ class FingerTopics:
         return memory
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether what a finger measured at `stamp` [ns] may still come, when the frame has `waited` seconds."""
-        waiting = [finger.awaited(stamp, waited) for finger in self._fingers.values()]  # all: each gives up by itself
+        """Return whether a finger's measurement at `stamp` [ns] may still come, after the frame `waited` seconds."""
+        waiting = [finger.awaited(stamp, waited) for finger in self._fingers.values()]  # all of them: each gives up
         return any(waiting)
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, Measurement]:
-        """What the fingers measure at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
+        """Return the fingers' measurements at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
         found = {}
         for name, finger in self._fingers.items():
             touch = finger.take(stamp, T_base_gel, on)
@@ -126,7 +126,7 @@ class FingerTopics:
         return found
 
     def qualify(self, reason: str) -> str:
-        """A reason that names the fingers that have been silent for long; each is reported when it falls silent."""
+        """Add to a reason the fingers that have long been silent; each one is reported when it falls silent."""
         timeout = self._parameters["input_timeout"]
         silent = [name for name, finger in self._fingers.items() if finger.silence > timeout]
         for name in set(silent) - set(self._silent):
@@ -135,23 +135,23 @@ class FingerTopics:
         return f"{reason}; without {', '.join(silent)}" if silent else reason
 
     def clear(self) -> None:
-        """Forget what was measured, and since when nothing was: the object was changed."""
+        """Forget all codes, and how long none has come, because the object was changed."""
         for finger in self._fingers.values():
             finger.clear()
 
     def rewind(self, stamp: int) -> None:
-        """The reference's time ran back to `stamp` [ns]: forget what was measured before, but not what fingers that
-        were quicker have measured since."""
+        """Follow the reference's time back to `stamp` [ns]: forget codes from before the jump, but keep those that
+        quicker fingers have sent since."""
         for finger in self._fingers.values():
             finger.rewind(stamp)
 
 
 class MapSource:
-    """Keeps the last clouds until their code asks for them.
+    """Last clouds of a topic, kept until their codes ask for them.
 
-    on_cloud: called after every cloud: what waits can ask again. on_bad: called with a reason for each
-    cloud that cannot be used. While no node publishes clouds, nothing waits for them; where none may be lost
-    (`reliable`), the first code waits until a node that does is discovered.
+    on_cloud: called after every cloud, so that waiting codes can ask again. on_bad: called with a reason for each
+    cloud that cannot be used. While no node publishes clouds, nothing waits for them, except with `reliable`: then no
+    cloud may be lost, and the first code waits until a publisher is discovered.
     """
 
     def __init__(
@@ -165,15 +165,15 @@ class MapSource:
     ):
         self._topic = topic
         self._timeout = _RELIABLE_CLOUD_TIMEOUT if reliable else CLOUD_TIMEOUT
-        self._undiscovered = reliable  # a publisher may be: codes can come before it is known, latched clouds with it
+        self._undiscovered = reliable  # codes can come before a publisher of clouds, and its latched clouds, are known
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
-        # Live a code waits alone, but the clouds of its successors may already be there.
+        # Live, one code waits at a time, but the clouds of its successors may already be there.
         profile = qos.stage_subscriber(max(depth, 10), reliable)
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether the cloud of `stamp` [ns] is still to come, after `waited` seconds.
+        """Return whether the cloud of `stamp` [ns] is still to come, after `waited` seconds.
 
         Clouds come in order: one whose successor is there was lost.
         """
@@ -187,9 +187,9 @@ class MapSource:
         return self._undiscovered or self._node.count_publishers(self._topic) > 0
 
     def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
-        """Penetration map (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
+        """Return the penetration map (80, 60) float32 [m] at `stamp` [ns]; None if its cloud is lost.
 
-        What is older is forgotten: codes are answered in order.
+        sensor: at map resolution. Older clouds are forgotten, because codes are answered in order.
         """
         cloud = self._clouds.pop(stamp, None)
         while self._clouds and next(iter(self._clouds)) < stamp:

@@ -27,7 +27,7 @@ _AXIS_COLOURS = (
 
 
 def drawn_by_weight(weights: np.ndarray, n: int) -> np.ndarray:
-    """Indices (at most n) of particles drawn by their weights (N,): systematic, the same for the same input.
+    """Return indices (at most n) of particles drawn by weights (N,): systematic, the same for the same input.
 
     Each particle appears in proportion to its weight; no more are drawn than there are particles.
     """
@@ -37,13 +37,13 @@ def drawn_by_weight(weights: np.ndarray, n: int) -> np.ndarray:
 
 
 def particle_poses(poses: np.ndarray, weights: np.ndarray, header: Header) -> PoseArray:
-    """At most `MAX_POSES` particles (N, 4, 4), drawn by weight: rclpy needs microseconds per pose."""
+    """Return at most `MAX_POSES` particles (N, 4, 4), drawn by weight: rclpy needs microseconds per pose."""
     drawn = poses[drawn_by_weight(weights, MAX_POSES)]
     return PoseArray(header=header, poses=poses_to_msgs(drawn))
 
 
 def particle_cloud(poses: np.ndarray, weights: np.ndarray, header: Header) -> PointCloud2:
-    """All particles (N, 4, 4): position, gel normal (normal_x, _y, _z), `intensity`: weight over 1/N."""
+    """Return all particles (N, 4, 4): position, gel normal (normal_x, _y, _z), `intensity`: weight over 1/N."""
     normals = poses[:, :3, 2]
     return points_to_msg(
         poses[:, :3, 3],
@@ -56,7 +56,7 @@ def particle_cloud(poses: np.ndarray, weights: np.ndarray, header: Header) -> Po
 
 
 def object_mesh(resource: str, header: Header) -> MarkerArray:
-    """The object's mesh (a `file://` or `package://` address), after removal of whatever was shown before."""
+    """Return markers that remove the last object and show a mesh (a `file://` or `package://` address)."""
     mesh = Marker(
         header=header,
         ns="object_mesh",
@@ -73,13 +73,13 @@ def object_mesh(resource: str, header: Header) -> MarkerArray:
 
 
 def cleared_hypotheses(header: Header) -> MarkerArray:
-    """Removes what `hypotheses` has drawn."""
+    """Return markers that remove those of `hypotheses`."""
     names = ("modes", "mode_axes", "mode_mass")
     return MarkerArray(markers=[Marker(header=header, ns=name, action=Marker.DELETEALL) for name in names])
 
 
 def hypotheses(modes: Sequence, header: Header, lifetime: float) -> MarkerArray:
-    """Modes (weight, pose (4, 4), covariance (6, 6)), heaviest first, drawn for `lifetime` seconds.
+    """Draw modes (weight, pose (4, 4), covariance (6, 6)), heaviest first, for `lifetime` seconds.
 
     `modes`: two-sigma ellipsoids of the position, the dominant one green, lighter ones fainter; `mode_axes`:
     the gel's axes at each mode; `mode_mass`: its fraction of the probability as text.
@@ -97,10 +97,10 @@ def hypotheses(modes: Sequence, header: Header, lifetime: float) -> MarkerArray:
 
 
 def suggested(suggestions: Sequence, header: Header) -> MarkerArray:
-    """Suggestions (path (n, 4, 4), lift, reason), best first, in place of the last ones.
+    """Draw suggestions (path (n, 4, 4), lift, reason), best first, in place of the last ones.
 
-    `suggestions`: arrows along the predicted ways, the best one green, a lift as an arch; `suggestion_reasons`: in
-    words, beside their ends.
+    `suggestions`: arrows along the predicted ways, the best one green, a lift as an arch; `suggestion_reasons`: text
+    at their ends.
     """
     markers = [Marker(ns=name, action=Marker.DELETEALL) for name in ("suggestions", "suggestion_reasons")]
     for i, each in enumerate(suggestions):

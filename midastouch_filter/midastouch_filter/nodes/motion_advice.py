@@ -1,4 +1,4 @@
-"""Where to touch next: the service and the action `suggest_motion`, and the topic `suggestions` that shows both."""
+"""Service and action `suggest_motion`, on where to touch next, and the topic `suggestions` that shows the answers."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _COUNT = 3  # suggestions, if a request does not say how many
 
 
 class MotionAdvice:
-    """Answers for a node's localiser, None while the node is not active.
+    """Service and action for a node's localiser, None while the node is not active.
 
-    A goal of the action is not executed until it ends: what it waits for is the next touch, and an executor would ask
-    a coroutine that waits again and again. Nobody says that a client has died: its goals are kept until something
-    ends them, and cost nothing as long as another asks the same, as each question is answered once a frame. clock:
+    A goal of the action is not executed until it ends: it waits for the next touch, and an executor would ask a waiting
+    coroutine again and again. A dead client is not reported: its goals are kept until something ends them. They cost
+    nothing as long as another client asks the same, because each question is answered once per frame. clock: returns
     seconds.
     """
 
@@ -52,23 +52,23 @@ class MotionAdvice:
         self._goals: list[ServerGoalHandle] = []
         self._last = -math.inf
         self._of: Estimate | None = None
-        self._answers: dict[Wanted, Advice] = {}  # by that estimate
+        self._answers: dict[Wanted, Advice] = {}  # on the estimate `_of`
         self._shown = node.create_publisher(MarkerArray, "suggestions", qos.stream_publisher(parameters["queue_depth"]))
         node.create_service(SuggestMotion, "suggest_motion", self._on_service)
         self._server = GoalServer(node, action.SuggestMotion, "suggest_motion", self._on_goal, self._on_cancel)
 
     def close(self) -> None:
-        """Destroy the action server, before the node is destroyed: a goal could not be ended any more."""
+        """Destroy the action server; this must precede the node's destruction, after which no goal could be ended."""
         self._goals = []
         self._server.close()
 
     def stop(self, reason: str) -> None:
-        """End all goals: the node stops being active."""
+        """End all goals, because the node stops being active."""
         for goal in self._goals:
             self._end(goal, False, reason)
 
     def changed(self, stamp: int) -> None:
-        """Answer all goals anew after the frame of `stamp` [ns], and end those that are reached."""
+        """Answer all goals again after the frame of `stamp` [ns], and end those that are reached."""
         rate, now = self._parameters["suggestion_rate"], self._clock()
         if not self._converged() and rate > 0 and now - self._last < 1.0 / rate:
             return
@@ -111,7 +111,7 @@ class MotionAdvice:
     def _answer(self, goal: ServerGoalHandle, stamp: int) -> None:
         try:
             advice = self._advise(self._wanted(goal.request))
-        except InputError:  # lifted on the way: the next touch is waited for
+        except InputError:  # the finger was lifted: wait for the next touch
             return
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
         goal.publish_feedback(
@@ -130,7 +130,7 @@ class MotionAdvice:
     # --- both
 
     def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
-        """The request with defaults filled in; InputError if its length is out of range."""
+        """Return the request with defaults filled in; raises InputError if its length is out of range."""
         length = request.max_length
         if not 0 <= length <= _LONGEST_WAY:
             raise InputError(
@@ -139,7 +139,7 @@ class MotionAdvice:
         return Wanted(length or None, request.lifts, request.count or _COUNT)
 
     def _advise(self, wanted: Wanted) -> Advice:
-        """InputError saying why there is none."""
+        """Return the advice; raises InputError with the reason if there is none."""
         localiser = self._localiser()
         if localiser is None:
             raise InputError(INACTIVE)

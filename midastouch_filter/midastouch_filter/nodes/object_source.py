@@ -1,4 +1,4 @@
-"""The objects to localise on: the one of the parameters at start, and those that `set_object` names."""
+"""Objects to localise on: those of the parameters at the start, and those that `set_object` names."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from ..loaded_object import LoadedObject, coarse_codebook
 
 @dataclass(frozen=True)
 class NewObject:
-    """An object that was read, and its mesh's address as viewers understand it."""
+    """An object that was read, and the address of its mesh for viewers."""
 
     loaded: LoadedObject
     address: str | Path
 
 
 class ObjectSource:
-    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed, paper)`, and if there is no codebook
-    has one built by `build(mesh_path, network, sensor_model, config, seed, paper)`; all of it raises InputError."""
+    """Source of objects: `load(mesh_path, codebook_path, config, seed, paper)` reads mesh and codebook; without a
+    codebook, `build(mesh_path, network, sensor_model, config, seed, paper)` makes one. All methods raise InputError."""
 
     def __init__(
         self,
@@ -43,12 +43,12 @@ class ObjectSource:
         self._folders = [resolve(f, "object_folders") for f in parameters["object_folders"].split(":") if f]
 
     def initial(self) -> NewObject | None:
-        """The object of the parameters `mesh` and `codebook`; None if they are empty."""
+        """Return the object of the parameters `mesh` and `codebook`; None if they are empty."""
         mesh, codebook = self._parameters["mesh"], self._parameters["codebook"]
         return self._read(mesh, codebook) if mesh or codebook else None
 
     def catalogue(self) -> Catalogue | None:
-        """The objects of the parameter `objects`; None if it is empty."""
+        """Return the objects of the parameter `objects`; None if it is empty."""
         if not (given := self._parameters["objects"]):
             return None
         self._require_catalogue_possible()
@@ -73,10 +73,10 @@ class ObjectSource:
             raise InputError("objects: distinguished by their penetration maps; set refinement to true")
 
     def requested(self, mesh: str, codebook: str, network_id: str) -> NewObject:
-        """The object that a service call asks for, which may come only from the folders that the parameters allow.
+        """Return the object that a service call asks for, which must lie in the folders that the parameters allow.
 
-        A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
-        used ("": no code has come yet).
+        network_id: network of the incoming codes, "" if none has come yet. A codebook of another network is refused,
+        because none of these codes could be used.
         """
         for address, what in ((mesh, "mesh"), *([(codebook, "codebook")] if codebook else [])):
             require_within(address, resolve(address, what), self._folders)

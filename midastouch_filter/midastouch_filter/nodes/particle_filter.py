@@ -1,4 +1,4 @@
-"""Node `particle_filter`: codes and transforms -> where on the object the sensor is."""
+"""Node `particle_filter`: from codes and transforms to the sensor's pose on the object."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from .object_source import NewObject, ObjectSource
 
 
 class ParticleFilterNode(ManagedNode):
-    """While active, every code is answered by one FilterStatus of its stamp, unless time runs back while it waits; one
-    before may say that it waits.
+    """Node that, while active, answers every code by one FilterStatus of its stamp, unless time runs back while the
+    code waits. A status `waiting` may precede the answer.
 
     A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh and
-    codebook, `build` that of a mesh whose codebook is made; with `subscribe` false codes come through `on_code` from a
-    stage in the same process.
+    codebook, `build` that of a mesh whose codebook is built. With `subscribe` false, codes come through `on_code` from
+    a stage in the same process.
     """
 
-    _advice: MotionAdvice | None = None  # which `destroy_node` may not find yet
+    _advice: MotionAdvice | None = None  # `destroy_node` may be called before it is set
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class ParticleFilterNode(ManagedNode):
         subscribe: bool = True,
         **node_options,
     ):
-        self._localiser: Localiser | None = None  # of the configured node; a node that is refused has none to end
+        self._localiser: Localiser | None = None  # set first: `super` destroys a node that it refuses
         super().__init__("particle_filter", PARAMETERS, GONE, **node_options)
         self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
@@ -55,14 +55,14 @@ class ParticleFilterNode(ManagedNode):
         self.autostart()
 
     def say(self, doing: str) -> None:
-        """On `filter_status`, too, which late subscribers receive as well."""
+        """Announce what the node does, on `filter_status`, too, which late subscribers also receive."""
         super().say(doing)
         self._out.status(self._time.stamp(), Status(UNINITIALISED, doing))
 
     def configure(self) -> None:
         """Load mesh and codebook, and prepare the filter's start on them."""
         self._config = config_of(self.parameters)
-        fingers_of(self.parameters)  # whether they can be used is said now
+        fingers_of(self.parameters)  # raises now if they cannot be used
         self._objects = ObjectSource(self._load, self._build, self.parameters, self._config)
         self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
         if objects := self.parameters["objects"]:
@@ -92,7 +92,7 @@ class ParticleFilterNode(ManagedNode):
         self._localiser = self._objects = None
 
     def destroy_node(self) -> None:
-        """As rclpy's, which leaves actions alone, once the codebook grows no more."""
+        """Stop building a codebook, close the action, which rclpy would leave alone, and destroy the node."""
         self._end_growth()
         if self._advice is not None:
             self._advice.close()
@@ -104,8 +104,8 @@ class ParticleFilterNode(ManagedNode):
             self._localiser.close()
 
     def connect(self) -> None:
-        """Listen to codes and transforms, from the beginning."""
-        if not self._localiser.untouched:  # what was measured counts no more: the object may have been moved meanwhile
+        """Start to listen to codes and transforms."""
+        if not self._localiser.untouched:  # earlier measurements no longer count: the object may have been moved
             self._localiser.restart()
         maps = self._config.refinement and self.parameters["preset"] != PAPER
         self._codes = CodeProcessor(
@@ -115,7 +115,7 @@ class ParticleFilterNode(ManagedNode):
         self._codes.report.say(self._time.stamp(), UNINITIALISED, self._codes.waits_for)
 
     def disconnect(self) -> None:
-        """Stop reading transforms, and advising."""
+        """Stop reading transforms, and stop advising."""
         if self._advice is not None:
             self._advice.stop("the node was deactivated")
         if self._codes is not None:
@@ -123,7 +123,7 @@ class ParticleFilterNode(ManagedNode):
             self._codes = None
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         level, message, values = self._codes.report.describe()
         if self._subscribe and (problem := self._codes_from.problem):
             level, message = max(level, diagnostics.WARN), problem
@@ -134,7 +134,7 @@ class ParticleFilterNode(ManagedNode):
         return level, message, values
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
-        """Take one code, stamp in ns; what comes while the node is not active is dropped."""
+        """Take one code, stamp in ns; while the node is not active, codes are dropped."""
         if self.active:
             self._codes.on_code(stamp, measurement)
 

@@ -1,4 +1,4 @@
-"""The node's state in words and numbers, on its own topic and in the diagnostics."""
+"""Status of the filter node, on its own topic and in the diagnostics."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .finger_topics import FingerTopics
 
 
 class StatusReport:
-    """Publishes a status with every code, and keeps the last one; meanwhile it can say what is waited for.
+    """Publisher of a status for every code; it keeps the last one, and can report in between that an answer is awaited.
 
-    Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
+    Attributes: counts of what the node itself left out; each status lists them with those of the filter, the
     fingers and the publishers.
 
-    Args: out; fingers; note: what every reason ends with, "" for nothing.
+    Args: out; fingers; note: returns the text that every reason ends with, "" for nothing.
     """
 
     def __init__(self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str]):
@@ -31,7 +31,7 @@ class StatusReport:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the numbers of the last step: the object was changed."""
+        """Drop the numbers of the last step, because the object was changed."""
         self._last = Status(UNINITIALISED, "")
 
     def say(self, stamp: int, state: str, reason: str) -> None:
@@ -40,7 +40,7 @@ class StatusReport:
         self.say_again(stamp)
 
     def say_again(self, stamp: int) -> None:
-        """Publish the last state anew, at `stamp` [ns]."""
+        """Publish the last state again, at `stamp` [ns]."""
         self._out.status(stamp, self._complete(self._last))
 
     def wait(self, stamp: int, reason: str) -> None:
@@ -48,13 +48,13 @@ class StatusReport:
         self._out.status(stamp, self._complete(dataclasses.replace(self._last, state=WAITING, reason=reason, ms={})))
 
     def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
-        """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""
+        """Publish the answer of a step; arguments as for `EstimatePublisher.estimate`."""
         self._last = estimate.status
         complete = dataclasses.replace(estimate, status=self._complete(estimate.status))
         self._out.estimate(stamp, complete, running, T_base_obj)
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         s = self._complete(self._last)
         level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}

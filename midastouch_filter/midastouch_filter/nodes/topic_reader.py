@@ -1,4 +1,4 @@
-"""Topics that are read in a thread of their own, whatever the node's executor is busy with."""
+"""Topics that are read in a thread of their own, however busy the node's executor is."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-# How soon the thread sees that the context was shut down or Python ends, which nothing tells it.
+# Longest time until the thread sees that the context was shut down or that Python ends, which wakes no wait set.
 LOOK_UP_NS = 300_000_000
 
 
 class TopicReader:
-    """Hands the serialised messages of a node's topics to functions, in one thread, from `start` to `close`.
+    """Thread that hands the serialised messages of a node's topics to functions, from `start` to `close`.
 
-    A wait set of its own instead of an executor: at 500 messages/s that takes 33 us of CPU a message, not 200. It waits
-    for the subscriptions' events, too: a subscription's messages and events are one condition in Fast DDS, and where
+    It has a wait set instead of an executor: at 500 messages/s that takes 33 us of CPU a message, not 200. It waits
+    for the subscriptions' events, too: a subscription's messages and events are one condition in Fast DDS, and if
     two wait sets share it, one of them may not be woken.
     """
 
@@ -33,14 +33,14 @@ class TopicReader:
         self._thread = threading.Thread(target=self._run, name="topic_reader")
 
     def subscribe(self, kind: type, topic: str, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
-        """Have `on_message` called in the thread; before `start`."""
+        """Have `on_message` called in the thread for each message; call this before `start`."""
         subscription = self._node.create_subscription(
             kind, topic, on_message, profile, raw=True, callback_group=_OwnThread()
         )
         self._readers.append((subscription, on_message))
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start to read."""
         self._thread.start()
 
     def close(self) -> None:
@@ -73,20 +73,20 @@ class TopicReader:
                     self._read(subscription, on_message)
 
     def _goes_on(self) -> bool:
-        """A thread that still waits when Python has ended would abort the process or hold it up for ever."""
+        """Return whether to continue: a thread that waits after Python's end would abort the process or block it."""
         return not self._stopping and self._node.context.ok() and threading.main_thread().is_alive()
 
     def _read(self, subscription: Subscription, on_message: Callable[[bytes], None]) -> None:
-        """Hand over all that has come."""
+        """Hand over all messages that have come."""
         while self._goes_on() and (taken := subscription.handle.take_message(subscription.msg_type, True)):
             try:
                 on_message(taken[0])
-            except Exception:  # the topic is read on, whatever this message was
+            except Exception:  # a bad message must not end the reading
                 self._node.get_logger().error(f"{subscription.topic_name}: {traceback.format_exc()}")
 
 
 class _OwnThread(ReentrantCallbackGroup):
-    """Of subscriptions that no executor is to wait for."""
+    """Callback group of subscriptions that no executor may wait for."""
 
     def can_execute(self, entity) -> bool:
         return False

@@ -1,4 +1,4 @@
-"""Where frames are, from `/tf` and `/tf_static`."""
+"""Transforms from `/tf` and `/tf_static`."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _JUMPED = "time ran back a moment ago"
 
 
 class TransformSource:
-    """Listens to TF in a thread of its own and answers `lookup` and `newest`.
+    """Transforms from TF, which is read in a thread of its own.
 
     `frames` are those whose poses relative to each other are looked up. Only the transforms on the way between them
-    are kept over time (all, while it is not known how they are linked); of every other frame just the newest. When a
+    are kept over time (all, until it is known how they are linked); of every other frame just the newest. If a
     transform on the way jumps back in time, so has the recording, and all moving transforms are forgotten. Other frames
     may have clocks of their own.
 
     In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
-    transform that was refused, and `on_update` when what a `lookup` has to wait for has come. Nothing after a jump is
-    answered before `on_jump` has been called, as it would be taken for what was known before it.
+    transform that was refused, and `on_update` when a transform that a `lookup` has to wait for has come. After a jump
+    no look-up is answered before `on_jump` was called: the caller would take it for one from before the jump.
     """
 
     def __init__(
@@ -78,9 +78,9 @@ class TransformSource:
         self._node.destroy_guard_condition(self._wake)
 
     def lookup(self, target: str, source: str, stamp: int) -> np.ndarray | Wait:
-        """T_target_source (4, 4) at `stamp` [ns], both among `frames`, or `Wait` while it may still come.
+        """Return T_target_source (4, 4) at `stamp` [ns], both among `frames`, or `Wait` while it may still come.
 
-        Raises PastExtrapolationError when the stamp lies before everything that is known.
+        Raises PastExtrapolationError if the stamp lies before everything that is known.
         """
         with self._lock:
             if self._jumps:
@@ -94,7 +94,7 @@ class TransformSource:
                 return Wait(str(error))
 
     def known(self, target: str, source: str, stamp: int) -> np.ndarray | None:
-        """As `lookup`; None while it may still come, and for a stamp that lies before everything that is known."""
+        """Return the transform of `lookup`; None while it may still come, and for a stamp before all that is known."""
         try:
             pose = self.lookup(target, source, stamp)
         except TransformError:
@@ -102,7 +102,7 @@ class TransformSource:
         return None if isinstance(pose, Wait) else pose
 
     def latest_stamp(self, target: str, source: str) -> int | None:
-        """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
+        """Return the newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
 
         Raises TransformError if nothing links them yet.
         """
@@ -112,7 +112,7 @@ class TransformSource:
             return self._buffer.latest_common_stamp(target, source)
 
     def newest(self, target: str, source: str) -> np.ndarray:
-        """T_target_source (4, 4) between any two frames, each link on the way at its own newest transform.
+        """Return T_target_source (4, 4) between any two frames, with each link on the way at its newest transform.
 
         Raises TransformError if they are not linked.
         """
@@ -120,23 +120,23 @@ class TransformSource:
         with self._lock:
             for link in self._links.values():
                 if link.last is not None:
-                    with contextlib.suppress(InvalidTransformError):  # else one that nobody asks for would spoil all
+                    with contextlib.suppress(InvalidTransformError):  # a bad one must not spoil all others
                         tree.insert(link.parent, link.child, 0, link.last.pose, static=True)
         return tree.lookup(target, source, 0)
 
     def rewind(self, stamp: int) -> None:
-        """The images' time ran back to `stamp` [ns]: forget transforms that come from before the jump."""
+        """Follow the images' time back to `stamp` [ns]: forget transforms that come from before the jump."""
         with self._lock:
             if any((self._buffer.newest(frame) or stamp) > stamp + _JUMP_NS for frame in self._between):
                 self._forget()
 
     def forget(self) -> None:
-        """Forget all transforms that move, as after a jump of time that is too short to be seen in their stamps."""
+        """Forget all moving transforms, as after a jump of time that is too short to show in their stamps."""
         with self._lock:
             self._forget()
 
     def _on_wake(self) -> None:
-        if self._closed:  # in the same round of the executor
+        if self._closed:  # it was closed in the same round of the executor
             return
         with self._lock:
             jumps, self._jumps = self._jumps, []
@@ -176,7 +176,7 @@ class TransformSource:
         self._bad.append(f"{'/tf_static' if static else '/tf'}: {error}")
 
     def _meet(self, link: _Link, sample: _Sample) -> None:
-        """A frame that is new, or has a new parent: find the way between `frames` anew."""
+        """Take a frame that is new or has a new parent, and find the way between `frames` again."""
         self._insert(link, sample)
         self._links[link.name] = link
         parents = {each.child: each.parent for each in self._links.values()}
@@ -186,13 +186,13 @@ class TransformSource:
         for each in self._links.values():
             was_kept, each.on_the_way = each.on_the_way, not common or each.child in self._between
             if each.on_the_way and not was_kept and each.last is not None:
-                with contextlib.suppress(InvalidTransformError):  # its next one counts
+                with contextlib.suppress(InvalidTransformError):  # its next transform counts
                     self._insert(each, each.last)
         if common:
             self._buffer.keep(self._between)
 
     def _insert(self, link: _Link, sample: _Sample) -> None:
-        """Keep a transform; when it jumped back in time between `frames`, forget what came before."""
+        """Keep a transform; if it jumped back in time between `frames`, forget those from before."""
         what = link.parent, link.child, sample.stamp, sample.pose, link.static
         if self._buffer.insert(*what) is Insertion.TIME_JUMP and link.child in self._between:
             self._jumps.append(sample.stamp)
@@ -201,7 +201,7 @@ class TransformSource:
         link.last = sample
 
     def _has_come(self) -> bool:
-        """Whether something that a `lookup` has to wait for is there; it is said once."""
+        """Return, once for each, whether a transform that a `lookup` has to wait for is there."""
         come = []
         for frames, stamp in self._awaited.items():
             with contextlib.suppress(TransformError):
@@ -220,7 +220,7 @@ class TransformSource:
 
 
 class _Sample(NamedTuple):
-    """A transform in the message it came in."""
+    """A transform in the message that brought it."""
 
     wire: WireTransforms
     stamp: int
@@ -232,7 +232,7 @@ class _Sample(NamedTuple):
 
 
 class _Link:
-    """What is known of a frame: its names, whether it is kept over time, and its newest transform."""
+    """State of a frame: its names, whether its transforms are kept over time, and the newest one."""
 
     def __init__(self, parent: bytes, child: bytes, static: bool):
         self.name, self.of, self.static = child, (parent, static), static

@@ -1,4 +1,4 @@
-"""Where frames are over time: the tree of their transforms, and what waits for one."""
+"""Transforms in time: the tree of frames, and the queue of items that wait for a transform."""
 
 from .buffer import JUMP_S, Insertion, TransformBuffer, ancestors
 from .rigid import (

@@ -1,9 +1,9 @@
 """Trees of frames whose poses are known over time.
 
-Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a look-up that
-comes too early fails, and may be repeated when more transforms have come. A look-up interpolates each link at the asked
-stamp, linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead
-differs by millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
+Every link of the tree keeps a short history. Nothing is extrapolated, and there is no "latest": a look-up that
+comes too early fails, and may be repeated when more transforms have come. A look-up interpolates each link at the
+requested stamp, linearly in translation and spherically in rotation (the rule of tf2; interpolation on screw motions
+differs by millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, without using tf2.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ JUMP_S = 1.0
 
 
 class Insertion(enum.Enum):
-    """What became of an inserted transform."""
+    """Outcome of inserting a transform."""
 
     ADDED = "added"
-    DUPLICATE = "duplicate"  # the link already has one at this stamp: the first is kept
-    TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): what came before was forgotten
+    DUPLICATE = "duplicate"  # the link already has one at this stamp, which is kept
+    TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): the link's history was forgotten
 
 
 def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
-    """The frame, its parent, ... up to its root, which has none; what closes a loop comes once."""
+    """Return the frame, its parent, ... up to its root, which has no parent; in a loop each frame comes once."""
     chain = {frame: None}
     while (frame := parent_of(frame)) is not None and frame not in chain:
         chain[frame] = None
@@ -53,9 +53,9 @@ def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
 
 
 class _Link:
-    """One frame's pose in its parent: at the stamps [ns] from `oldest` to `newest`, or, if static, always.
+    """One frame's pose in its parent, at the stamps [ns] from `oldest` to `newest` or, if static, at any time.
 
-    Args: history, how long before the newest a pose is kept [ns].
+    Args: history [ns], largest age of a kept pose, relative to the newest one.
     """
 
     def __init__(self, parent: str, static: bool, history: int) -> None:
@@ -72,7 +72,7 @@ class _Link:
         return self._stamps[-1]
 
     def add(self, stamp: int, pose: Pose) -> bool:
-        """Keep `pose` in order of time; False if there already is one at this stamp."""
+        """Keep `pose` in order of time; return False if there already is one at this stamp."""
         at = bisect_left(self._stamps, stamp)
         if at < len(self._stamps) and self._stamps[at] == stamp:
             return False
@@ -83,7 +83,7 @@ class _Link:
         return True
 
     def at(self, stamp: int) -> Pose:
-        """Pose in the parent at a stamp inside the history."""
+        """Return the pose in the parent at a stamp inside the history."""
         if self.static:
             return self._poses[0]
         after = bisect_left(self._stamps, stamp)
@@ -94,7 +94,7 @@ class _Link:
 
 
 class TransformBuffer:
-    """The tree of frames, with a history of each link; safe to use from several threads.
+    """Tree of frames, with a history of each link; safe to use from several threads.
 
     Args:
         history_s: seconds of history kept per link.
@@ -119,8 +119,8 @@ class TransformBuffer:
 
         A static transform holds at every stamp and replaces the one before it. A child that changes its
         parent, or whose time jumps back, starts a new history. Raises InvalidTransformError on non-finite
-        values, on a quaternion whose norm is not 1 (zero included), on empty or equal frame names and on what
-        would close a loop.
+        values, on a quaternion whose norm is not 1 (zero included), on empty or equal frame names and on a
+        transform that would close a loop.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
         try:
@@ -146,10 +146,10 @@ class TransformBuffer:
         return outcome if link.add(stamp, pose) else Insertion.DUPLICATE
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> np.ndarray:
-        """T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
+        """Return T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
 
-        Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError; if
-        links of the chain disagree, the past one, as waiting cannot fix it.
+        Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError. If
+        links of the chain lie on both sides of their histories, it is the past one, as waiting cannot fix that.
         """
         names = target.lstrip("/"), source.lstrip("/")
         if names[0] == names[1]:
@@ -161,14 +161,14 @@ class TransformBuffer:
             return to_matrix(multiply(invert(target_in_root), source_in_root))
 
     def _compose(self, frames: list[str], stamp: int) -> Pose:
-        """Pose of the first frame in the parent of the last."""
+        """Return the pose of the first frame in the parent of the last."""
         pose = IDENTITY
         for frame in frames:
             pose = multiply(self._links[frame].at(stamp), pose)
         return pose
 
     def latest_common_stamp(self, target: str, source: str) -> int | None:
-        """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
+        """Return the newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
 
         Raises UnknownFrameError or DisconnectedError.
         """
@@ -182,23 +182,23 @@ class TransformBuffer:
         self.keep(())
 
     def keep(self, frames: Collection[str]) -> None:
-        """Forget the moving transforms of all but these frames to their parents."""
+        """Forget the moving transforms of all frames to their parents, except of these frames."""
         with self._lock:
             self._links = {child: link for child, link in self._links.items() if link.static or child in frames}
 
     def newest(self, frame: str) -> int | None:
-        """Stamp [ns] of the newest transform of a moving frame to its parent; None if nothing is known of one."""
+        """Return the stamp [ns] of a moving frame's newest transform to its parent; None without one."""
         with self._lock:
             link = self._links.get(frame)
             return None if link is None or link.static else link.newest
 
     def ancestors(self, frame: str) -> list[str]:
-        """The frame, its parent, ... up to its root."""
+        """Return the frame, its parent, ... up to its root."""
         with self._lock:
             return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) else None)
 
     def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
-        """Frames whose links lead from the target, and from the source, up to their first common frame."""
+        """Return the frames whose links lead from the target, and from the source, up to their first common frame."""
         for frame in (target, source):
             if frame not in self._links and all(link.parent != frame for link in self._links.values()):
                 raise UnknownFrameError(f"frame '{frame}' is not known; no transform has named it yet")

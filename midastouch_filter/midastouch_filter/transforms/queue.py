@@ -1,4 +1,4 @@
-"""What arrives before its transform waits here, in order: the work of tf2's message filter."""
+"""Queue of items that arrive before their transforms: the work of tf2's message filter."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .rigid import TransformError
 
 # Shorter waits are not reported: live, transforms often come some milliseconds after their image.
 _UNREPORTED_WAIT_S = 0.05
-# Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
+# Limits the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
 MOST_WAITING = 4096
 
 
 @dataclass(frozen=True)
 class Wait:
-    """The transform is not there yet but may still come; `reason` says what is missing."""
+    """Answer of a look-up whose transform may still come; `reason` says what is missing."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Ready:
-    """What left the queue: stamp [ns], what was put in, and its transform (4, 4), or None and the reason."""
+    """Item that left the queue: stamp [ns], payload, and its transform (4, 4), or None and the reason."""
 
     stamp: int
     payload: Any
@@ -38,20 +38,20 @@ class Ready:
 
 @dataclass(frozen=True)
 class Waiting:
-    """Stamp [ns] of the newest item, and what the first one waits for."""
+    """Stamp [ns] of the newest item, and the reason why the first one waits."""
 
     stamp: int
     reason: str
 
 
 class TransformQueue:
-    """First in, first out; the first one waits for its transform, for the time-out or until too many wait behind it.
+    """First-in, first-out queue; the first item waits for its transform, a time-out, or too many items behind it.
 
-    lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError when there is no hope.
-    hold: stamp, payload, seconds since it was put in -> whether something else is still to come. Seconds by `steady`,
-    a clock that never stops; since it was put in, not since it became the first: else items that wait in vain, one
-    after the other, would hold up those behind them ever longer.
-    now, timeout: functions that return seconds, of the wait for the transform.
+    lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError if the transform will never come.
+    hold: stamp, payload, seconds in the queue -> whether something else is still to come. The seconds are by `steady`,
+    a clock that never stops. They count from `push`, not from when the item became the first: otherwise each item whose
+    wait is useless would add its own delay to those behind it.
+    now, timeout: functions that return seconds, for the wait for the transform.
     """
 
     def __init__(
@@ -71,22 +71,22 @@ class TransformQueue:
         return len(self._items)
 
     def push(self, stamp: int, payload: Any) -> None:
-        """Queue `payload` until its transform at `stamp` [ns] is there."""
+        """Queue `payload` until its transform at `stamp` [ns] is known."""
         self._items.append((stamp, payload, self._now(), self._steady()))
 
     def remove(self, stamp: int) -> None:
-        """Forget what waits at `stamp` [ns], if it does."""
+        """Forget the item of `stamp` [ns], if there is one."""
         self._items = deque(item for item in self._items if item[0] != stamp)
 
     def clear(self) -> list[int]:
-        """Forget everything that waits; returns the stamps [ns]."""
+        """Forget all items and return their stamps [ns]."""
         stamps = [stamp for stamp, *_ in self._items]
         self._items.clear()
         self._reported = None
         return stamps
 
     def unreported(self) -> Waiting | None:
-        """Once for each item that is the newest while the first has waited for a while; else None."""
+        """Return a `Waiting` once for each newest item, if the first has waited for a while; otherwise None."""
         if not self._items:
             return None
         stamp = self._items[-1][0]
@@ -96,7 +96,7 @@ class TransformQueue:
         return Waiting(stamp, self._lacks)
 
     def pop(self) -> Ready | None:
-        """The first item if its wait is over, else None."""
+        """Remove and return the first item if its wait is over, otherwise None."""
         if not self._items:
             return None
         stamp, payload, arrival, steady_arrival = self._items[0]

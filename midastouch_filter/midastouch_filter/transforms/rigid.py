@@ -1,4 +1,4 @@
-"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and why one cannot be stored or looked up.
+"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and the errors of storing them and looking them up.
 
 On so few numbers, NumPy and SciPy cost 10-100 times the arithmetic.
 """
@@ -44,7 +44,7 @@ class FutureExtrapolationError(TransformError):
 
 
 def rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vector turned by the unit quaternion [qx qy qz qw]."""
+    """Return a vector turned by the unit quaternion [qx qy qz qw]."""
     qx, qy, qz, qw = q
     cx, cy, cz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
     return (
@@ -55,7 +55,7 @@ def rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, f
 
 
 def multiply(a: Pose, b: Pose) -> Pose:
-    """T_a @ T_b."""
+    """Return T_a @ T_b."""
     ax, ay, az, aw = a[3:]
     bx, by, bz, bw = b[3:]
     x, y, z = rotate(a[3:], *b[:3])
@@ -71,14 +71,14 @@ def multiply(a: Pose, b: Pose) -> Pose:
 
 
 def invert(pose: Pose) -> Pose:
-    """The inverse transform."""
+    """Return the inverse transform."""
     conjugate = (-pose[3], -pose[4], -pose[5], pose[6])
     x, y, z = rotate(conjugate, *pose[:3])
     return (-x, -y, -z, *conjugate)
 
 
 def interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
-    """Linear in translation, spherical linear in rotation along the shorter arc."""
+    """Interpolate linearly in translation and spherically in rotation, along the shorter arc."""
     a, b = start[3:], end[3:]
     if sum(u * v for u, v in zip(a, b, strict=True)) < 0:
         b = tuple(-v for v in b)
@@ -96,7 +96,7 @@ def interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
 
 
 def to_matrix(pose: Pose) -> np.ndarray:
-    """The transform (4, 4)."""
+    """Return the transform (4, 4)."""
     x, y, z, qx, qy, qz, qw = pose
     scale = 2.0 / (qx * qx + qy * qy + qz * qz + qw * qw)
     return np.array(
@@ -110,7 +110,7 @@ def to_matrix(pose: Pose) -> np.ndarray:
 
 
 def checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
-    """A (4, 4) matrix or [x y z qx qy qz qw] as a pose with a unit quaternion; InvalidTransformError if it is none."""
+    """Convert a (4, 4) matrix or [x y z qx qy qz qw] to a pose with unit quaternion; raises InvalidTransformError."""
     if isinstance(transform, np.ndarray):
         if transform.shape == (4, 4):
             return _pose_of_matrix(transform)

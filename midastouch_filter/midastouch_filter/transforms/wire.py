@@ -1,7 +1,7 @@
-"""tf2_msgs/TFMessage as it travels: names and stamps can be read without making a message of every transform.
+"""Serialised tf2_msgs/TFMessage: names and stamps can be read without making a message of every transform.
 
 Python needs 30 us to make one TransformStamped, which is a third of a core for an arm of 20 links at 500 Hz, and 1 us
-to find out here that it is of no interest.
+to find out here that it is not needed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from midastouch_common.errors import InputError
 
-# The first four bytes, the encapsulation, name the order of bytes; alignment counts from behind them.
+# The first four bytes, the encapsulation, give the byte order; alignment counts from the byte after them.
 _START = 4
 _ORDERS = {b"\0\0": ">", b"\0\1": "<"}
 _LAYOUTS = {
@@ -22,9 +22,9 @@ _CUT_SHORT = "message is cut short"
 
 
 class WireTransforms:
-    """The transforms of one message (bytes): parent, child, stamp [ns], and where its pose is, for `pose`.
+    """Transforms of one message (bytes): parent, child, stamp [ns], and the offset of its pose, for `pose`.
 
-    Raises InputError, while it is iterated, where the message does not hold what it says.
+    Iteration raises InputError if the message is shorter than its contents.
     """
 
     def __init__(self, message: bytes):
@@ -56,10 +56,10 @@ class WireTransforms:
             raise InputError(_CUT_SHORT) from None
 
     def pose(self, at: int) -> tuple[float, ...]:
-        """[x y z qx qy qz qw] of the transform whose pose is there."""
+        """Return the pose [x y z qx qy qz qw] at an offset."""
         return self._pose.unpack_from(self._message, at)
 
 
 def frame_name(name: bytes) -> str:
-    """A frame's name without the slash that ROS 1 began it with."""
+    """Return a frame's name without the leading slash of ROS 1."""
     return name.decode("utf-8", "replace").lstrip("/")

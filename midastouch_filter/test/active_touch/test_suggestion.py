@@ -75,9 +75,9 @@ def test_it_leads_to_where_copies_differ(world, handed):
 KNOWN, VAGUE = NOISE.jitter, 100 * NOISE.between_entries
 
 
-def believing(models, *hypotheses, untested=0.0, identity=None) -> SimpleNamespace:
+def believing(models, *hypotheses, untested=0.0) -> SimpleNamespace:
     """A filter on these models that believes in hypotheses, each (number of its model, pose, covariance, weight), and
-    gives all poses of the first codebook a weight together; identity: probabilities of the objects."""
+    gives all poses of the first codebook a weight together."""
     belief = Belief(models)
     for number, pose, covariance, weight in hypotheses:
         one = Hypotheses.at(pose[None], covariance, np.log([weight]), number, 0.0)
@@ -93,7 +93,6 @@ def believing(models, *hypotheses, untested=0.0, identity=None) -> SimpleNamespa
         objects=models,
         object=models[groups[0].object if groups else 0],
         config=CONFIG,
-        identity=(np.array(identity or [1.0]), 0.0),
         measured_gels=NOTHING_MEASURED,
     )
 
@@ -180,10 +179,9 @@ def test_a_filter_is_advised_from_its_first_touch_on(mapped_slide):
 
 
 def test_an_object_is_as_probable_as_the_filter_says(world, alike, handed):
-    """Maps tell two poses apart better than two objects: weights alone would be too sure of one."""
     pose = copies(world, alike)[0].pose
-    believed = (0, pose, KNOWN, 0.999), (1, pose, KNOWN, 0.001)
-    running = believing([alike, handed], *believed, identity=[0.7, 0.3])
+    believed = (0, pose, KNOWN, 0.7), (1, pose, KNOWN, 0.3)
+    running = believing([alike, handed], *believed)
     found, other = hypotheses_of(running)
     assert [each.probability for each in (found, other)] == pytest.approx([0.7, 0.3])
     assert [(each.model, each.name) for each in (found, other)] == [(alike, "bumpy"), (handed, "handed")]

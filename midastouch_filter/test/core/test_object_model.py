@@ -118,7 +118,7 @@ def near(model) -> bytes:
     """What a model has of the surface."""
     points = model.lookup.poses[:100, :3, 3]
     faces = np.zeros(100, int)
-    return model.surface.distance_of(points).tobytes() + model.normals.at(points, faces).tobytes()
+    return model.surface.distance(points).tobytes() + model.normals.at(points, faces).tobytes()
 
 
 def test_kept_arrays_are_those_that_would_be_made(world):

@@ -1,4 +1,4 @@
-"""The program `ur_follower` as its parent sees it: started, heard, ended, and started again."""
+"""Parent's side of the program `ur_follower`, which is started, listened to, ended, and started again."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ import numpy as np
 from .orders import ALIVE, READY, TROUBLE, Order
 
 _CONNECTING = 20.0  # s, for the import of ur-rtde and its own timeouts
-SILENT_S = 2.0  # s, of a program that has connected
+SILENT_S = 2.0  # s, longest silence of a program that has connected
 _ENDING = 2.0  # s, for the arm to come to rest
 PAUSE_S = 0.5  # s without an order, after which the next one begins a motion
 
 
 class FollowerProcess:
-    """Keeps the program going until it is closed; a thread of its own listens to it.
+    """Keeper of the program until `close`, with a thread of its own that listens to it.
 
-    Attributes: trouble, why the arm is not connected at present, empty while it is; connections, so far.
+    Attributes: trouble, why the arm is not connected at present, empty while it is; connections, number so far.
 
-    command: the command line; pause [s] before a program that has ended is started again; on_change: gets the trouble
-    when it changes, in that thread.
+    command: the command line; pause [s] before a program that has ended is started again; on_change: called in that
+    thread with the trouble when it changes.
     """
 
     def __init__(self, command: Sequence[str], pause: float, on_change: Callable[[str], None]):
         self.trouble, self.connections = "not connected yet", 0
-        self._ordered, self._lost = -np.inf, False  # when; whether a part of the present motion was lost
+        self._ordered, self._lost = -np.inf, False  # time of the last order; whether a part of its motion was lost
         self._command, self._pause, self._on_change = command, pause, on_change
         self._lock, self._closing = threading.Lock(), threading.Event()
         self._process: subprocess.Popen | None = None
@@ -40,9 +40,9 @@ class FollowerProcess:
 
     @property
     def broken_off(self) -> bool:
-        """Whether a part of the motion that is still ordered was lost.
+        """True while orders continue of a motion of which a part was lost.
 
-        The arm, which somebody may have stopped, follows the next motion only, after an order of zero or a pause.
+        The arm, which somebody may have stopped, only follows the next motion, after an order of zero or a pause.
         """
         return self._lost and time.monotonic() - self._ordered <= PAUSE_S
 
@@ -64,7 +64,7 @@ class FollowerProcess:
         with self._lock:
             if self._process is not None:
                 self._process.stdin.close()
-                if self.trouble:  # no arm is moved
+                if self.trouble:  # the program moves no arm
                     self._process.kill()
         self._thread.join(_ENDING)
         with self._lock:
@@ -79,14 +79,14 @@ class FollowerProcess:
                 process = subprocess.Popen(
                     self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
                 )
-            except OSError as error:  # no memory, say
+            except OSError as error:  # for example, no memory
                 self._change(f"the process of ur-rtde does not start: {error}")
                 self._closing.wait(self._pause)
                 continue
             os.set_blocking(process.stdin.fileno(), False)
             with self._lock:
                 self._process = process
-                if self._closing.is_set():  # since the program was started
+                if self._closing.is_set():  # `close` was called since the program was started
                     process.kill()
             reason = self._listen(process.stdout.fileno())
             with self._lock:
@@ -99,7 +99,7 @@ class FollowerProcess:
             self._closing.wait(self._pause)
 
     def _listen(self, descriptor: int) -> str:
-        """Until the program ends or is silent for too long; the reason, empty if it gave none."""
+        """Listen until the program ends or is silent for too long; return the reason, empty if it gave none."""
         data, patient_until = b"", time.monotonic() + _CONNECTING
         while select.select([descriptor], [], [], max(patient_until - time.monotonic(), 0.0))[0]:
             received = os.read(descriptor, 65536)

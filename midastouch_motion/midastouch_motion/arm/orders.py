@@ -1,4 +1,4 @@
-"""What goes over the pipes to and from the program `ur_follower`: a line for each order and each report."""
+"""Messages on the pipes to and from the program `ur_follower`: a line for each order and each report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 READY, ALIVE, TROUBLE = "ready", "alive", "trouble"
-"""First word of a report: the arm is connected, the program goes on, it ends for the reason that follows."""
+"""First words of reports: the arm is connected, the program is alive, it ends for the reason that follows."""
 
 
 @dataclass(frozen=True)
@@ -20,25 +20,25 @@ class Order:
     twist: np.ndarray
 
     def line(self) -> bytes:
-        """As it is sent."""
+        """Return the order as a line."""
         return (" ".join(map(repr, [self.sent, *self.twist.tolist()])) + "\n").encode()
 
     @classmethod
     def of_line(cls, line: bytes) -> Order:
-        """As it has come."""
+        """Return the order that a line holds."""
         sent, *twist = map(float, line.split())
         return cls(sent, np.array(twist))
 
 
 class Orders:
-    """The end of the pipe where they arrive; descriptor: its file descriptor."""
+    """Reading end of the pipe of orders; descriptor: its file descriptor."""
 
     def __init__(self, descriptor: int):
         self._descriptor, self._data = descriptor, b""
         self._newest: Order | None = None
 
     def wait(self, seconds: float) -> Order | None:
-        """The newest order, once a further one has come or the time is over; raises EOFError after the last one."""
+        """Wait at most `seconds` for a further order, and return the newest; raises EOFError after the last one."""
         if select.select([self._descriptor], [], [], seconds)[0]:
             data = os.read(self._descriptor, 65536)
             if not data:

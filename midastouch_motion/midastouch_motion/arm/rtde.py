@@ -36,7 +36,7 @@ class RtdeReceiver:
         self._arm = arm
 
     def read(self) -> ArmState | None:
-        """The newest state, the same again if no new one has arrived; None once the connection is lost."""
+        """Return the newest state, the same again if no new one has arrived; None once the connection is lost."""
         while self._arm.isConnected():
             state = ArmState(
                 self._arm.getTimestamp(),
@@ -55,7 +55,7 @@ class RtdeReceiver:
 
 
 def require_ur_rtde() -> None:
-    """Raise InputError, with the command that installs it, if `ur-rtde` is not there."""
+    """Raise InputError, with the command that installs it, if `ur-rtde` is missing."""
     try:
         import rtde_receive  # noqa: F401
     except ImportError as error:
@@ -63,9 +63,9 @@ def require_ur_rtde() -> None:
 
 
 def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]:
-    """A function (robot_ip, rate in Hz) -> RtdeReceiver that raises ConnectionError if the arm is silent.
+    """Return a function (robot_ip, rate in Hz) -> RtdeReceiver that raises ConnectionError if the arm is silent.
 
-    Raises InputError when `ur-rtde`, which only arms without a ROS driver need, is not installed.
+    Raises InputError if `ur-rtde`, which only arms without a ROS driver need, is not installed.
     """
     require_ur_rtde()
     from rtde_receive import RTDEReceiveInterface
@@ -95,7 +95,7 @@ JOINT_NAMES = (
 
 
 def transform_from_rtde(pose: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) from RTDE poses (..., 6) [x y z rx ry rz], metres and radians.
+    """Convert RTDE poses (..., 6) [x y z rx ry rz], metres and radians, to transforms (..., 4, 4).
 
     Raises InputError on another shape and on non-finite values.
     """
@@ -110,7 +110,7 @@ def transform_from_rtde(pose: np.ndarray) -> np.ndarray:
 
 
 def tool_from_tcp(tcp_pose: np.ndarray, tcp_offset: np.ndarray) -> np.ndarray:
-    """T_base_tool0 (..., 4, 4) from `actual_TCP_pose` (..., 6) and the TCP set on the teach pendant (6,).
+    """Return T_base_tool0 (..., 4, 4) from `actual_TCP_pose` (..., 6) and the TCP set on the teach pendant (6,).
 
     `tcp_offset` is T_tool0_tcp, written as the pendant writes it: [x y z rx ry rz], metres and radians.
     """
@@ -118,7 +118,7 @@ def tool_from_tcp(tcp_pose: np.ndarray, tcp_offset: np.ndarray) -> np.ndarray:
 
 
 class RobotClock:
-    """Maps seconds since the controller's start to nanoseconds of our clock, re-estimated all the time.
+    """Map from seconds since the controller's start to nanoseconds of our clock, estimated again with each state.
 
     A state arrives some transport and polling delay after it was measured, never before. The smallest
     difference (arrival - robot time) of the last `window_s` seconds is therefore the offset between the
@@ -133,7 +133,7 @@ class RobotClock:
         self._last: int | None = None
 
     def stamp(self, robot_time_s: float, arrival_ns: int) -> int:
-        """Time (ns, our clock) at which the state of `robot_time_s` was measured."""
+        """Return the time (ns, our clock) at which the state of `robot_time_s` was measured."""
         now = round(robot_time_s * 1e9)
         if self._last is not None and now < self._last:
             self._offsets.clear()  # the controller was restarted

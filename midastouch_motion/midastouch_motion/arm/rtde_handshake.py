@@ -1,7 +1,7 @@
 """The handshake of RTDE (Universal Robots, "Real-Time Data Exchange Guide"), before `ur-rtde` makes its own.
 
-`ur-rtde` waits for minutes with the interpreter in its hands when nobody answers, and ends the whole process when a
-controller refuses.
+If nothing answers, `ur-rtde` waits for minutes without releasing the interpreter; if a controller refuses, it ends the
+whole process.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _YES = b"\x01"
 
 
 def require_outputs(address: str, port: int, outputs: Sequence[str], rate: float, timeout: float) -> None:
-    """Raise ConnectionError, saying why, unless a controller is there that would send these outputs.
+    """Raise ConnectionError, with the reason, unless a controller answers that would send these outputs.
 
     rate: samples per second; timeout [s] of each answer.
     """
@@ -41,7 +41,7 @@ def _negotiate(connection: socket.socket, outputs: Sequence[str], rate: float) -
 
 
 def _ask(connection: socket.socket, letter: bytes, payload: bytes) -> bytes:
-    """The payload of the answer to a request; text messages that come in between are passed over."""
+    """Return the payload of the answer to a request; text messages that come in between are ignored."""
     connection.sendall(struct.pack(">Hc", 3 + len(payload), letter) + payload)
     while True:
         size, answered = struct.unpack(">Hc", _read(connection, 3))

@@ -1,4 +1,4 @@
-"""Twists of the gel as twists of the TCP: what `speedL` of a UR moves.
+"""Twists of the gel as twists of the TCP, which `speedL` of a UR moves.
 
 A twist (6,) is [v, omega], m/s and rad/s: the velocity of a frame's origin and its angular velocity.
 """
@@ -13,7 +13,7 @@ from midastouch_common import se3
 
 
 def twist_of_tcp(twist: np.ndarray, tcp_from_gel: np.ndarray) -> np.ndarray:
-    """Twist (6,) of the TCP along its own axes, from that of the gel along the gel's; tcp_from_gel: T_tcp_gel (4, 4).
+    """Return the twist (6,) of the TCP along its axes, from that of the gel along its axes; tcp_from_gel: T_tcp_gel.
 
     Both are fixed to the same tool, so that a turn about the gel's apex also moves the TCP.
     """
@@ -24,20 +24,20 @@ def twist_of_tcp(twist: np.ndarray, tcp_from_gel: np.ndarray) -> np.ndarray:
 
 
 def along_base(twist: np.ndarray, base_from_tcp: np.ndarray) -> np.ndarray:
-    """The same twist (6,) of the TCP along the axes of `base`, from that along its own; base_from_tcp: T_base_tcp."""
+    """Return a twist (6,) of the TCP along the axes of `base`, from that along its own; base_from_tcp: T_base_tcp."""
     return se3.turn(base_from_tcp[:3, :3]) @ twist
 
 
 @dataclass(frozen=True)
 class TwistLimits:
-    """What is refused: twists in another frame than this one, faster ones (m/s, rad/s), and what is not finite."""
+    """Limits of twists: those in another frame, faster ones (m/s, rad/s) and those that are not finite are refused."""
 
     frame: str
     speed: float
     turn_speed: float
 
     def refusal(self, frame: str, twist: np.ndarray) -> str:
-        """Why a twist (6,) in a frame is not carried out, in words; empty if it may be."""
+        """Return why a twist (6,) in a frame is refused; empty if it is not."""
         if frame != self.frame:
             return f"a twist in '{frame}', not in '{self.frame}'"
         if not np.isfinite(twist).all():

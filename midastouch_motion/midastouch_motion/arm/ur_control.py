@@ -1,8 +1,8 @@
 """Speeds of a UR arm's TCP, by `ur-rtde`'s program on the controller.
 
-That program goes on with the last `speedL` until it is told to stop: the `time` of a `speedL` says only how long the
-controller keeps to it before it looks for a newer one. What stops an arm that is not told anything any more is the
-controller's watchdog over the input registers.
+That program continues with the last `speedL` until it gets a stop: the `time` of a `speedL` is only how long the
+controller keeps to it before it looks for a newer one. If no commands come any more, the controller's watchdog over the
+input registers stops the arm.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import numpy as np
 from .rtde import ArmState, RtdeReceiver, rtde_connector
 
 RATE = 125.0
-"""Samples and commands per second; every controller can."""
+"""Samples and commands per second; every controller supports this rate."""
 DASHBOARD_PORT, SCRIPT_PORT = 29999, 30003
-_GOES_ON = 0.1  # s within which samples tell a lost connection from a program that has ended
+_GOES_ON = 0.1  # s in which samples must advance: then the program has ended, and the connection is not lost
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """How an arm speeds up and stops [m/s^2], and after how long [s] without a command."""
+    """Acceleration and deceleration of an arm [m/s^2], and the time without a command after which it stops [s]."""
 
     acceleration: float
     deceleration: float
@@ -32,7 +32,7 @@ class Stopping:
 
 
 class UrArm:
-    """An arm that is connected. Raises ConnectionError, saying why, wherever it does not do what it is told."""
+    """An arm that is connected. Its methods raise ConnectionError, with the reason, if it does not obey."""
 
     def __init__(self, control, receiver: RtdeReceiver, stopping: Stopping):
         self._control, self._receiver, self._stopping = control, receiver, stopping
@@ -40,7 +40,7 @@ class UrArm:
     def begin(self, timeout: float) -> None:
         """Start the program, within `timeout` [s], in place of any other one.
 
-        The controller ends it, and so stops the arm, whenever nothing has come for the timeout of `stopping`.
+        The controller ends it, and so stops the arm, whenever no command has come for the timeout of `stopping`.
         """
         self._ask(self._control.reuploadScript)
         end = time.monotonic() + timeout
@@ -53,23 +53,23 @@ class UrArm:
         self._ask(self._control.setWatchdog, 1.0 / self._stopping.timeout)
 
     def state(self) -> ArmState:
-        """The newest sample."""
+        """Return the newest sample."""
         state = self._receiver.read()
         if state is None or not self._control.isConnected():
             raise ConnectionError("connection lost")
         return state
 
     def move(self, velocity: np.ndarray) -> None:
-        """Twist (6,) of the TCP along the axes of `base`; m/s, rad/s."""
+        """Move the TCP by a twist (6,) along the axes of `base`; m/s, rad/s."""
         how = self._stopping
         self._ask(self._control.speedL, velocity.tolist(), how.acceleration, how.timeout)
 
     def stop(self) -> None:
-        """Stand still; returns once it does."""
+        """Stop, and return once the arm stands still."""
         self._ask(self._control.speedStop, self._stopping.deceleration)
 
     def kick(self) -> None:
-        """Nothing new; keeps the watchdog from stopping the arm."""
+        """Keep the watchdog from stopping the arm, without a new command."""
         self._ask(self._control.kickWatchdog)
 
     def end(self) -> None:
@@ -87,7 +87,7 @@ class UrArm:
             raise ConnectionError("the program on the controller has ended; is the arm stopped, or in local control?")
 
     def _require_samples(self) -> None:
-        """ConnectionError if they do not go on: of a lost connection ur-rtde may see first that a command failed."""
+        """Raise ConnectionError if samples do not advance: a lost connection may first show as a failed command."""
         before = self.state().robot_time
         time.sleep(_GOES_ON)
         if self.state().robot_time - before < 0.5 * _GOES_ON:
@@ -95,7 +95,7 @@ class UrArm:
 
 
 def connect(robot_ip: str, stopping: Stopping, timeout: float = 5.0) -> UrArm:
-    """An arm that will move; raises ConnectionError with the reason why it will not.
+    """Connect to an arm and start the program; raises ConnectionError with the reason if the arm will not move.
 
     timeout [s] of each answer that is awaited here; `ur-rtde` has its own, and may end the process.
     """
@@ -108,7 +108,7 @@ def connect(robot_ip: str, stopping: Stopping, timeout: float = 5.0) -> UrArm:
         except OSError as error:
             raise ConnectionError(f"nobody answers at {robot_ip}:{port}: {error}") from error
     try:
-        # Without a program: with one, ur-rtde would start it anew when it connects again, and without the watchdog.
+        # Without a program: ur-rtde would start one again when it reconnects, and without the watchdog.
         control = RTDEControlInterface(robot_ip, RATE, RTDEControlInterface.FLAG_NO_WAIT)
     except RuntimeError as error:
         raise ConnectionError(f"{robot_ip} takes no commands: {error}") from error

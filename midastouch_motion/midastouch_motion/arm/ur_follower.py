@@ -1,9 +1,9 @@
-"""A program that has a UR arm follow the orders on its standard input.
+"""Program that makes a UR arm follow the orders on its standard input.
 
     python -m midastouch_motion.arm.ur_follower ADDRESS ACCELERATION DECELERATION TIMEOUT
 
-It is a process of its own because `ur-rtde` may end its process, hang in it for minutes, and connect again without a
-word: whoever has started the program ends it then. The end of the input stops the arm.
+It is a process of its own because `ur-rtde` may end its process, hang for minutes, or reconnect without a report: the
+parent process then ends the program. The end of the input stops the arm.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _REPORT_PERIOD = 0.1  # s
 
 
 def command(robot_ip: str, stopping: Stopping) -> list[str]:
-    """The command line that starts this program."""
+    """Return the command line that starts this program."""
     numbers = (stopping.acceleration, stopping.deceleration, stopping.timeout)
     return [sys.executable, "-m", __name__, robot_ip, *map(str, numbers)]
 
 
 def follow(arm: UrArm, orders: Orders, timeout: float, report: Callable[[str], None]) -> None:
-    """Carry out the newest order as long as it and the arm's pose are not older than `timeout` [s].
+    """Carry out the newest order as long as neither it nor the arm's pose is older than `timeout` [s].
 
     Returns after the last order, with the arm at rest. Raises ConnectionError.
     """
@@ -63,14 +63,14 @@ def follow(arm: UrArm, orders: Orders, timeout: float, report: Callable[[str], N
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Ends the process: with code 0 after the last order, with 1 if something else was the reason."""
+    """Run the program and end the process: with code 0 after the last order, with 1 for any other reason."""
     robot_ip, *numbers = arguments
     stopping = Stopping(*map(float, numbers))
     reports = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # ur-rtde prints there
 
     def report(words: str) -> None:
-        with contextlib.suppress(OSError):  # nobody listens: the orders end, too
+        with contextlib.suppress(OSError):  # the parent is gone: the orders end, too
             reports.write(words + "\n")
 
     code = 0
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str]) -> None:
         arm = connect(robot_ip, stopping)
         report(READY)
         follow(arm, Orders(0), stopping.timeout, report)
-    except Exception as error:  # ur-rtde raises what it likes
+    except Exception as error:  # ur-rtde may raise anything
         report(f"{TROUBLE} {' '.join(str(error).split())}")
         code = 1
     # Without the destructors of ur-rtde, which wait for a lost connection. The controller stops the arm.

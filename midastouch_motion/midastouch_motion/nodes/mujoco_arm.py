@@ -60,13 +60,13 @@ PARAMETERS = (
         maximum=10.0,
     ),
 )
-_GONE = 2.0  # s without a contact: whoever measured them is gone, and time goes on
+_GONE = 2.0  # s without a contact: the node that measured them is gone, and time no longer waits for it
 
 
 class MujocoArmNode(PipelineNode):
-    """Moves by the twists on `delta_twist_cmds`, which are in the gel frame. TF has where it is, `/clock` its time.
+    """Node whose arm moves by the twists on `delta_twist_cmds`, in the gel frame. TF has its pose, `/clock` its time.
 
-    As it hurts nobody, it enables the node `slider` itself, in place of a person.
+    Because it cannot hurt anybody, it enables the node `slider` itself, in place of a person.
     """
 
     def __init__(self, **node_options):
@@ -75,7 +75,7 @@ class MujocoArmNode(PipelineNode):
         mesh, sensor = load_mesh(p["mesh"]), SensorModel.load(p["sensor_model"])
         base_from_object = se3.from_xyzquat(np.array(p["object_pose"]))
         self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, over(mesh, base_from_object, p["above"])))
-        self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # those of the joints
+        self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # the joints have limits of their own
         self._began, self._period = time.time_ns(), 1.0 / p["rate"]
         self._behind, self._contact = time.monotonic(), (-math.inf, time.monotonic())
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
@@ -111,7 +111,7 @@ class MujocoArmNode(PipelineNode):
         return response
 
     def _on_timer(self) -> None:
-        """Go on as far as the machine's time has, but not too far beyond what was measured."""
+        """Advance as far as the machine's time has, but not too far beyond the newest measurement."""
         now = time.monotonic()
         newest, heard = self._contact
         most = self._settings["longest_delay"]

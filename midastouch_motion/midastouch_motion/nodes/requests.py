@@ -1,4 +1,4 @@
-"""What a goal asks for, as a motion; InputError for what makes no sense."""
+"""Motions that goals ask for; InputError for a goal that makes no sense."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SKILL_OF: dict[type, Callable[[Any, Parameters], skills.Skill]] = {
     Lift: _lift,
     Approach: _approach,
 }
-"""By the kind of action, what makes a motion of its goal and the parameters of the node."""
+"""Function that makes a motion of a goal and the node's parameters, by kind of action."""
 
 
 def _depth(goal: Touch.Goal | Slide.Goal, parameters: Parameters) -> float:

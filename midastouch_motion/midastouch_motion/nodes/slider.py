@@ -1,4 +1,4 @@
-"""Node `slider`: an arm touches, slides and lifts, by twists that follow what the sensor measures."""
+"""Node `slider`: an arm touches, slides and lifts, by twists that follow from the sensor's measurements."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from .twist_topic import followers_and_commanders, vectors
 
 
 class Slider(ManagedNode):
-    """While active, carries out goals of `touch`, `slide`, `lift` and `approach`, as long as `~/enable` is repeated.
+    """Node that, while active, carries out goals of `touch`, `slide`, `lift` and `approach` while `~/enable` repeats.
 
-    Twists of the gel, in its own frame, are on `delta_twist_cmds` while a goal is carried out; then two of zero, or one
-    where the node ends.
+    During a goal it publishes twists of the gel, in the gel's frame, on `delta_twist_cmds`; then two of zero, or one
+    if the node ends.
     """
 
     _goal: tuple[ServerGoalHandle, type] | None = None
@@ -54,13 +54,13 @@ class Slider(ManagedNode):
         self.autostart()
 
     def configure(self) -> None:
-        """Check the limits."""
+        """Check the limits, and make the controller."""
         self._controller = controller_of(self.parameters, self.get_parameter("use_sim_time").value)
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
         self._forget()
 
     def unload(self) -> None:
-        """Nothing is loaded."""
+        """Do nothing: nothing is loaded."""
 
     def connect(self) -> None:
         """Listen to contacts, clouds, forces, the filter, TF and `~/enable`."""
@@ -72,7 +72,7 @@ class Slider(ManagedNode):
         self.create_subscription(WrenchStamped, "wrench", self._on_wrench, qos.stream_subscriber())
         self.create_timer(1.0 / self.parameters["rate"], self._on_timer)
         self._frames = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
-        # last: it has a thread, which nobody would end if something before it failed
+        # last: nothing would end its thread if something after it failed
         self._transforms = TransformSource(
             self,
             frames=self._frames,
@@ -82,14 +82,14 @@ class Slider(ManagedNode):
         )
 
     def disconnect(self) -> None:
-        """Stop the arm, and reading TF."""
+        """Stop the arm, and stop reading TF."""
         self._stop("the node was deactivated")
         if self._transforms is not None:
             self._transforms.close()
             self._transforms = None
 
     def destroy_node(self) -> None:
-        """As of every node; the arm stops, but a goal cannot be ended any more."""
+        """Stop the arm and destroy the node; a goal can no longer be ended."""
         if self._goal is not None:
             self._publish(self._controller.cancel(self._now()))
             self._goal = None
@@ -98,7 +98,7 @@ class Slider(ManagedNode):
         super().destroy_node()
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         servo = self._controller.servo
         self._look()
         values = {
@@ -110,14 +110,14 @@ class Slider(ManagedNode):
         }
         return diagnostics.OK, "", values
 
-    # --- what is seen
+    # --- input
 
     def _now(self) -> float:
         return self.get_clock().now().nanoseconds / SECOND
 
     def _forget(self) -> None:
         self._seen, self._area = Seen(), 0.0
-        self._image = self._pose = self._ticked = -math.inf  # s: newest stamps, however far ahead, and the last period
+        self._image = self._pose = self._ticked = -math.inf  # s: newest stamps, however far ahead; last period
 
     def _on_enable(self, msg: Bool) -> None:
         self._seen.enabled = self._now() if msg.data else -math.inf
@@ -127,12 +127,12 @@ class Slider(ManagedNode):
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
         force = msg.wrench.force
-        # what is not a number is not known to be small
+        # NaN is not known to be small
         self._seen.force = math.inf if math.isnan(norm := math.hypot(force.x, force.y, force.z)) else norm
         self._seen.wrench = self._controller.guard.counted(self._now(), stamp_ns(msg.header.stamp) / SECOND)
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
-        """A contact and its points (K, 3)."""
+        """Take a contact and its points (K, 3)."""
         stamp, now = stamp_ns(contact.header.stamp) / SECOND, self._now()
         if early := self._controller.guard.early("image", now, stamp):
             self.diagnostics.problem("early_images", f"tactile/contact: {early}; is the sensor's clock right?")
@@ -147,7 +147,7 @@ class Slider(ManagedNode):
             self._feed_back()
 
     def _look(self) -> None:
-        """Where the gel is, and who is on the topic of the twists."""
+        """Update the gel's pose, and the numbers of nodes on the topic of the twists."""
         self._seen.listeners, self._seen.commanders = followers_and_commanders(self, self._twists.topic_name)
         try:
             newest = self._transforms.latest_stamp(*self._frames)
@@ -185,8 +185,8 @@ class Slider(ManagedNode):
             self._end(skills.Ended(False, reason), path)
 
     def _on_time_jump(self) -> None:
-        """What was measured and commanded has no meaning any more."""
-        self._forget()  # nor has where the gel was, in the result
+        """Forget everything measured and commanded, because time ran back."""
+        self._forget()  # first, so that the result has no old pose of the gel
         self._transforms.forget()
         self._stop("time ran back")
         self.configure()

@@ -1,4 +1,4 @@
-"""The parameters of `slider`, and what they make its controller."""
+"""Parameters of `slider`, and the controller that follows from them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..controller import Controller
 from ..guard import Guard
 
 SHALLOWEST = 1e-4
-"""m, of a depth to hold: the less it is, the slower the gel approaches."""
+"""Smallest depth to hold [m]: the smaller a depth is, the slower the gel approaches."""
 
-_SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, and so late, too
+_SIMULATED_AHEAD = 1.0  # s that stamps may be ahead: a simulator's time comes as messages, which are late, too
 
 PARAMETERS = (
     Parameter("base_frame_id", "base_link", "Frame at rest, in which the box is"),
@@ -76,7 +76,7 @@ PARAMETERS = (
 
 
 def controller_of(p: Parameters, simulated: bool) -> Controller:
-    """The controller with these limits, in `simulated` time or not; InputError for limits that leave nothing."""
+    """Return the controller with these limits, in `simulated` time or not; raises InputError if they exclude all."""
     if p["depth"] >= p["max_depth"]:
         raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
     limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])

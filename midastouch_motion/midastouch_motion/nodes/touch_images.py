@@ -1,4 +1,4 @@
-"""What one image shows: a contact and the cloud of its points, which come on two topics."""
+"""Contacts in images, each with the cloud of its points: the two come on two topics."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileContact
 
 _LARGEST_GEL = 0.1  # m
-_HALVES = 8  # contacts whose points are still to come, or the other way round
+_HALVES = 8  # most contacts whose points are still to come, or points whose contact is
 
 
 class TouchImages:
-    """Listens from when it is made; the node destroys its subscriptions. on_image: gets each contact with its points
-    (K, 3) m in the gel's frame."""
+    """Listener to contacts and clouds from its construction on; the node destroys its subscriptions. on_image: called
+    with each contact and its points (K, 3) [m] in the gel's frame."""
 
     def __init__(self, node: ManagedNode, depth: int, on_image: Callable[[TactileContact, np.ndarray], None]):
         self._problem, self._on_image = node.diagnostics.problem, on_image
@@ -39,7 +39,7 @@ class TouchImages:
         self._half(msg, msg.header)
 
     def _half(self, msg: TactileContact | PointCloud2, of: Header | None) -> None:
-        """A contact or its points; `of`: what the other half comes with, None if nothing else is needed."""
+        """Take a contact or its points; `of`: header that the other half has, too, None if no other half is needed."""
         if of is None:
             self._on_image(msg, np.zeros((0, 3)))
             return

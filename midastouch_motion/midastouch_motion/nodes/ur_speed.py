@@ -42,9 +42,9 @@ PARAMETERS = (
 
 
 class UrSpeed(ManagedNode):
-    """While active, keeps a connection to the arm and has it follow `delta_twist_cmds`.
+    """Node that, while active, keeps a connection to the arm and makes it follow `delta_twist_cmds`.
 
-    make_follower(command, pause, on_change): as FollowerProcess.
+    make_follower(command, pause, on_change): as `FollowerProcess`.
     """
 
     def __init__(self, make_follower: Callable[..., FollowerProcess] = FollowerProcess, **node_options):
@@ -56,7 +56,7 @@ class UrSpeed(ManagedNode):
         self.autostart()
 
     def configure(self) -> None:
-        """Check what can be checked without the arm."""
+        """Check everything that can be checked without the arm."""
         p = self.parameters
         if self.get_parameter("use_sim_time").value:
             raise InputError("ur_speed moves a real arm, whose time is wall time: set use_sim_time to false")
@@ -67,14 +67,14 @@ class UrSpeed(ManagedNode):
         self._tcp_from_tool = se3.inverse(transform_from_rtde(p["tcp_offset"]))
 
     def unload(self) -> None:
-        """Nothing is loaded."""
+        """Do nothing: nothing is loaded."""
 
     def connect(self) -> None:
         """Listen to twists and TF, and connect to the arm as soon as it answers."""
         p = self.parameters
         self.diagnostics.hardware_id = p["robot_ip"]
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(1))
-        # last: these have threads, which nobody would end if something before them failed
+        # last: nothing would end their threads if something after them failed
         self._transforms = TransformSource(
             self,
             frames=self._frames,
@@ -94,7 +94,7 @@ class UrSpeed(ManagedNode):
             self._transforms = None
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         values = {"twists": self._carried_out, "connections": self._follower.connections}
         if trouble := self._follower.trouble:
             return diagnostics.ERROR, trouble, values
@@ -127,7 +127,7 @@ class UrSpeed(ManagedNode):
         self._follower.send(np.zeros(6))
 
     def _tool_from_gel(self) -> np.ndarray | None:
-        """T_tool_gel (4, 4), None as long as TF does not have it."""
+        """Return T_tool_gel (4, 4); None as long as TF does not have it."""
         return self._transforms.known(*self._frames, self.get_clock().now().nanoseconds)
 
 

@@ -1,1 +1,1 @@
-"""ROS 2 nodes of midastouch_perception: thin, no maths."""
+"""ROS 2 nodes of midastouch_perception; they are thin and contain no maths."""

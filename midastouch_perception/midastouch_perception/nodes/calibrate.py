@@ -1,4 +1,4 @@
-"""Node `calibrate`: guides through the presses of a ball on a running sensor and keeps what they show of it."""
+"""Node `calibrate`: guides a person through presses of a ball on a running sensor, and keeps the calibration."""
 
 from __future__ import annotations
 
@@ -44,19 +44,20 @@ PARAMETERS = (
     ),
 )
 
-_MOST_REASONS = 5  # presses thrown away of which the reason is published
+_MOST_REASONS = 5  # of the refused presses, the last ones whose reason is published
 
 SILENT_S = 5.0
-"""Without an image for so long, it asks for the driver."""
+"""Time without an image [s] after which the node asks whether the driver is running."""
 
 
 class CalibrateNode(PipelineNode):
-    """Subscribes `image_raw`; says on `/diagnostics` what to do next; has the services `~/calibrate` and `~/restart`.
+    """Node that subscribes `image_raw` and publishes the next step for the person on `/diagnostics`.
 
-    After the last press it calibrates and keeps the result. Args: say, called with the same in words; once, whether the
-    node gives up after that. Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result, of the
-    calibration, None while there is none; failure, why there is none, in words; presses_folder, where the images are
-    kept, None if they are not. Raises InputError for parameters that do not fit, and without a no-contact image.
+    After the last press it calibrates and keeps the result. The service `~/calibrate` does so with the presses taken so
+    far, `~/restart` begins again. Args: say, called with each message as text; once, true if the node ends after that.
+    Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result of the calibration, or None; failure,
+    reason why there is no result; presses_folder, folder of the kept images, or None. Raises InputError for parameters
+    that do not fit, and if there is no no-contact image.
     """
 
     def __init__(self, say: Callable[[str], None] | None = None, once: bool = False, **node_options):
@@ -67,10 +68,10 @@ class CalibrateNode(PipelineNode):
         self._sensor = SensorModel.load(self._settings["sensor_model"])
         if self._settings["px_per_mm"]:
             model, self._sensor = self._sensor, self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
-            # tdn, which has the model's scale, would not use it
+            # tdn has the model's scale and would not use a calibration of another scale
             if not self._settings["out"] and (problem := scale_problem(model, self._sensor.pixel_size)):
                 raise InputError(f"calibrate: parameter 'px_per_mm': {problem}")
-        self._required()  # what is missing is reported before anything is started
+        self._required()  # raises before anything is started
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._arrived, self._silent = False, ""
@@ -85,7 +86,7 @@ class CalibrateNode(PipelineNode):
         return self._collector.images
 
     def _required(self) -> tuple[np.ndarray, Path]:
-        """The no-contact image, and where the calibration goes."""
+        """Return the no-contact image and the path of the calibration."""
         if not self._diameter:
             raise InputError("calibrate: parameter 'ball_diameter' is 0; give the ball's diameter in metres")
         require_ball(self._diameter, self._sensor)
@@ -103,7 +104,7 @@ class CalibrateNode(PipelineNode):
         return background, require_place(self._settings["out"] or store.calibration_path)
 
     def _begin(self) -> None:
-        """From no presses on, with the no-contact image as it is kept now. Raises InputError, and nothing is lost."""
+        """Start again without presses, with the no-contact image now kept. On InputError the present state stays."""
         self._background, self._path = self._required()
         self.presses_folder = self._new_folder()
         self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
@@ -114,7 +115,7 @@ class CalibrateNode(PipelineNode):
         self._announce(self._collector.next_step)
 
     def _new_folder(self) -> Path | None:
-        """Where images go from now on, with the no-contact image in it; None for nowhere."""
+        """Make the folder for images from now on, with the no-contact image in it; return it, or None for none."""
         if not self._settings["presses_folder"]:
             return None
         named = expanded(self._settings["presses_folder"], "presses_folder")
@@ -127,7 +128,7 @@ class CalibrateNode(PipelineNode):
         return folder
 
     def _listen(self) -> None:
-        """Say, once, if no image has come of late."""
+        """Report, once, if no image has come in the last `SILENT_S`."""
         if not (self._arrived or self._silent or self._collector.done):
             self._silent = f"no images on {self._topic}; is the driver running?"
             self._announce(self._silent)
@@ -154,7 +155,7 @@ class CalibrateNode(PipelineNode):
             self._announce(*filter(None, [said, then]))
 
     def _calibrate(self) -> str:
-        """Fit the presses taken so far and keep the result, or nothing; returns why there is none, in words."""
+        """Fit the presses taken so far and keep the result; return the reason if that fails, otherwise ""."""
         try:
             with self._diagnostics.kept_up():
                 result = calibrate(
@@ -179,7 +180,7 @@ class CalibrateNode(PipelineNode):
         name, image = list(self.images.items())[-1]
         try:
             self._keep_image(self.presses_folder / name, image)
-        except OSError as error:  # the press counts all the same
+        except OSError as error:  # the press still counts
             self._diagnostics.problem("images_not_kept", f"presses_folder: {self.presses_folder}: {error.strerror}")
 
     @staticmethod
@@ -193,7 +194,7 @@ class CalibrateNode(PipelineNode):
 
     def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         failure = self._calibrate()
-        if self._collector.done:  # else there are more presses to come
+        if self._collector.done:  # otherwise more presses follow
             self.failure = failure
         response.success, response.message = not failure, failure or self._outcome()
         return response

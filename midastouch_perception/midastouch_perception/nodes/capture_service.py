@@ -1,4 +1,4 @@
-"""The service `capture_background`: the next images as the no-contact one."""
+"""Service `capture_background`: makes a no-contact image from the next images."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from ..tdn.background import BackgroundCapture
 
 
 class CaptureService:
-    """The service of a node with the parameters `background_frames`, `still_threshold` and `capture_timeout`.
+    """Service of a node with the parameters `background_frames`, `still_threshold` and `capture_timeout`.
 
-    Args: refusal, called with a captured image (H, W, 3) uint8, returns why it is not taken, "" if it is; accept,
-    called with an image that is taken, returns in words what became of it.
+    Args: refusal, called with a captured image (H, W, 3) uint8, returns the reason to refuse it or ""; accept, called
+    with an image that is not refused, returns a message about its use.
     """
 
     def __init__(self, node: ManagedNode, refusal: Callable[[np.ndarray], str], accept: Callable[[np.ndarray], str]):
         self._node, self._refusal, self._accept = node, refusal, accept
         self._capture: BackgroundCapture | None = None
         self._answer: Future | None = None
-        # In a group of its own: while it waits for images, they must get through.
+        # A group of its own, so that images get through while the service waits for them.
         group = ReentrantCallbackGroup()
         node.create_service(Trigger, "capture_background", self._on_request, callback_group=group)
 
     def observe(self, image: np.ndarray) -> None:
-        """One more image (H, W, 3) uint8 of the sensor."""
+        """Take one more image (H, W, 3) uint8 of the sensor."""
         if self._capture is None:
             return
         self._capture.add(image)
@@ -41,7 +41,7 @@ class CaptureService:
             self._finish(not refusal, refusal or self._accept(captured))
 
     def refuse(self, reason: str) -> None:
-        """End a capture that is under way as failed, for a reason in words."""
+        """End a capture that is under way as failed, with a reason."""
         if self._capture is not None:
             self._finish(False, reason)
 

@@ -1,4 +1,4 @@
-"""Node `tcn`: cloud of contact points -> code of the touch."""
+"""Node `tcn`: from the cloud of contact points to the code of the touch."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ PARAMETERS = (
 
 
 class TcnNode(ManagedNode):
-    """While active, every valid cloud yields one TactileCode of its stamp and frame; an empty cloud one without code.
+    """Node that, while active, publishes one TactileCode for every valid cloud, with its stamp and frame.
 
-    `tcn` replaces the network that the parameters name. When all stages run in one process, `on_contact` takes
-    the place of the cloud (`subscribe` false) and `sink`, called with the header and the touch of each frame,
-    that of the code on the way to the filter.
+    For an empty cloud the message has no code. `tcn` replaces the network that the parameters name. When all stages run
+    in one process, `on_contact` takes the place of the cloud topic (`subscribe` false), and `sink`, called with the
+    header and the touch of each frame, hands the code to the filter.
     """
 
     def __init__(
@@ -63,11 +63,11 @@ class TcnNode(ManagedNode):
         self._stage = CodeStage(self._given or load_tcn(self.parameters["tcn"], sensor))
 
     def unload(self) -> None:
-        """Forget the network."""
+        """Release the network."""
         self._stage = None
 
     def connect(self) -> None:
-        """Subscribe the clouds."""
+        """Subscribe to the clouds."""
         if self._subscribe:
             profile = qos.stage_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
             self.create_subscription(PointCloud2, "tactile/points", self._on_points, profile)
@@ -82,7 +82,7 @@ class TcnNode(ManagedNode):
         self._encode(msg.header, Contact.of(penetration, self._map_sensor), started)
 
     def on_contact(self, header: Header, contact: Contact) -> None:
-        """The depth stage's result, handed over in one process; what comes while the node is not active is dropped."""
+        """Take a result of the depth stage in the same process; it is dropped while the node is not active."""
         if self.active:
             self._encode(header, contact, time.perf_counter())
 
@@ -102,7 +102,7 @@ class TcnNode(ManagedNode):
         self._rate.add(time.perf_counter() - started)
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         problem = self._clouds_from.problem if self._subscribe else ""
         level = diagnostics.WARN if problem else diagnostics.OK
         return level, problem, {**self._rate.values(), **self._stage.skipped}

@@ -1,4 +1,4 @@
-"""Node `tdn`: tactile images -> penetration map, contact and the cloud of contact points."""
+"""Node `tdn`: from tactile images to the penetration map, the contact and the cloud of contact points."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .capture_service import CaptureService
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
 SILENT_S = 5.0
-"""Without an image for so long, that is said."""
+"""Time without an image [s] after which the diagnostics warn."""
 
 PARAMETERS = (
     Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
@@ -85,11 +85,11 @@ PARAMETERS = (
 
 
 class TdnNode(ManagedNode):
-    """While active, every valid image yields one cloud (empty without contact) and one TactileContact of its stamp.
+    """Node that, while active, publishes for every valid image one cloud and one TactileContact, with its stamp.
 
-    `depth` replaces the network that the parameters name. When the next stage runs in the same process,
-    `sink`, called with the header and the contact of each frame, replaces the cloud on the way to it;
-    the cloud is then published for other subscribers only.
+    Without contact the cloud is empty. `depth` replaces the network that the parameters name. When the next stage runs
+    in the same process, `sink`, called with the header and the contact of each frame, replaces the cloud, which is then
+    published only if it has a subscriber.
     """
 
     def __init__(
@@ -135,11 +135,11 @@ class TdnNode(ManagedNode):
             self._calibration.check(self._background.image)
 
     def unload(self) -> None:
-        """Forget the network and the background."""
+        """Release the network and the background."""
         self._stage = self._background = self._image = None
 
     def connect(self) -> None:
-        """Subscribe the images."""
+        """Subscribe to the images."""
         self._heard = time.monotonic()
         profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
         self.create_subscription(Image, "image_raw", self._on_image, profile)
@@ -152,7 +152,7 @@ class TdnNode(ManagedNode):
         started, self._heard = time.perf_counter(), time.monotonic()
         try:
             image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
-            # the network would measure a contact in it; every fourth pixel is enough to see that
+            # the network would measure a contact in a dark or bright image; every fourth pixel is enough to check
             if problem := exposure_problem(image[::4, ::4], _MOST_SATURATED):
                 raise InputError(f"the image is {problem}")
         except InputError as error:
@@ -178,7 +178,7 @@ class TdnNode(ManagedNode):
             self._calibration.check(self._background.image)
 
     def _contact_in(self, image: np.ndarray) -> str:
-        """Why a captured image is not taken; empty if it is."""
+        """Return the reason to refuse a captured image; empty if it is accepted."""
         if not self._stage.shows_contact(image, self._background.image):
             return ""
         return "the sensor is touching something; lift the finger off and try again"
@@ -199,13 +199,13 @@ class TdnNode(ManagedNode):
             self._sink(header, contact)
 
     def _fit_problem(self) -> str:
-        """Why the images do not fit the no-contact image or the network; empty if they do."""
+        """Return the reason why the images do not fit the no-contact image or the network; empty if they do."""
         if self._fit.problem and (turned := turned_since(self._image, self._background.image)):
             return turned
         return self._touched.problem or self._fit.problem
 
     def describe(self) -> tuple[bytes, str, dict]:
-        """Level, message and values for the diagnostics."""
+        """Return level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= {**self._fit.values, **self._gel.values, "calibration": str(self._calibration)}

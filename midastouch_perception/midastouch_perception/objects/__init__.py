@@ -1,4 +1,4 @@
-"""The objects that come with the package, for the demo and the benchmark: procedural, of our own making."""
+"""Objects that come with the package, made by code for the demo and the benchmark."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ _FOLDER = Path(__file__).parent
 
 
 def bundled_objects() -> dict[str, Path]:
-    """Name -> mesh file: `handle_tool` (salient, tool-like), `ball` (symmetric), `eyebolt` (small part), `star_knob`
-    (told at once from above)."""
+    """Return mesh files by name: `handle_tool` (salient, tool-like), `ball` (symmetric), `eyebolt` (small part),
+    `star_knob` (recognised at once from above)."""
     return {path.stem: path for path in sorted(_FOLDER.glob("*.ply"))}

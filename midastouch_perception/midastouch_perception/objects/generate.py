@@ -1,4 +1,4 @@
-"""Makes the bundled meshes anew: `python -m midastouch_perception.objects.generate`."""
+"""Generator of the bundled meshes: `python -m midastouch_perception.objects.generate`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..simulation.procedural import (
 
 
 def handle_tool() -> ObjectMesh:
-    """A 16 cm tool: ribbed grip, collar, hooked head with a jaw, no two parts alike."""
+    """Return a 16 cm tool: ribbed grip, collar, hooked head with a jaw, no two parts alike."""
     quarter = np.pi / 2
     grip = rippled(at(cylinder(0.013, 0.045, 0.006), x=-0.035, turn=(0, quarter, 0)), 4e-4, 7e-3, (1.0, 0, 0))
     pommel = at(box((0.010, 0.016, 0.016), 0.004), x=-0.082)
@@ -38,12 +38,12 @@ def handle_tool() -> ObjectMesh:
 
 
 def ball() -> ObjectMesh:
-    """A plain ball of 60 mm: it is the same everywhere, so no answer is the right answer."""
+    """Return a plain ball of 60 mm: it is the same everywhere, so no pose can be found."""
     return mesh_from_sdf(sphere(0.03), np.full(3, 0.032), 1.5e-3, "ball")
 
 
 def eyebolt() -> ObjectMesh:
-    """A 52 mm eyebolt: ring, collar and a threaded shank."""
+    """Return a 52 mm eyebolt: ring, collar and a threaded shank."""
     ring = at(torus(0.0105, 0.0032), y=0.015, turn=(0, 0, 0))
     collar = at(cylinder(0.0075, 0.0016, 0.0008), y=0.0005, turn=(np.pi / 2, 0, 0))
     rod = at(cylinder(0.0042, 0.0125, 0.0008), y=-0.0125, turn=(np.pi / 2, 0, 0))
@@ -52,10 +52,10 @@ def eyebolt() -> ObjectMesh:
 
 
 def star_knob() -> ObjectMesh:
-    """A 12 cm knob with a flat back: four arms, each with another section and another end."""
+    """Return a 12 cm knob with a flat back: four arms, each with another section and another end."""
 
     def along(angle: float, distance: float, shape: Sdf, z: float = 0.0) -> Sdf:
-        """The shape's z axis laid in the direction of an angle [deg] about z."""
+        """Lay the shape's z axis in the direction of an angle [deg] about z."""
         return at(at(shape, x=distance, z=z, turn=(0, np.pi / 2, 0)), turn=(0, 0, np.radians(angle)))
 
     def end(angle: float, distance: float, shape: Sdf) -> Sdf:
@@ -79,7 +79,7 @@ def star_knob() -> ObjectMesh:
 
 
 def main() -> None:
-    """Write the meshes beside this file."""
+    """Write the meshes next to this file."""
     for mesh in (handle_tool(), ball(), eyebolt(), star_knob()):
         mesh.save(Path(__file__).parent / f"{mesh.name}.ply")
         print(f"{mesh.name}: {len(mesh.faces)} faces, {mesh.diagonal * 1e3:.0f} mm across")

@@ -1,1 +1,1 @@
-"""What a gel measures at a pose: contact poses on a mesh, and the penetration maps that are rendered there."""
+"""Contact poses on a mesh, and rendering of the penetration maps that a gel measures there."""

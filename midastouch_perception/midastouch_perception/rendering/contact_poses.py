@@ -1,4 +1,4 @@
-"""Sensor poses that touch an object, as a finger could reach them (paper appendix A)."""
+"""Sensor poses that touch an object and that a finger could reach (paper appendix A)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .renderer import PenetrationRenderer
 MAX_PENETRATION = 2e-3  # m: the gel is not pressed deeper
 _TOLERANCE = 1e-4  # m
 _PULLS = 4
-MAX_EXCESS = 2e-3  # m: a pose that sinks this much beyond the wanted press would put the sensor's body into the object
+MAX_EXCESS = 2e-3  # m beyond the wanted penetration; any deeper, the sensor's body would be inside the object
 
 
 @dataclasses.dataclass(frozen=True)
 class ContactSampling:
-    """How contact poses are drawn; the defaults are the paper's.
+    """Distribution of contact poses; the defaults are the paper's.
 
     Attributes: press, range [m] of the wanted penetration; tilt, standard deviation [rad] of the angle between gel and
     surface normal; edge_fraction of the poses on edges sharper than 10 deg; free_fraction of the poses without contact.
@@ -35,7 +35,7 @@ class ContactSampling:
 def touch_points(
     mesh: ObjectMesh, n: int, edge_fraction: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) m and outward normals (n, 3): area-uniform, `edge_fraction` of them length-uniform on edges."""
+    """Draw points (n, 3) m and outward normals (n, 3), uniform by area; `edge_fraction` on edges, uniform by length."""
     points, normals, _ = mesh.sample_surface(n, rng)
     ends, edge_normals = mesh.feature_edges
     on_edge = np.flatnonzero(rng.random(n) < edge_fraction)
@@ -51,8 +51,8 @@ def touch_points(
 def pose_from_contact(
     points: np.ndarray, normals: np.ndarray, yaw: np.ndarray, tilt: np.ndarray, azimuth: np.ndarray, press: np.ndarray
 ) -> np.ndarray:
-    """Gel poses T_obj_gel (N, 4, 4): z along the normal, turned by yaw, tilted by `tilt` towards `azimuth` (all (N,)
-    rad), pushed `press` (N,) m into the surface along the gel's own axis."""
+    """Return gel poses T_obj_gel (N, 4, 4): z along the normal, turned by `yaw`, then tilted by `tilt` about the axis
+    at `azimuth` in the gel's plane (all (N,) rad), and pushed `press` (N,) m into the surface along the gel's own z."""
     rotation = se3.frame_from_normal(normals, yaw)
     axis = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
     tilted = rotation @ se3.exp(np.concatenate([np.zeros_like(axis), tilt[:, None] * axis], axis=1))[:, :3, :3]
@@ -60,30 +60,31 @@ def pose_from_contact(
 
 
 class Reachability:
-    """Decides from coarse penetration maps whether poses can be reached, and limits their penetration."""
+    """Test of whether poses can be reached, by coarse penetration maps; it also limits their penetration."""
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel):
         self._renderer = PenetrationRenderer(mesh, sensor.scaled(0.25))
 
     def settle(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration; which (N,) can be reached and touch."""
+        """Return poses (N, 4, 4) pulled back to at most 2 mm of penetration, and whether (N,) each is reachable and
+        touches."""
         deepest = self.deepest(poses)
         reachable = deepest - press <= MAX_EXCESS
         poses, deepest = self._pulled_back(poses, deepest, np.where(reachable, MAX_PENETRATION, np.inf))
         return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
 
     def pressed(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4) moved along their own axes until their deepest point is `press` (N,) m deep; which (N,) of
-        them are. What is 2 mm off the surface, or farther, is not."""
+        """Return poses (N, 4, 4) moved along their own axes until their deepest point is `press` (N,) m deep, and (N,)
+        whether each is. A pose that starts 2 mm or more off the surface is not."""
         poses = poses @ se3.translation([0.0, 0.0, -MAX_PENETRATION])
         poses, deepest = self._pulled_back(poses, self.deepest(poses), press)
         return poses, (deepest > 0) & (np.abs(deepest - press) <= _TOLERANCE)
 
     def _pulled_back(self, poses: np.ndarray, deepest: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4), `deepest` (N,) m deep, out of the object along their own axes where they are deeper than
-        `most` (N,) m; and how deep they are then."""
+        """Return poses (N, 4, 4), `deepest` (N,) m deep, pulled out of the object along their own axes where deeper
+        than `most` (N,) m, and their new depths."""
         poses = poses.copy()
-        # on a flank, pulling back by the excess does not take all of it away: the deepest point moves along
+        # on a flank, pulling back by the excess does not remove all of it, because another point becomes the deepest
         for _ in range(_PULLS):
             deep = np.flatnonzero(deepest > most)
             if not len(deep):
@@ -93,11 +94,11 @@ class Reachability:
         return poses, deepest
 
     def free(self, poses: np.ndarray) -> np.ndarray:
-        """Which (N,) of the poses (N, 4, 4) touch nothing: away from one wall may be into another."""
+        """Return whether (N,) poses (N, 4, 4) touch nothing. (A pose moved away from one wall may be in another.)"""
         return self.deepest(poses) == 0
 
     def deepest(self, poses: np.ndarray) -> np.ndarray:
-        """m (N,) by which poses (N, 4, 4) penetrate, 0 in the air."""
+        """Return the largest penetration (N,) m at poses (N, 4, 4), 0 in the air."""
         return self._renderer.render(poses).max(axis=(1, 2)).astype(float)
 
 

@@ -1,7 +1,7 @@
-"""Penetration maps of a mesh pressed into the gel, for batches of contact poses.
+"""Renderer of penetration maps of a mesh pressed into the gel, for batches of contact poses.
 
-A z-buffer over only the triangles under the sensor's footprint, rasterised in homogeneous coordinates (Olano and
-Greer 1997): no clipping is needed, and the depth at a pixel centre is exact. Back faces are culled, as TACTO does.
+It is a z-buffer over only the triangles under the sensor's footprint, rasterised in homogeneous coordinates (Olano and
+Greer 1997): no clipping is needed, and the depth at a pixel centre is exact. Back faces are culled, as in TACTO.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _STEEPEST = 0.7  # slope with which the gel leaves an object
 
 
 def sunk_in(penetration: np.ndarray, pixel: float, reach: float, fraction: float) -> np.ndarray:
-    """Height (H, W) float32 m of a gel that a contact draws in around itself, as a membrane does.
+    """Return the height (H, W) float32 m of a gel that a contact draws in around itself, as a membrane does.
 
-    Where an object touches, the gel has its shape; beside it the slope at the outline dies away over `reach` m. So the
-    gel moves further than the contact goes, and over a larger area.
+    Where an object touches, the gel has its shape; outside, the slope at the outline decays over `reach` m. So the gel
+    moves further than the contact penetrates, and over a larger area.
 
-    Args: penetration (H, W) m, of the contact; pixel, m per pixel; fraction (0 ... 1) of the outline's slope with which
-    the gel leaves the object: 0 for one that ends at the outline, 1 for one without an edge there.
+    Args: penetration (H, W) m, of the contact; pixel, m per pixel; fraction (0 ... 1), slope with which the gel leaves
+    the object relative to that of the outline: 0 if the gel ends at the outline, 1 if it has no edge there.
     """
     touched = (penetration > 0).astype(np.uint8)
     rim = (touched > 0) & (cv2.erode(touched, np.ones((3, 3), np.uint8)) == 0)
@@ -41,25 +41,25 @@ def sunk_in(penetration: np.ndarray, pixel: float, reach: float, fraction: float
 
 @dataclasses.dataclass(frozen=True)
 class GelShape:
-    """How the gel takes the shape of what is pressed in: reach [m] and fraction as for `sunk_in`, blur [m]."""
+    """Response of a gel to the shape pressed into it: reach [m] and fraction as in `sunk_in`, and blur [m]."""
 
     reach: float
     fraction: float
     blur: float
 
     def height(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
-        """Height (H, W) float32 m of the gel over its rest, for a penetration map (H, W) m, m per pixel."""
+        """Return the gel's height (H, W) float32 m over its rest for a penetration map (H, W) m; pixel, m per pixel."""
         return cv2.GaussianBlur(sunk_in(penetration, pixel, self.reach, self.fraction), (0, 0), self.blur / pixel)
 
 
 class PenetrationRenderer:
-    """Renders one mesh for one sensor model.
+    """Renderer of one mesh for one sensor model.
 
     Args: mesh; sensor, whose width x height is the size of the maps (see `SensorModel.scaled`); margin [m]: surface
-    up to this far below the undeformed gel is seen too, as negative penetration down to -margin. Pose alignment needs
-    it to know what is about to touch.
+    that lies up to this far beyond the undeformed gel is seen, too, as negative penetration down to -margin. Pose
+    alignment needs it to know which surface is about to touch.
 
-    Attribute: scene, object and sensor as the kernels take them.
+    Attribute: scene, object and sensor in the form that the kernels take.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, margin: float = 0.0):
@@ -70,10 +70,10 @@ class PenetrationRenderer:
         self.scene = kernels.Scene(grid, gel_depth, sensor.focal, sensor.gel_distance, margin)
 
     def render(self, poses: np.ndarray) -> np.ndarray:
-        """Penetration maps (N, H, W) float32 [m] at gel poses `T_obj_gel` (N, 4, 4).
+        """Render penetration maps (N, H, W) float32 [m] at gel poses `T_obj_gel` (N, 4, 4).
 
-        Penetration is the undeformed gel's depth minus the surface's along the camera axis, `-margin` (0) where there
-        is nothing.
+        Penetration is the undeformed gel's depth minus the surface's along the camera axis. Where no surface is seen it
+        is -margin, by default 0.
         """
         penetration = self._rasterise(poses, False)[0]
         if self.margin:
@@ -81,9 +81,9 @@ class PenetrationRenderer:
         return penetration
 
     def render_with_normals(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Penetration (N, H, W) float32 [m] and smooth-shaded normals (N, H, W, 3) float32 in the gel frame.
+        """Render penetration (N, H, W) float32 [m] and smooth-shaded normals (N, H, W, 3) float32 in the gel frame.
 
-        Normals are interpolated over each face, as `ObjectMesh.corner_normals`; where there is no contact they are 0.
+        Normals are interpolated over each face from `ObjectMesh.corner_normals`; without contact they are 0.
         """
         poses = np.ascontiguousarray(poses, float)
         penetration, faces = self._rasterise(poses, True)

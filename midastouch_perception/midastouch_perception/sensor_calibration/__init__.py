@@ -1,1 +1,1 @@
-"""What one sensor's colours say of slopes: found from presses of a ball, kept in a file."""
+"""Calibration of one sensor: the relation of its colours to slopes, found from presses of a ball and kept in a file."""

@@ -1,7 +1,7 @@
-"""A ball against the gel: its penetration in closed form, and its contact found in an image, whatever the lights.
+"""Ball against the gel: its penetration in closed form, and detection of its contact in an image under any lights.
 
 Under any light that is linear in the slopes, each colour of a pressed ball is a dipole: a multiple of the ball's slope
-to the right plus a multiple of its slope downwards. A matched filter for the two needs nothing of the sensor.
+to the right plus a multiple of its slope downwards. A matched filter for the two needs no knowledge of the sensor.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import numpy as np
 from ..sensor_model import SensorModel
 
 _SIDES = np.array([-1.0, 1.0])
-_SEARCH_PIXEL = 2  # px of the image to one of the search
-_SEARCHED_RADII = np.linspace(0.2, 0.95, 31)  # contact radii looked for, of the ball's
-_DECAY = 0.3e-3  # m over which the gel's slope dies away beside the contact
-_BLUR = 0.08e-3  # m: blur
+_SEARCH_PIXEL = 2  # px of the image per pixel of the search
+_SEARCHED_RADII = np.linspace(0.2, 0.95, 31)  # contact radii to search for, relative to the ball's radius
+_DECAY = 0.3e-3  # m over which the gel's slope decays outside of the contact
+_BLUR = 0.08e-3  # m
 _LEAST_VISIBLE = 0.6  # of a contact, by its dipoles' energy
 
 
 def ball_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Penetration (H, W) float32 m of a ball into the undeformed gel, negative (down to -inf) where it does not reach.
+    """Return the penetration (H, W) float32 m of a ball into the undeformed gel, negative or -inf outside the contact.
 
-    centre (3,) m, gel frame; radius m. As `PenetrationRenderer` renders it, along the camera's rays.
+    centre (3,) m, gel frame; radius m. It is measured along the camera's rays, as in `PenetrationRenderer`.
     """
     tangent_x, tangent_y = sensor.rays
     start = np.array([0, 0, sensor.gel_distance]) - np.asarray(centre, float)  # of every ray, from the ball's centre
@@ -36,7 +36,7 @@ def ball_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> 
 
 
 def ball_centre(u: float, v: float, contact_radius: float, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Centre (3,) m, gel frame, of a ball that touches the gel in a circle of `contact_radius` m about pixel (u, v).
+    """Return the centre (3,) m, gel frame, of a ball that touches in a circle of `contact_radius` m about pixel (u, v).
 
     u, v: column and row, pixel centres at whole numbers; the pixel may lie outside the image.
     """
@@ -59,8 +59,8 @@ def ball_centre(u: float, v: float, contact_radius: float, radius: float, sensor
 
 @dataclasses.dataclass(frozen=True)
 class BallContact:
-    """A circle in which a ball touches: column u and row v of its middle [px], radius [m]; explained, fraction
-    (0 ... 1) of the image's change that a ball there explains."""
+    """Circle in which a ball touches: column u and row v of its middle [px], radius [m]; explained, fraction (0 ... 1)
+    of the image's change that a ball there explains."""
 
     u: float
     v: float
@@ -68,12 +68,12 @@ class BallContact:
     explained: float
 
     def distance(self, other: BallContact) -> float:
-        """Between the middles [px]."""
+        """Return the distance between the middles [px]."""
         return float(np.hypot(self.u - other.u, self.v - other.v))
 
 
 def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> BallContact:
-    """The most likely contact in a change (H, W, 3) grey levels; ball_radius m, pixel m per pixel."""
+    """Return the most likely contact in a change (H, W, 3) grey levels; ball_radius m, pixel m per pixel."""
     small = cv2.resize(change, None, fx=1 / _SEARCH_PIXEL, fy=1 / _SEARCH_PIXEL, interpolation=cv2.INTER_AREA)
     channels = [np.ascontiguousarray(small[..., c]) for c in range(3)]
     energy = float((small**2).sum()) + 1e-9
@@ -96,7 +96,7 @@ def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> BallCo
 
 
 def _dipoles(radius: float, ball_radius: float, pixel: float) -> list[np.ndarray]:
-    """Slopes to the right and down of a ball that touches in a circle of `radius` m."""
+    """Return the slopes to the right and down of a ball that touches in a circle of `radius` m."""
     reach = int(np.ceil((radius + 4 * _DECAY) / pixel))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1] * pixel
     away = np.hypot(x, y) + 1e-9

@@ -1,8 +1,8 @@
-"""What is known of one sensor's colours, and what the depth network is shown of a calibrated sensor.
+"""Calibration of one sensor's colours, and the depth network's input for a calibrated sensor.
 
-A calibrated sensor's slopes are known in metres a metre. The network is shown them as the colours of a standard sensor:
-three lamps, 120 degrees apart, each colour proportional to the slope towards its lamp. It was trained on such images
-too, and distinguishes them from those of a sensor that nobody calibrated, because their colours cancel.
+A calibrated sensor's slopes are known in metres per metre. The network's input shows them as the colours of a standard
+sensor: three lamps, 120 degrees apart, each colour proportional to the slope towards its lamp. The network was also
+trained on such images. It can distinguish them from images of an uncalibrated sensor, because their colours cancel.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from ..gel_texture import CLEAR, gel_texture, likeness
 from ..sensor_model import SensorModel, given_as
 from .response import ColourResponse
 
-_ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
-# change of the colours by a slope to the right and a slope downwards, as rows: bright where it falls towards the lamp
+_ANGLES = np.radians([30.0, 150.0, 270.0])  # directions of the red, green and blue lamp; y up
+# rows: change of the colours by a slope to the right and one downwards; gel that falls towards a lamp is brighter
 _STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
 _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
 _FORMAT = 3
 _DEFAULTS = Path(__file__).parent / "defaults"
 _GRID = (16, 12)  # rows, columns
-_OTHER_SCALE = 0.02  # by which the pixels' size may differ
-_OTHER_GEL = 0.1  # fraction by which three quarters of a no-contact image may differ, its brightness aside
+_OTHER_SCALE = 0.02  # fraction by which the pixels' size may differ
+_OTHER_GEL = 0.1  # fraction by which three quarters of a no-contact image may differ, apart from its brightness
 
 
 def standard_colours(slopes: np.ndarray) -> np.ndarray:
-    """Change (..., 3) float32 grey levels of a standard sensor by slopes (..., 2), to the right and down."""
+    """Return the change (..., 3) float32 grey levels of a standard sensor by slopes (..., 2), to the right and down."""
     return np.asarray(slopes, np.float32) @ _STANDARD
 
 
 def plain_slopes(change: np.ndarray) -> np.ndarray:
-    """Slopes (..., 2) float32 that changes (..., 3) grey levels of a standard sensor mean."""
+    """Return the slopes (..., 2) float32 that cause changes (..., 3) grey levels of a standard sensor."""
     return np.asarray(change, np.float32) @ _BACK
 
 
 def background_colours(background: np.ndarray) -> np.ndarray:
-    """Mean colours (16, 12, 3) float32 over blocks of a no-contact image (H, W, 3); they distinguish one gel and its
-    light from another."""
+    """Return mean colours (16, 12, 3) float32 over blocks of a no-contact image (H, W, 3), which differ from those of
+    another gel or light."""
     return cv2.resize(background.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
 
 
 def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
-    """Why a calibration with pixels of this size [m] is not for a sensor model (full size); empty if it is."""
+    """Return the reason why a calibration with pixels of this size [m] is not for a sensor model (full size), or ""."""
     if abs(pixel_size / sensor.pixel_size - 1) <= _OTHER_SCALE:
         return ""
     return (
@@ -65,12 +65,12 @@ def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SensorCalibration:
-    """The response of one sensor, as `midastouch calibrate` found it.
+    """Response of one sensor, as found by `midastouch calibrate`.
 
-    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor
-    model; pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
-    (`response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date, ISO 8601;
-    texture (H, W) int8, of its gel, and texture_sigmas, how well that was found in the presses.
+    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor model;
+    pixel_size [m] at which it was made; coefficients (12, 6, 2), from changes in colour to the gel's slopes
+    (`response.py`); background (16, 12, 3), no-contact colours; presses, number of those used; date, ISO 8601; texture
+    (H, W) int8 of the gel; texture_sigmas, likeness of that texture in the presses.
     """
 
     serial: str
@@ -86,20 +86,20 @@ class SensorCalibration:
 
     @cached_property
     def response(self) -> ColourResponse:
-        """The fitted polynomial."""
+        """Fitted polynomial."""
         return ColourResponse(self.coefficients)
 
     @property
     def touched(self) -> str:
-        """What it was made with, in words."""
+        """Description of the presses that it was made from."""
         return f"{self.presses} presses of a ball of {1e3 * self.ball_diameter:g} mm"
 
     def standardised(self, change: np.ndarray) -> np.ndarray:
-        """The change (H, W, 3) that a standard sensor would show where this one shows `change` (H, W, 3)."""
+        """Return the change (H, W, 3) that a standard sensor would show when this one shows `change` (H, W, 3)."""
         return standard_colours(self.response.slopes(change))
 
     def check_kind(self, sensor: SensorModel, serial: str = "") -> None:
-        """As `check_sensor`, whatever the model's scale."""
+        """Raise InputError as `check_sensor` does, but accept any scale of the model."""
         if serial and self.serial != serial:
             raise InputError(f"calibration of the sensor '{self.serial}', not of '{serial}'; calibrate this one")
         if self.sensor != sensor.name:
@@ -109,15 +109,15 @@ class SensorCalibration:
             )
 
     def check_sensor(self, sensor: SensorModel, serial: str = "") -> None:
-        """Raises InputError if it is not of the sensor with this model (full size) and serial number ("": any)."""
+        """Raise InputError if it is not of the sensor with this model (full size) and serial number ("": any)."""
         self.check_kind(sensor, serial)
         if problem := scale_problem(sensor, self.pixel_size):
             raise InputError(problem)
 
     def background_problem(self, background: np.ndarray) -> str:
-        """Why a no-contact image (H, W, 3) is of another gel or another sensor; empty if it is not.
+        """Return the reason why a no-contact image (H, W, 3) must be of another gel or sensor; empty if there is none.
 
-        A gel without a clear texture is only known by its colours.
+        A gel without a clear texture is recognised only by its colours.
         """
         again = "press the ball again and run midastouch calibrate"
         texture = gel_texture(background)
@@ -148,9 +148,9 @@ class SensorCalibration:
 
     @classmethod
     def default(cls, sensor: SensorModel) -> SensorCalibration | None:
-        """That which comes with a kind of lamps, for sensors without one of their own; None if none does.
+        """Return the calibration for a kind of lamps, for sensors without one of their own; None if there is none.
 
-        It was made with one sensor of the kind. Colours mean slopes, so it holds at any scale.
+        It was made with one sensor of that kind. It relates colours to slopes, so it holds at any scale.
         """
         path = _DEFAULTS / f"{sensor.lamps}.npz"
         return _kept(path) if path.is_file() else None
@@ -177,7 +177,7 @@ class SensorCalibration:
                     texture=_texture(file["texture"]),
                     texture_sigmas=float(finite_array(file["texture_sigmas"], ())),
                 )
-        except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen kinds, by which byte is wrong
+        except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen types, depending on the wrong byte
             raise InputError(
                 f"{path}: not a calibration ({error}); make it again from its presses with midastouch calibrate, or "
                 "remove it to go on without"

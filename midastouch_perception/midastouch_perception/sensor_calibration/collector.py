@@ -1,4 +1,4 @@
-"""Guides a person through the presses of a ball: which were taken, which were not and why, and where to press next."""
+"""Guide through the presses of a ball: which were taken, which were refused and why, and where to press next."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from .ball import BallContact
 from .presses import MOST_SPOILED, look_at
 
 _BLOCK = 8  # px
-_TOUCH_LEVEL = 8.0  # grey levels of a block: something touches
-_RELEASE_LEVEL = 5.0  # and nothing does any more
-_STILL_IMAGES = 5  # images that are alike
+_TOUCH_LEVEL = 8.0  # grey levels of a block, from which an object touches
+_RELEASE_LEVEL = 5.0  # grey levels of a block, below which a touch has ended
+_STILL_IMAGES = 5  # images that must be alike
 _STILL_LEVEL = 2.5  # grey levels of a block between them
 _LONG_HOLD = 300  # still images after the verdict on a press: 5 to 10 s
-_LEAST_DISTANCE = 1e-3  # m between contacts, or they are the same
+_LEAST_DISTANCE = 1e-3  # m; contacts closer than this are the same
 REGIONS = (
     *(f"top {column}" for column in ("left", "centre", "right")),
     *("middle left", "centre", "middle right"),
     *(f"bottom {column}" for column in ("left", "centre", "right")),
 )
-"""The ninths of the image, row by row."""
+"""Names of the ninths of the image, row by row."""
 
 
 class PressCollector:
-    """Takes one image of each press that is held still and can be used; the gel must be left in between.
+    """Collector of one image of each usable press that is held still; the ball must be lifted in between.
 
     Args: background (320, 240, 3) uint8 RGB; ball_diameter m; sensor, full size; wanted, number of presses.
-    Attributes: images (320, 240, 3) uint8 RGB by name, those taken; refusals, why others were not, in words.
+    Attributes: images (320, 240, 3) uint8 RGB by name, those taken; refusals, reasons why others were not.
     """
 
     def __init__(self, background: np.ndarray, ball_diameter: float, sensor: SensorModel, wanted: int = 10):
@@ -41,19 +41,19 @@ class PressCollector:
         self._wanted = wanted
         self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL_IMAGES)
         self._contacts: list[BallContact] = []
-        self._judged = False  # the press that goes on
-        self._held = 0  # images that it has stayed still since
+        self._judged = False  # has the present press had its verdict?
+        self._held = 0  # number of still images since then
         self.images: dict[str, np.ndarray] = {}
         self.refusals: list[str] = []
 
     @property
     def done(self) -> bool:
-        """Whether enough presses were taken."""
+        """True once enough presses were taken."""
         return len(self.images) >= self._wanted
 
     @property
     def next_step(self) -> str:
-        """What to do now, in words."""
+        """Instruction for the person's next step."""
         if not self._judged:
             what = f"press the ball at the {self.missing_region}"
         elif self._held < _LONG_HOLD:
@@ -63,13 +63,13 @@ class PressCollector:
         return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:
-        """Look at one image (320, 240, 3) uint8 RGB; returns what became of the press, in words, "" while undecided.
+        """Look at one image (320, 240, 3) uint8 RGB; return the verdict on the press as text, "" while undecided.
 
         Raises InputError for an image of another size.
         """
         blocks = self._blocks(check_image(image, self._sensor, "tactile image"))
         change = float(np.abs(blocks).max())
-        # an image without light has no change to speak of
+        # a black or saturated image can show little change in spite of a touch
         if change < (_RELEASE_LEVEL if self._judged else _TOUCH_LEVEL) and not exposure_problem(
             image[::4, ::4], MOST_SPOILED
         ):
@@ -104,7 +104,7 @@ class PressCollector:
 
     @property
     def missing_region(self) -> str:
-        """The ninth of the image with the fewest presses, in words: one of `REGIONS`."""
+        """Name, out of `REGIONS`, of the ninth of the image with the fewest presses."""
         count = np.zeros((3, 3), int)
         for contact in self._contacts:
             row, column = int(3 * contact.v / self._half.height), int(3 * contact.u / self._half.width)

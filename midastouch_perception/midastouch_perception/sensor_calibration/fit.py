@@ -1,4 +1,4 @@
-"""The calibration of a sensor from presses of one ball: which are used, the fit, and how well it does on others."""
+"""Calibration of a sensor from presses of one ball: selection of presses, fit, and accuracy on other presses."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from .response import NormalEquations, height_slopes, press_equations, well_insi
 
 MOST = 40
 _LEAST_SPREAD = 1 / 16  # of the image: a quarter of its width and of its height
-_LEAST_EXPLAINED = 0.3  # of a press, by the light of all
+_LEAST_EXPLAINED = 0.3  # of a press, by the light fitted to all
 _LEAST_VISIBLE = 0.7
-_WIDEST_CONTACT = 0.93  # median contact radius, of the ball's: the search ends there
-_SAME_POSITION = 0.3e-3  # m between contacts, of which
-_SAME_RADIUS = 0.1  # fraction that the radii differ by: one press, saved again
-_LEAST_AGREEMENT = 0.5  # fraction of the slopes that the fit explains on presses it has not seen
+_WIDEST_CONTACT = 0.93  # median contact radius, relative to the ball's; the search ends shortly above
+_SAME_POSITION = 0.3e-3  # m between two contacts; if their radii are the same, too, one press was saved twice
+_SAME_RADIUS = 0.1  # fraction by which such radii may differ
+_LEAST_AGREEMENT = 0.5  # fraction of the slopes that the fit explains on presses not used for it
 FEWEST = 5
 _FOLDS = 5
 _LEAST_STEEP = 0.05
@@ -43,10 +43,10 @@ _LEAST_STEEP = 0.05
 def fitted(
     changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray | None], pixel: float, made: dict
 ) -> tuple[SensorCalibration, list[SensorCalibration | None]]:
-    """The calibration from all touches, and for each touch the one from those of other folds (None if it is not used).
+    """Return the calibration from all touches, and for each touch the one from other folds (None for an unused touch).
 
-    changes (H, W, 3) grey levels; penetrations (H, W) m, negative beside the contact, None for a touch that is not
-    used; pixel, m per pixel; made, what else a `SensorCalibration` says of itself.
+    changes (H, W, 3) grey levels; penetrations (H, W) m, negative outside the contact, None for a touch that is not
+    used; pixel, m per pixel; made, the other fields of a `SensorCalibration`.
     """
     used = [i for i, penetration in enumerate(penetrations) if penetration is not None]
     equations = {i: press_equations(changes[i], penetrations[i], pixel) for i in used}
@@ -68,10 +68,10 @@ def cross_validation(
     held_out: Sequence[SensorCalibration | None],
     pixel: float,
 ) -> dict[str, float]:
-    """How well slopes are known in each used touch's contact, by a calibration that has not seen it (medians).
+    """Return the accuracy of slopes in each used touch's contact, by the calibration without that touch (medians).
 
     explained_before, explained_after: fraction of the true slopes explained without and with calibration;
-    steepness_before, steepness_after: how steep the slopes are, 1 in truth.
+    steepness_before, steepness_after: steepness of the slopes relative to the true ones.
     """
     rows = []
     for change, penetration, calibration in zip(changes, penetrations, held_out, strict=True):
@@ -89,10 +89,10 @@ def cross_validation(
 
 
 def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> str:
-    """In words, if the colours answer to slopes the other way round than on other sensors with these lamps; else empty.
+    """Return a message if the colours respond to slopes the other way round than on other sensors with these lamps.
 
-    Across or along the finger, by the slopes of what touches; under lamps that nobody knows they may. changes (H, W, 3)
-    grey levels; penetrations (H, W) m; sensor: at the maps' resolution.
+    Otherwise it is empty. Both axes are checked, against the slopes of the touching object; unknown lamps are not.
+    changes (H, W, 3) grey levels; penetrations (H, W) m; sensor: at the maps' resolution.
     """
     if not sensor.lamps:
         return ""
@@ -112,20 +112,21 @@ def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarra
 
 
 def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes (H, W, 2) of what touches with a penetration (H, W) m, and where (H, W) bool the gel has them."""
+    """Return the slopes (H, W, 2) of an object with a penetration (H, W) m, and the pixels (H, W) bool where the gel
+    has them."""
     return height_slopes(np.maximum(penetration, 0), pixel), well_inside(penetration)
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What a calibration is made of, and how good it is.
+    """Calibration with its input and its accuracy.
 
-    Attributes: calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less
-    beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
-    the calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation` and `depth_errors`; and the ball's radius [m] by the slopes, felt_radius_before and
-    felt_radius_after, and by the depth, depth_radius_before and depth_radius_after); doubt, why the diameter
-    of the ball or the images are improbable, empty if they are plausible.
+    Attributes: calibration; presses, all images with their judgement; penetrations (H, W) m of the ball in each, 0 or
+    less outside the contact (None for an unused press); sensor, at the map's resolution; background (320, 240, 3)
+    uint8; held_out, the calibration of each press from the others (None for an unused one); figures of the held-out
+    ones (`cross_validation` and `depth_errors`; and the ball's radius [m] by the slopes, felt_radius_before and
+    felt_radius_after, and by the depth, depth_radius_before and depth_radius_after); doubt, reason why the diameter of
+    the ball or the images are improbable, empty if they are plausible.
     """
 
     calibration: SensorCalibration
@@ -139,7 +140,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """Doubts to consider before using it, in words."""
+        """Doubts to consider before using the calibration, as text."""
         return [said for said in (self.doubt, gain_doubt(self.figures)) if said]
 
 
@@ -154,7 +155,7 @@ def calibrate(
     """Calibrate from images (320, 240, 3) uint8 RGB by name, of presses of a ball of `ball_diameter` m.
 
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
-    diameter_is_right: accept the diameter even where the depth network measures another one.
+    diameter_is_right: accept the diameter even if the depth network measures another one.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
     require_ball(ball_diameter, sensor)
@@ -196,7 +197,7 @@ def calibrate(
     made = _made_of(background, sensor, serial, ball_diameter) | {"texture": texture, "texture_sigmas": sigmas}
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
-    # a ball's slopes are position over radius, nearly
+    # a ball's slopes are approximately position over radius
     figures |= {f"felt_radius_{when}": radius / figures[f"steepness_{when}"] for when in ("before", "after")}
     if figures["explained_after"] < _LEAST_AGREEMENT:
         raise InputError(
@@ -211,7 +212,7 @@ def calibrate(
 
 
 def require_ball(ball_diameter: float, sensor: SensorModel) -> None:
-    """Raise InputError unless a ball of `ball_diameter` m is curved on the gel that a sensor (full size) sees."""
+    """Raise InputError unless a ball of `ball_diameter` m is no wider than the gel that a sensor (full size) sees."""
     gel = sensor.width * sensor.pixel_size
     if not 0 < ball_diameter <= gel:
         raise InputError(
@@ -221,7 +222,7 @@ def require_ball(ball_diameter: float, sensor: SensorModel) -> None:
 
 
 def _made_of(background: np.ndarray, sensor: SensorModel, serial: str, ball_diameter: float) -> dict:
-    """What a calibration says of how it was made, but for the number of presses."""
+    """Return the fields of a calibration that describe its making, except the number of presses."""
     return {
         "serial": serial,
         "ball_diameter": ball_diameter,
@@ -233,7 +234,7 @@ def _made_of(background: np.ndarray, sensor: SensorModel, serial: str, ball_diam
 
 
 def penetration_of(press: Press, ball_radius: float, sensor: SensorModel) -> np.ndarray:
-    """Penetration (H, W) m of the ball in a press, negative beside its contact."""
+    """Return the penetration (H, W) m of the ball in a press, negative outside its contact."""
     contact = press.contact
     return ball_penetration(ball_centre(contact.u, contact.v, contact.radius, ball_radius, sensor), ball_radius, sensor)
 
@@ -253,7 +254,7 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
 
 
 def _once_each(presses: list[Press], sensor: SensorModel) -> list[Press]:
-    """The presses, of which those are not used that are an earlier one, saved again."""
+    """Return the presses, with a problem set for those that are an earlier press, saved again."""
     judged: list[Press] = []
     for press in presses:
         if not press.problem and any(_repeats(press, other, sensor) for other in judged if not other.problem):
@@ -269,7 +270,7 @@ def _repeats(press: Press, other: Press, sensor: SensorModel) -> bool:
 
 
 def _require_enough(presses: list[Press], given: bool) -> None:
-    """given: whether the no-contact image is not made of the presses."""
+    """Raise InputError if too few presses are usable; given: true if the no-contact image is not made from them."""
     usable = sum(not press.problem for press in presses)
     if usable >= FEWEST:
         return
@@ -280,7 +281,7 @@ def _require_enough(presses: list[Press], given: bool) -> None:
 
 
 def _require_spread(presses: list[Press], sensor: SensorModel) -> None:
-    """From presses in one corner the light elsewhere is guessed, and depth there is worse than without calibration."""
+    """Raise InputError if all presses are in one corner: depth elsewhere would be worse than without calibration."""
     centres = np.array([(press.contact.u, press.contact.v) for press in presses if not press.problem])
     spanned = np.ptp(centres, axis=0) / (sensor.width, sensor.height)
     if spanned.prod() < _LEAST_SPREAD:

@@ -1,8 +1,8 @@
-"""What the depth network, which knows many other DIGITs, says of a calibration: the ball's diameter, and the gain.
+"""Checks of a calibration by the depth network, which knows many other DIGITs: the ball's diameter, and the gain.
 
-Colours alone do not show the diameter: whatever slope they are said to mean, some light would make them. Light of which
-most is like that of other DIGITs would not, and that is what the network, without calibration, has learned. It takes
-every ball for a smaller one, by a factor that hardly depends on the sensor.
+Colours alone do not show the diameter: for any slope, there is some light that makes them. Light that is mostly like
+that of other DIGITs is not arbitrary, and the network, without calibration, has learned that light. It takes every ball
+for a smaller one, by a factor that hardly depends on the sensor.
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ RADIUS_RATIO = 0.82
 """Radius that the shipped network measures, relative to the ball's: median over simulated sensors
 (`midastouch_benchmark/fits/diameter.py`)."""
 MOST_DIAMETER_FACTOR = 1.4
-"""Factor between the diameter given and the one measured. On simulated sensors one right diameter in eight is beyond it
-(`midastouch_benchmark/fits/diameter.py`: 1.39 with seed 1, 1.38 with seed 2): as many have to say that theirs is
-right."""
-_CORE_DEPTH = 0.3  # of the deepest penetration: the rim is smeared
-_FEWEST_CORE_PIXELS = 40  # px of it
+"""Largest factor between the diameters given and measured. On simulated sensors one right diameter in eight exceeds it
+(`midastouch_benchmark/fits/diameter.py`: 1.39 with seed 1, 1.38 with seed 2); such users must confirm theirs."""
+_CORE_DEPTH = 0.3  # of the deepest penetration; the rim below is smeared
+_FEWEST_CORE_PIXELS = 40
 
 
 def measured_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor: SensorModel) -> float | None:
-    """Radius [m] of the ball that the network, without a calibration of the sensor's own, measures in presses (320,
-    240, 3) uint8 RGB, their median; None if it measures none. sensor: full size."""
+    """Return the median radius [m] of the ball that the network measures in presses (320, 240, 3) uint8 RGB, without a
+    calibration of the sensor's own; None if it measures none. sensor: full size."""
     tdn = load_tdn("fast", sensor)
     measured = [_curvature(tdn.predict(image, background), tdn.sensor.pixel_size) for image in images]
     bulging = [curvature for curvature in measured if curvature is not None and curvature > 0]
@@ -38,9 +37,9 @@ def measured_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor
 
 
 def diameter_doubt(radius: float | None, ball_diameter: float, sensor: SensorModel) -> str:
-    """Why a ball of this measured radius [m] hardly has this diameter [m]; empty if it may.
+    """Return the reason why a ball of this measured radius [m] can hardly have this diameter [m]; empty if it can.
 
-    Under lamps of which nobody knows what their colours mean, it may.
+    With unknown lamps, whose colours have no known meaning, it always can.
     """
     if radius is None or not sensor.lamps:
         return ""
@@ -52,7 +51,7 @@ def diameter_doubt(radius: float | None, ball_diameter: float, sensor: SensorMod
 
 
 def _curvature(penetration: np.ndarray, pixel: float) -> float | None:
-    """Mean curvature [1/m] of the core of a contact (H, W) m: how fast its slopes change with the position."""
+    """Return the mean curvature [1/m] of the core of a contact (H, W) m: the change of its slopes with the position."""
     row, column = np.unravel_index(penetration.argmax(), penetration.shape)
     _, regions = cv2.connectedComponents((penetration > _CORE_DEPTH * penetration[row, column]).astype(np.uint8))
     core = cv2.erode((regions == regions[row, column]).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
@@ -71,11 +70,12 @@ def depth_errors(
     background: np.ndarray,
     sensor: SensorModel,
 ) -> dict[str, float]:
-    """How depth is measured in touches, medians: felt_error_before, felt_error_after, root mean square error [m] in the
-    contact; curvature_before, curvature_after, how curved its core is, 1 in truth.
+    """Return errors of the depth measured in touches, medians: felt_error_before, felt_error_after, root mean square
+    error [m] in the contact; curvature_before, curvature_after, curvature of its core relative to the true one.
 
-    Without calibration, and with the touch's own one of `held_out`, which has not seen it. images (320, 240, 3) uint8
-    RGB; penetrations (H, W) m of what touches, None, as in held_out, for a touch that is not used; sensor: full size.
+    "Before" is without a calibration of the sensor's own, "after" with the touch's one of `held_out`. images
+    (320, 240, 3) uint8 RGB; penetrations (H, W) m of the object, None, as in held_out, for a touch that is not used;
+    sensor: full size.
     """
     tdn, rows, curvatures = load_tdn("fast", sensor), [], []
     for image, penetration, calibration in zip(images, penetrations, held_out, strict=True):
@@ -98,8 +98,8 @@ def depth_errors(
 
 
 def gain_doubt(figures: dict[str, float]) -> str:
-    """In words, if touches that a calibration has not seen are measured no better with it (`depth_errors`); else
-    empty."""
+    """Return a message if a calibration does not improve the depth in touches that it was not fitted to
+    (`depth_errors`); otherwise empty."""
     before, after = (1e3 * figures[f"felt_error_{when}"] for when in ("before", "after"))
     if after < before:
         return ""

@@ -1,4 +1,4 @@
-"""Which images show one whole press of the ball, why the others do not, and which no-contact image is theirs."""
+"""Judgement of images of presses: does each show one whole press of the ball, and what is their no-contact image?"""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from .ball import BallContact, find_contact
 _LEAST_CHANGE = 8.0  # grey levels of a block: less is no contact
 _BLOCK = 8  # px
 _LEAST_EXPLAINED = 0.45  # fraction of the change that a ball explains
-_MOST_SECOND_ENERGY = 0.25  # energy of another contact, of the first one's
-_CONTACT_REACH = 2.0  # radii: what is further away is not of the same contact
+_MOST_SECOND_ENERGY = 0.25  # energy of a second contact, relative to the first one's
+_CONTACT_REACH = 2.0  # radii; a change beyond belongs to another contact
 _LEAST_VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
 _SATURATED_LEVEL = 250
 MOST_SPOILED = 0.5  # of an image, black or saturated
-_MASK_RADII = 1.7  # radii around a press that are no background
+_MASK_RADII = 1.7  # radii of the circle around a press that does not count as background
 _MASK_PASSES = 2
 _MOST_HIDDEN = 0.02  # of the image
 
 
 @dataclasses.dataclass(frozen=True)
 class Press:
-    """One image: name; change (H, W, 3) float32 grey levels at the map's resolution; contact, None if none was found;
-    problem, why it is not used, empty if it is."""
+    """One image of a press: name; change (H, W, 3) float32 grey levels at the map's resolution; contact, None if none
+    was found; problem, reason why it is not used, empty if it is."""
 
     name: str
     change: np.ndarray
@@ -46,7 +46,7 @@ class Press:
 
 
 def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: float, sensor: SensorModel) -> Press:
-    """What an image (2 H, 2 W, 3) uint8 RGB shows; sensor at the map's resolution, ball_radius m."""
+    """Judge an image (2 H, 2 W, 3) uint8 RGB of a press; sensor at the map's resolution, ball_radius m."""
     seen = light.difference(reduce_image(image)).astype(np.float32)
     change = without_drift(seen)
     if problem := sensor_mismatch(image, seen):
@@ -60,8 +60,8 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
 
 
 def sensor_mismatch(image: np.ndarray, seen: np.ndarray) -> str:
-    """Why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the no-contact image
-    cannot be of the same sensor, whatever touches it; empty if it can."""
+    """Return the reason why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the
+    no-contact image cannot be of the same sensor under any touch; empty if it can."""
     if problem := exposure_problem(image, MOST_SPOILED):
         return problem
     if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
@@ -70,7 +70,7 @@ def sensor_mismatch(image: np.ndarray, seen: np.ndarray) -> str:
 
 
 def reasons(presses: Sequence[Press]) -> str:
-    """Why presses are not used, in words: each kind of reason once, as the first press has it."""
+    """Return the reasons why presses are not used, as text: each kind of reason once, with its first press."""
     kinds: dict[str, list[Press]] = {}
     for press in presses:
         if press.problem:
@@ -83,13 +83,13 @@ def reasons(presses: Sequence[Press]) -> str:
 
 
 def circle(contact: BallContact, scale: float, sensor: SensorModel) -> np.ndarray:
-    """Pixels (H, W) bool within `scale` radii of the middle of a contact."""
+    """Return the pixels (H, W) bool within `scale` radii of the middle of a contact."""
     rows, columns = np.mgrid[: sensor.height, : sensor.width]
     return np.hypot(columns - contact.u, rows - contact.v) < scale * contact.radius / sensor.pixel_size
 
 
 def visible_fraction(contact: BallContact, sensor: SensorModel) -> float:
-    """Fraction (0 ... 1) of a contact's circle that is in the image."""
+    """Return the fraction (0 ... 1) of a contact's circle that is in the image."""
     return float(circle(contact, 1, sensor).sum() * sensor.pixel_area / (np.pi * contact.radius**2))
 
 
@@ -117,7 +117,8 @@ def _problem(
 def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor: SensorModel) -> None:
     """Raise InputError unless a no-contact image (320, 240, 3) uint8 RGB can belong to `images` of a pressed sensor.
 
-    Refused: another size, black, saturated, a touch in it that the images do not show. sensor: full size.
+    It is refused if it has another size, is black or saturated, or shows a touch that the images do not. sensor: full
+    size.
     """
     check_image(background, sensor, "background")
     if problem := image_problem(background, None):
@@ -129,9 +130,9 @@ def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor:
 
 
 def background_behind(images: list[np.ndarray], ball_radius: float, sensor: SensorModel) -> np.ndarray:
-    """No-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without what touches.
+    """Return the no-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without contacts.
 
-    ball_radius m; sensor at the map's resolution. Raises InputError where the presses leave too little gel free.
+    ball_radius m; sensor at the map's resolution. Raises InputError if the presses leave too little gel free.
     """
     background = estimate_background(images)
     for _ in range(_MASK_PASSES):
@@ -156,10 +157,10 @@ def background_behind(images: list[np.ndarray], ball_radius: float, sensor: Sens
 def texture_behind(
     background: np.ndarray, images: dict[str, np.ndarray], presses: list[Press], sensor: SensorModel
 ) -> tuple[np.ndarray, float]:
-    """Texture of a gel in its no-contact image, and in how many standard deviations it is found beside the ball in all
-    presses that are used; sensor at the map's resolution.
+    """Return the texture of a gel in its no-contact image, and its likeness, in standard deviations, to the texture
+    around the ball in all used presses; sensor at the map's resolution.
 
-    Raises InputError where the presses have a texture, and it is another one.
+    Raises InputError if the presses have another texture.
     """
     texture, halves = gel_texture(background), [0.0, 0.0]
     for k, press in enumerate(press for press in presses if not press.problem):

@@ -1,4 +1,4 @@
-"""Contacts and the sensor's light in turn: each is moved to where the light of the others explains it best."""
+"""Refinement of contacts: in turn, the light is fitted to all presses, and each contact moves to where it fits best."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _ROUNDS = 2
 _EVERY = 2  # px
 _REACH, _LENS = 0.3e-3, 0.1e-3  # m, as in `ball.py`
 _RIDGE = 1e-3
-LEVELS = 15.0  # grey levels of a residual from which on it counts less: shadows are not modelled
+LEVELS = 15.0  # grey levels; a larger residual counts less, because shadows are not modelled
 _RADII = 0.1, 0.97  # of the ball's
 
 
 def refine_contacts(
     changes: list[np.ndarray], contacts: list[BallContact], ball_radius: float, sensor: SensorModel
 ) -> list[BallContact]:
-    """The contacts moved, with what the joint light explains of each press.
+    """Return the contacts moved, each with the fraction of its press that the joint light explains.
 
-    changes: (H, W, 3) grey levels each. The light: every colour quadratic in the slopes, its factors quadratic in the
-    position, the same for all presses.
+    changes: (H, W, 3) grey levels each. The light is the same for all presses: every colour is quadratic in the slopes,
+    with factors quadratic in the position.
     """
     for _ in range(_ROUNDS):
         factors = fit_light(changes, [_shape(c, ball_radius, sensor) for c in contacts])
@@ -41,8 +41,8 @@ def _shape(contact: BallContact, ball_radius: float, sensor: SensorModel) -> np.
 
 
 def slope_terms(touched: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Terms (h, w, 5) of the gel's slopes, linear and quadratic, around a penetration (H, W) m at every pixel looked
-    at."""
+    """Return terms (h, w, 5) of the gel's slopes, linear and quadratic, for a penetration (H, W) m, at the pixels of
+    `looked_at`."""
     height = sunk_in(touched, sensor.pixel_size, _REACH, 1.0)
     slopes = height_slopes(cv2.GaussianBlur(height, (0, 0), _LENS / sensor.pixel_size), sensor.pixel_size)
     x, y = slopes[..., 0], slopes[..., 1]
@@ -50,17 +50,17 @@ def slope_terms(touched: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 def looked_at(change: np.ndarray) -> np.ndarray:
-    """The pixels (h, w, 3) of a change (H, W, 3) that are looked at: neighbours say the same."""
+    """Return the pixels (h, w, 3) of a change (H, W, 3) to look at; neighbours have nearly the same values."""
     return change[::_EVERY, ::_EVERY]
 
 
 def lit(shape: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Change (h, w, 3) of the colours by terms (h, w, 5) under a light (h, w, 5, 3)."""
+    """Return the change (h, w, 3) of the colours by terms (h, w, 5) under a light (h, w, 5, 3)."""
     return (shape[..., None, :] @ factors)[..., 0, :]
 
 
 def fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarray:
-    """Factors (h, w, 5, 3) of the terms (h, w, 5) in each colour, from changes (H, W, 3) grey levels."""
+    """Fit the factors (h, w, 5, 3) of the terms (h, w, 5) in each colour to changes (H, W, 3) grey levels."""
     positions = position_terms(*changes[0].shape[:2])[::_EVERY, ::_EVERY]
     size = shapes[0].shape[-1] * positions.shape[-1]
     square, target = np.zeros((size, size)), np.zeros((size, 3))

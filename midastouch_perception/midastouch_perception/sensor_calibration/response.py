@@ -1,4 +1,4 @@
-"""Colour to slope: a small polynomial per sensor, fitted by least squares.
+"""Polynomial from colour to slope, one per sensor, fitted by least squares.
 
 The classic look-up table of photometric stereo (Yuan, Dong and Adelson, Sensors 2017) as a regression: the slopes are
 quadratic in the change of the three colours, with factors quadratic in the position.
@@ -13,22 +13,22 @@ _TYPICAL_CHANGE = 50.0  # grey levels of a typical contact
 TERMS = 12  # of the colours
 _POSITION_TERMS = 6  # of the position
 _INNER_RADIUS = 0.85  # radii: at the rim the gel leaves the ball
-_OUTER_MARGIN = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
-_EVERY = 2  # px; neighbours say the same
+_OUTER_MARGIN = 0.25  # radii of the contact within which gel outside of it has unknown slopes
+_EVERY = 2  # px; neighbours have nearly the same values
 _LEAST_EXPLAINED = 0.5
 _POSITION_RIDGE = np.array([0.1, 1, 1, 2, 2, 2])  # of the terms of the position: the constant is the freest
-_RIDGE = 3e-3  # fraction of the equations' mean weight: what presses do not show stays small
-# fraction of what is explained in all: where presses hardly show how steep it is, it is as elsewhere
+_RIDGE = 3e-3  # fraction of the equations' mean weight; it keeps terms small that presses do not determine
+# fraction of the explained energy; positions with little evidence get the same steepness as the others
 _STEEPNESS_RIDGE = 1e-3
 STEEPEST = 2.0
-"""Steepest slope that colours are taken for. Within contacts of measured sensors none is steeper than 1.6; what the
-polynomial makes of colours beyond those that presses showed, such as a glint's, is no slope."""
+"""Steepest slope that a colour may give. None within contacts of measured sensors is steeper than 1.6; for colours
+outside the range of the presses, such as a glint's, the polynomial's value is no slope."""
 
 
 def colour_terms(change: np.ndarray) -> np.ndarray:
-    """Terms (..., 12) float32 of changes of colour (..., 3) grey levels.
+    """Return terms (..., 12) float32 of changes of colour (..., 3) grey levels.
 
-    Linear and quadratic ones, and the linear ones times the size of the change: brightness grows ever less with slope.
+    They are linear, quadratic, and linear times the size of the change, because brightness levels off with slope.
     """
     r, g, b = np.moveaxis(np.asarray(change, np.float32) / np.float32(_TYPICAL_CHANGE), -1, 0)
     size = np.sqrt(r * r + g * g + b * b)
@@ -36,13 +36,13 @@ def colour_terms(change: np.ndarray) -> np.ndarray:
 
 
 def position_terms(height: int, width: int) -> np.ndarray:
-    """Terms (H, W, 6) float32 of the pixels' positions."""
+    """Return terms (H, W, 6) float32 of the pixels' positions."""
     v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
     return np.stack([np.ones_like(u), u, v, u * u - 1 / 3, u * v, v * v - 1 / 3], axis=-1)
 
 
 class NormalEquations:
-    """Sums over presses of what a least-squares fit of the polynomial needs; they add up, and take back."""
+    """Sums over presses for a least-squares fit of the polynomial; sums of several presses can be added."""
 
     def __init__(self) -> None:
         size = TERMS * _POSITION_TERMS
@@ -53,7 +53,8 @@ class NormalEquations:
 
     @classmethod
     def of(cls, change: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> NormalEquations:
-        """Of one press: change (H, W, 3) grey levels, slopes (H, W, 2) right and down, weight (H, W), 0 for unknown."""
+        """Make the sums of one press: change (H, W, 3) grey levels, slopes (H, W, 2) right and down, weight (H, W), 0
+        if the slope is unknown."""
         out = cls()
         positions = position_terms(*weight.shape)
         change, slopes, weight, positions = (a[::_EVERY, ::_EVERY] for a in (change, slopes, weight, positions))
@@ -74,16 +75,16 @@ class NormalEquations:
         return out
 
     def solve(self) -> np.ndarray:
-        """Coefficients (12, 6, 2) of the slopes. Few presses leave the position's terms small.
+        """Return the coefficients (12, 6, 2) of the slopes. With few presses the position's terms stay small.
 
-        Least squares predict slopes too flat by the fraction that the colours do not explain: noise, shadows, and
-        circles that are off. Shapes must not become flatter by that, nor flatter beside a lamp that outshines the
-        others than elsewhere. So the slopes are made as steep as the balls', on average and on the average of every
-        term of the position: least squares for the slopes times a quadratic in the position, which is solved for.
+        Least squares predict slopes that are too flat, by the fraction that the colours do not explain: noise, shadows,
+        and misplaced circles. Shapes must not become flatter by that, nor flatter near a lamp that outshines others. So
+        we fit the slopes times a quadratic in the position, and solve for that quadratic such that the slopes are as
+        steep as the balls' on average, and on the average weighted by each term of the position.
         """
         ridge = np.diag(_RIDGE * self.weight * np.tile(_POSITION_RIDGE, TERMS) + 1e-12)
         found = np.stack([np.linalg.solve(self.square + ridge, target) for target in self.targets])
-        steep = np.einsum("kpd,lpd->lk", found, self.targets)  # along the balls' slopes, on the average of each term
+        steep = np.einsum("kpd,lpd->lk", found, self.targets)  # projection on the balls' slopes, weighted by each term
         explained = max(steep[0, 0], _LEAST_EXPLAINED * self.energies[0], 1e-12)
         steep += explained * np.diag([0, *(_STEEPNESS_RIDGE * _POSITION_RIDGE[1:])])
         steep[0, 0] = explained
@@ -92,13 +93,14 @@ class NormalEquations:
 
 
 def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
-    """What one press of a ball shows: steep as the ball well inside, flat away from it whatever the shadows.
+    """Return the equations of one press of a ball: gel well inside the contact is as steep as the ball, gel away from
+    it is flat, in spite of shadows.
 
-    Both count alike, however small the contact is. Counted by pixels, the flat gel would outweigh it ten times: colours
-    of which shadows are made as well would stand for too little slope, and each press would read too flat by the
-    fraction of them that it has.
+    Both parts have the same weight. Weighted by pixels, the flat gel would outweigh the contact ten times: colours that
+    also occur in shadows would give too little slope, and a press would be too flat by the fraction of such colours in
+    it.
 
-    change (H, W, 3) grey levels; penetration (H, W) m, negative beside the contact (`ball_penetration`); pixel, m per
+    change (H, W, 3) grey levels; penetration (H, W) m, negative outside the contact (`ball_penetration`); pixel, m per
     pixel.
     """
     touched = (penetration > 0).astype(np.uint8)
@@ -111,26 +113,27 @@ def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -
 
 
 def well_inside(penetration: np.ndarray) -> np.ndarray:
-    """Where (H, W) bool the gel has the slopes of what touches it with a penetration (H, W) m, negative beside it."""
+    """Return the pixels (H, W) bool where gel has the slopes of an object with a penetration (H, W) m, negative outside
+    the contact."""
     touched = (penetration > 0).astype(np.uint8)
     return cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _INNER_RADIUS) * np.sqrt(touched.sum() / np.pi)
 
 
 def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:
-    """Slopes (H, W, 2) float32, to the right and down, of a height (H, W) float32 m."""
+    """Return the slopes (H, W, 2) float32, to the right and down, of a height (H, W) float32 m."""
     slopes = [cv2.Sobel(height, cv2.CV_32F, *axis) / np.float32(8 * pixel) for axis in ((1, 0), (0, 1))]
     return np.stack(slopes, axis=-1)
 
 
 class ColourResponse:
-    """Slopes by the fitted polynomial. coefficients (12, 6, 2)."""
+    """Fitted polynomial from colours to slopes; coefficients (12, 6, 2)."""
 
     def __init__(self, coefficients: np.ndarray):
         self._coefficients = coefficients
         self._factors: np.ndarray | None = None
 
     def slopes(self, change: np.ndarray) -> np.ndarray:
-        """Slopes (H, W, 2) float32 of the gel, to the right and down, of changes (H, W, 3) grey levels; at most
+        """Return the gel's slopes (H, W, 2) float32, to the right and down, for changes (H, W, 3) grey levels; at most
         `STEEPEST`."""
         if self._factors is None or self._factors.shape[:2] != change.shape[:2]:
             positions = position_terms(*change.shape[:2])

@@ -1,4 +1,4 @@
-"""What an engine's reports mean to a simulated camera: when it takes images, and what is odd about the motion."""
+"""Use of a physics engine's reports by a simulated camera: times of its images, and checks of the motion."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from ..rendering.contact_poses import MAX_PENETRATION
 
-_MOST_DUE = 3  # images: what is further behind is left out, as a camera does that nobody reads
-_MOST_SPEED = 5.0  # m/s: no arm slides a finger, and none throws an object past it, that fast
-_MOST_DEPTH = 2 * MAX_PENETRATION  # m: gel gives way by half as much
+_MOST_DUE = 3  # images that may be late; with more, all but the newest are dropped, as by a camera that is not read
+_MOST_SPEED = 5.0  # m/s; no arm slides a finger, or throws an object past one, that fast
+_MOST_DEPTH = 2 * MAX_PENETRATION  # m; gel gives way by half as much
 
 
 class Shutter:
-    """Evenly spaced moments, `fps` a second, none of which lies ahead of the engine's newest state.
+    """Evenly spaced moments, `fps` per second, none of which lies ahead of the engine's newest state.
 
-    If that is older than the last image, time has run back, and the shutter goes on from there.
+    If that state is older than the last image, the engine's time has jumped back, and the shutter continues from it.
     """
 
     def __init__(self, fps: float):
@@ -22,7 +22,7 @@ class Shutter:
         self._last: int | None = None
 
     def due(self, newest: int) -> int | None:
-        """The next moment [ns], if it is not after `newest` [ns]; it counts as taken."""
+        """Return the next moment [ns] and count it as taken; None if it is after `newest` [ns]."""
         if self._last is None or newest < self._last:
             self._last = newest
             return newest
@@ -33,14 +33,14 @@ class Shutter:
         return self._last
 
     def restart(self) -> None:
-        """Begin anew at whatever moment is the newest then."""
+        """Begin again at the next state."""
         self._last = None
 
 
 class MotionWatch:
-    """Looks at the engine's poses at the moments of the images.
+    """Check of the engine's poses at the moments of the images.
 
-    Args: timeout [s] of a clock that never stops, after which an engine that reports nothing new has stopped.
+    Args: timeout [s], by a clock that never stops, after which an engine without a new report counts as stopped.
     """
 
     def __init__(self, timeout: float):
@@ -49,9 +49,9 @@ class MotionWatch:
         self._last: tuple[int, np.ndarray] | None = None
 
     def silence(self, newest: int | None, now: float) -> float:
-        """Seconds since the engine's newest state, of stamp `newest` [ns], changed; 0 within the timeout.
+        """Return the seconds since the engine's newest state, of stamp `newest` [ns], changed; 0 within the timeout.
 
-        newest is None for an engine without motion, which is never silent. now [s], by a clock that never stops.
+        newest: None for an engine without motion, which is never silent. now [s], by a clock that never stops.
         """
         if newest is None or self._heard is None or self._heard[0] != newest:
             self._heard = newest, now
@@ -59,7 +59,7 @@ class MotionWatch:
         return silent if silent > self._timeout else 0.0
 
     def jump(self, stamp: int, T_obj_gel: np.ndarray) -> str:
-        """Why the way to this pose (4, 4) at `stamp` [ns] is no motion, in words; empty if it is one."""
+        """Return a message if the way to this pose (4, 4) at `stamp` [ns] is too fast for a motion; otherwise empty."""
         last, self._last = self._last, (stamp, T_obj_gel)
         if last is None or stamp <= last[0]:
             return ""
@@ -71,12 +71,12 @@ class MotionWatch:
         return f"sensor and object jumped {how_far}: was one set down anew, or do two publish its frame?"
 
     def restart(self) -> None:
-        """The engine began anew: what came before is no pose to move from."""
+        """Forget the last pose, because the engine began again."""
         self._last = None
 
 
 def too_deep(deepest: float) -> str:
-    """Why an object that is `deepest` m in the gel is no touch, in words; empty if it is one."""
+    """Return a message if an object that is `deepest` m in the gel is too deep for a touch; otherwise empty."""
     if deepest <= _MOST_DEPTH:
         return ""
     return f"the object is {1e3 * deepest:.0f} mm in the gel, which gives way by {1e3 * MAX_PENETRATION:.0f} mm at most"

@@ -1,14 +1,14 @@
-"""Light on real gel: by which fraction each colour of the image changes where the gel slopes.
+"""Light on real gel: the fraction by which each colour of the image changes where the gel slopes.
 
 Divided by the no-contact image, presses look alike on every DIGIT measured so far and all over the image, though the
-grey levels differ several times: brightness of lamps, vignetting and exposure cancel. What is left is geometry. For
-light that arrives under an angle, brightness grows with the slope towards it (Lambert), its own part of a colour can
-only fall to nothing, and higher gel takes it from the gel behind.
+grey levels differ several times: brightness of lamps, vignetting and exposure cancel. Geometry remains. For light that
+arrives at an angle, brightness grows with the slope towards it (Lambert), its part of a colour can only fall to 0, and
+higher gel takes it from the gel behind.
 
-Nor is light the same all over the image. Lamps stand close to the gel, so that it comes from other directions and is
-weaker at the far end, and lens and gel make patterns in it. On both real sensors that were measured, one direction of
-slope answers five times weaker at one position than at another, and a calibration explains no more than 82 and 88 % of
-the slopes of presses it has not seen: so it is here for a good part of the sensors.
+But the light is not the same all over the image. Lamps are close to the gel, so that their light comes from other
+directions and is weaker at the far end, and lens and gel make patterns in it. On both real sensors that were measured,
+the response to one direction of slope is five times weaker at one position than at another, and a calibration explains
+no more than 82 and 88 % of the slopes of presses it was not fitted to. A good part of the sensors here are like that.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ import numpy as np
 from ..sensor_model import SensorModel
 
 _COLOURS = 3
-_LAMP_ANGLE_SIGMA = np.radians(25)  # deviation of a lamp from where its design has it
+_LAMP_ANGLE_SIGMA = np.radians(25)  # deviation of a lamp from its angle in the design
 _MOST_LAMPS = 5
 _LAMP_DISTANCE = 0.008, 0.05  # m of the lights from the middle
 _LAMP_HEIGHT = 0.004  # m of the lights over the gel
-_MOST_FADING = 3.0  # power of the distance with which a light fades, at most
+_MOST_FADING = 3.0  # largest power of the distance with which a light fades
 _PATTERN_SHAPE = 12, 9  # rows and columns of the pattern that each light's lens and the gel make
-_MOST_PATTERN_SIGMA = 0.6  # its logarithm's deviation, at most
-_LAMP_SOFTNESS = 0.4  # lamps are no points
+_MOST_PATTERN_SIGMA = 0.6  # largest standard deviation of its logarithm
+_LAMP_SOFTNESS = 0.4  # because lamps are not points
 _SHADOW_STEPS = (
     np.array([0.25, 0.5, 0.9, 1.4, 2.0, 2.8]) * 1e-3
-)  # m towards a light, where higher gel may stand before it
-_PENUMBRA = 0.15e-3, 0.25  # m of height between full shadow and none, and by how much it widens a metre away
+)  # m towards a light, distances at which higher gel may block it
+_PENUMBRA = 0.15e-3, 0.25  # m of height between full shadow and none, and its increase per metre of distance
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LampDesign:
-    """Where the lamps of a kind of sensor are: angles (L,) rad, y up; colours (L,), which of the three each has."""
+    """Lamps of a kind of sensor: angles (L,) rad, y up; colours (L,), index of each lamp's colour out of three."""
 
     angles: np.ndarray
     colours: np.ndarray
 
     @classmethod
     def random(cls, rng: np.random.Generator) -> LampDesign:
-        """Three to five lamps around the gel, turned, mirrored and of any order of colours."""
+        """Draw three to five lamps evenly around the gel, turned by any angle and with any order of colours."""
         lamps = int(rng.integers(_COLOURS, _MOST_LAMPS + 1))
         angles = rng.uniform(0, 2 * np.pi) + np.arange(lamps) * 2 * np.pi / lamps
         return cls(angles, np.resize(rng.permutation(_COLOURS), lamps))
@@ -54,7 +54,7 @@ DIGIT_DESIGN = LampDesign(np.radians([30.0, 150.0, 270.0]), np.arange(_COLOURS))
 
 
 class GelLight:
-    """The lights of one imaginary sensor of relative light, a DIGIT or of another `design`, for one sensor model at its
+    """Lights of one imaginary sensor of relative light, a DIGIT or of another `design`, for one sensor model at its
     resolution."""
 
     def __init__(self, sensor: SensorModel, rng: np.random.Generator, design: LampDesign = DIGIT_DESIGN):
@@ -68,10 +68,10 @@ class GelLight:
         lamps = [self._draw_lamp(angle, fading, patchy, rng) for angle in self._angles]
         self._towards, brightness = zip(*lamps, strict=True)
         overall = np.log(3.6) + rng.normal(0, 0.35)
-        # single precision here and below: this is what takes the time of a simulated image
+        # single precision here and below, because most of the time of a simulated image is spent on these
         incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.25)) for _ in range(lights)]
         self._incidence = np.float32(incidence)
-        # fraction (H, W) of each colour (first) that each light (second) brings; the rest is diffuse
+        # fraction (H, W) of each colour (first) that comes from each light (second); the rest is diffuse
         self._fractions = np.empty((_COLOURS, lights, *shape), np.float32)
         for colour in range(_COLOURS):
             own, leaked = rng.uniform(0.4, 0.85), rng.uniform(0, 0.25, lights)
@@ -81,13 +81,13 @@ class GelLight:
         diffuse = rng.uniform(0.0, 0.5)
         self._fractions /= np.maximum(self._fractions.sum(axis=1, keepdims=True) + diffuse, 1)
         self._shadow = np.float32(rng.uniform(0, 1, lights) * (rng.random() < 0.8))
-        self._elevation = rng.uniform(0.02, 0.6, lights)  # tangent of the lights' height: how short the shadows are
-        # by how much each light can brighten
+        self._elevation = rng.uniform(0.02, 0.6, lights)  # tangent of the lights' height, which shortens shadows
+        # limit of each light's brightening
         self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), lights)))
         self._power = rng.uniform(0.85, 1.3)  # of the camera: gamma
 
     def ratio(self, height: np.ndarray) -> np.ndarray:
-        """Image over no-contact image (H, W, 3) float32 of gel raised by `height` (H, W) m."""
+        """Return the ratio (H, W, 3) float32 of image to no-contact image for gel raised by `height` (H, W) m."""
         right = cv2.Sobel(height, cv2.CV_32F, 1, 0) / (8 * self._pixel)
         up = cv2.Sobel(height, cv2.CV_32F, 0, 1) / (-8 * self._pixel)
         foreshortening = 1 / np.sqrt(1 + right**2 + up**2)
@@ -107,9 +107,9 @@ class GelLight:
     def _draw_lamp(
         self, angle: float, fading: float, patchy: float, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Part (2, H, W) right and up of the direction to a lamp at an angle [rad], and how bright (H, W) it shines.
+        """Draw the direction (2, H, W), right and up, to a lamp at an angle [rad], and its brightness (H, W).
 
-        fading: power of the distance; patchy: deviation of the logarithm of its pattern.
+        fading: power of the distance; patchy: standard deviation of the logarithm of its pattern.
         """
         away = np.exp(rng.uniform(*np.log(_LAMP_DISTANCE)))
         lamp = away * np.array([np.cos(angle), np.sin(angle)], np.float32)
@@ -121,7 +121,7 @@ class GelLight:
         return turned, (np.hypot(away, _LAMP_HEIGHT) / distance) ** fading * np.exp(pattern)
 
     def _shadowed(self, height: np.ndarray, light: int) -> np.ndarray:
-        """How far (H, W) in [0, 1] higher gel hides the light from a pixel."""
+        """Return the fraction (H, W) in [0, 1] of the light that higher gel hides from a pixel."""
         angle, shadow = self._angles[light], np.zeros_like(height)
         for step in _SHADOW_STEPS:
             # rows run against y
@@ -141,11 +141,11 @@ class GelLight:
 
 
 def _falling_to_nothing(lit: np.ndarray) -> np.ndarray:
-    """Brightness of which nothing is left below 0; 1 stays 1."""
+    """Return brightness that falls smoothly to 0 for negative values; 1 stays 1."""
     return 0.5 * (lit + np.sqrt(lit**2 + _LAMP_SOFTNESS)) / np.float32(0.5 * (1 + np.sqrt(1 + _LAMP_SOFTNESS)))
 
 
 def _turned(direction: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Directions (2, H, W) in the image plane, turned by angles (H, W) rad."""
+    """Return directions (2, H, W) in the image plane, turned by angles (H, W) rad."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.stack([cos * direction[0] - sin * direction[1], sin * direction[0] + cos * direction[1]])

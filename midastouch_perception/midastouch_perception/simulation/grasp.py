@@ -1,4 +1,4 @@
-"""Grasps: the gels of a hand that closes on an object, a thumb against two fingers."""
+"""Simulated grasps: poses of the gels of a hand that closes on an object, a thumb against two fingers."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ..sensor_model import SensorModel
 from .slide import carried
 
 CONTACTS = 3
-"""Fingers of the hand, the thumb first."""
+"""Number of fingers of the hand, including the thumb, which is the first."""
 
 _OPENING = 0.12  # m from the thumb to the fingers of the open hand
 _APART = 0.028, 0.045  # m between the two fingers, side by side
 _PRESS = 0.3e-3, 1.5e-3  # m
 _TILT = np.radians(4.0)  # sigma of a pad's error about each axis, after it has turned to the surface
-_SLIPS = np.radians(40.0)  # a finger that meets the surface more obliquely slides off
-_BODY, _CLEAR = 0.015, 0.01  # m: the middle of a finger behind its gel, and what is free around it
+_SLIPS = np.radians(40.0)  # a finger that meets the surface at a larger angle to its normal slides off
+_BODY, _CLEAR = 0.015, 0.01  # m: distance of a finger's middle behind its gel, and free radius around it
 _TRIES, _STEPS, _MET = 10_000, 40, 1e-4
 
 
 def simulate_grasp(mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Gel poses T_obj_gel (CONTACTS, 4, 4) of a grasp.
+    """Draw the gel poses T_obj_gel (CONTACTS, 4, 4) of a grasp.
 
     The hand closes in a random direction about a random point of the surface. Each finger stops where it meets the
-    surface, turns to it as a soft pad does, and is pressed in. Where that is, flat or sharp, is left to chance; no
-    finger slips, and none is inside the object or another finger. Raises InputError if the object has no such grasp.
+    surface, flat or sharp, turns to it as a soft pad does, and is pressed in. No finger slips, and none is inside the
+    object or another finger. Raises InputError if the object has no such grasp.
     """
     reachability = Reachability(mesh, sensor)
     for _ in range(_TRIES):
@@ -39,7 +39,7 @@ def simulate_grasp(mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generat
 
 
 def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generator) -> np.ndarray | None:
-    """Poses (CONTACTS, 4, 4) of one hand's gels; None if it gets no hold."""
+    """Close one hand: return poses (CONTACTS, 4, 4) of its gels; None if it gets no hold."""
     (about,), _, _ = mesh.sample_surface(1, rng)
     hand = se3.frame_from_normal(_directions(rng), rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
     frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * 2])
@@ -63,13 +63,13 @@ def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generat
 
 
 def _directions(rng: np.random.Generator) -> np.ndarray:
-    """One unit direction (1, 3)."""
+    """Draw one unit direction (1, 3)."""
     direction = rng.standard_normal((1, 3))
     return direction / np.linalg.norm(direction)
 
 
 def _free(mesh: ObjectMesh, poses: np.ndarray) -> bool:
-    """Whether the fingers of gels at poses (N, 4, 4) are outside of the object and of each other."""
+    """Return whether the fingers of gels at poses (N, 4, 4) are outside of the object and of each other."""
     bodies = poses[:, :3, 3] + _BODY * poses[:, :3, 2]
     closest, distance, _ = mesh.closest_points(bodies)
     outside = ((bodies - closest) * mesh.smooth_normals(closest)).sum(axis=1) > 0

@@ -1,9 +1,9 @@
-"""Optics measured on one real sensor: how its images answer to the shape of its gel, fitted to presses of a ball.
+"""Optics measured on one real sensor: response of its images to the shape of its gel, fitted to presses of a ball.
 
-Relative light, as in `gel_light.py`, but nothing of it is imagined: each colour's ratio to the no-contact image is a
-polynomial in the gel's normal, with factors quadratic in the position, plus what higher gel on six sides takes or adds
-(shadow lobes). Beyond the steepest slope of the presses, and beyond where they were, colours stay as they are there.
-Judges; nothing is trained with it.
+The light is relative, as in `gel_light.py`, but measured: each colour's ratio to the no-contact image is a polynomial
+in the gel's normal, with factors quadratic in the position, plus the effect of higher gel on six sides (shadow lobes).
+Beyond the steepest slope of the presses, and outside of their region, colours are those at the limit.
+These optics are used to judge networks, not to train them.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from ..sensor_model import SensorModel
 _FOLDER = Path(__file__).parents[1] / "measured_sensors"
 _NORMAL_TERMS = 7
 _DIRECTIONS = np.arange(6) * np.pi / 3
-_SIDE_STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m to where the gel may stand higher
+_SIDE_STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m, distances at which higher gel is looked for
 SIDE_TERMS = len(_DIRECTIONS) * len(_SIDE_STEPS)
-_FRAME_CORRELATION = 0.95  # of exposure and drift, from a frame to the next
+_FRAME_CORRELATION = 0.95  # of exposure and drift, between consecutive frames
 _FORMAT = 1
 _SHAPE_KEYS = "reach", "share", "blur"  # of the file, in the order of GelShape's fields
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeasuredOptics:
-    """One measured sensor.
+    """Optics of one measured sensor.
 
     Attributes: name; source, the command that made it; shape of the gel; steepest, sine of the largest slope seen;
     region (4,), left, right, top and bottom of the presses, as fractions of the image; normal (7, 6, 3), factors of the
-    terms of normal and position in each colour; sides (18, 3), those of higher gel beside; background (16, 12, 3) grey
-    levels; exposure (3,), standard deviation of each colour's log-brightness between frames; drift (6,), that of a
-    frame's light over the position; noise, of a pixel of the map's resolution, grey levels; explained, fraction (0 ...
-    1) of the change in presses left out of the fit.
+    terms of normal and position in each colour; sides (18, 3), factors of the terms of higher gel around a pixel;
+    background (16, 12, 3) grey levels; exposure (3,), standard deviation of each colour's log-brightness between
+    frames; drift (6,), standard deviation of the terms of position in a frame's light; noise of a pixel at the map's
+    resolution, grey levels; explained, fraction (0 ... 1) of the change in presses left out of the fit.
     """
 
     name: str
@@ -63,7 +63,7 @@ class MeasuredOptics:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> MeasuredOptics:
-        """Optics by a name of `measured_sensors`, or from a file that `save` wrote. Raises InputError for others."""
+        """Load optics by a name of `measured_sensors`, or from a file that `save` wrote; InputError for others."""
         path = _FOLDER / f"{name_or_path}.json"
         path = path if path.is_file() else require_file(name_or_path, "measured sensor")
         try:
@@ -100,7 +100,7 @@ class MeasuredOptics:
 
     @cached_property
     def content_id(self) -> str:
-        """Short hash of all that was measured."""
+        """Short hash of all values."""
         return hashlib.sha256(self._text().encode()).hexdigest()[:12]
 
     def _text(self) -> str:
@@ -109,7 +109,7 @@ class MeasuredOptics:
         return json.dumps({"format": _FORMAT} | values, default=lambda a: np.round(np.asarray(a, float), 4).tolist())
 
     def ratio(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
-        """Image over no-contact image (H, W, 3) float32 for a penetration map (H, W) m, m per pixel."""
+        """Return the ratio (H, W, 3) float32 of image to no-contact image for a penetration map (H, W) m; pixel, m."""
         height = self.shape.height(penetration, pixel)
         out = side_terms(height, pixel, self.steepest) @ self.sides.astype(np.float32) + 1
         out += (normal_terms(height, pixel, self.steepest)[..., None, :] @ _factors(self, *height.shape))[..., 0, :]
@@ -118,17 +118,17 @@ class MeasuredOptics:
 
 @lru_cache(maxsize=4)
 def _factors(optics: MeasuredOptics, height: int, width: int) -> np.ndarray:
-    """Of the normal's terms (H, W, 7, 3) float32 in each colour, at every pixel."""
+    """Return the factors (H, W, 7, 3) float32 of the normal's terms in each colour at every pixel."""
     return np.tensordot(positions_within(optics.region, height, width), optics.normal.astype(np.float32), (2, 1))
 
 
 def measured_sensors() -> list[str]:
-    """Names of the measured sensors that are shipped."""
+    """Return the names of the shipped measured sensors."""
     return sorted(path.stem for path in _FOLDER.glob("*.json"))
 
 
 def positions_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Terms (H, W, 6) float32 of each pixel's nearest position in a region (`MeasuredOptics.region`)."""
+    """Return terms (H, W, 6) float32 of each pixel's nearest position in a region (`MeasuredOptics.region`)."""
     left, right, top, bottom = region * np.array([width, width, height, height])
     rows = np.clip(np.arange(height), top, bottom).astype(int).clip(0, height - 1)
     columns = np.clip(np.arange(width), left, right).astype(int).clip(0, width - 1)
@@ -136,7 +136,7 @@ def positions_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
-    """Terms (H, W, 7) float32 of the gel's normal: height (H, W) m, m per pixel, largest sine of a slope."""
+    """Return terms (H, W, 7) float32 of the normal of gel of a height (H, W) m; pixel, m; steepest, largest sine."""
     slopes = height_slopes(height, pixel)
     tangent = np.hypot(slopes[..., 0], slopes[..., 1])
     sine = np.minimum(tangent / np.sqrt(1 + tangent**2), np.float32(steepest))
@@ -146,7 +146,7 @@ def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarra
 
 
 def side_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
-    """Terms (H, W, 18) float32: how steeply the gel rises above a pixel, in six directions and three distances."""
+    """Return terms (H, W, 18) float32: the slope up from a pixel to gel in six directions at three distances."""
     terms, limit = [], np.float32(steepest / np.sqrt(1 - steepest**2))
     for step in _SIDE_STEPS:
         for angle in _DIRECTIONS:
@@ -157,7 +157,7 @@ def side_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
 
 
 class MeasuredSensor:
-    """Images that a measured sensor takes, one after the other: light and exposure go on from frame to frame.
+    """Stream of images of a measured sensor, whose light and exposure vary continuously from frame to frame.
 
     Args: optics; sensor, geometry at full size; rng. Attributes: background (H, W, 3) uint8.
     """
@@ -171,7 +171,7 @@ class MeasuredSensor:
         self.background = self._exposed(self._rest)
 
     def images(self, penetrations: np.ndarray) -> Iterator[np.ndarray]:
-        """Images (H, W, 3) uint8 RGB of penetration maps (N, H / 2, W / 2) m, each map a frame."""
+        """Yield images (H, W, 3) uint8 RGB of penetration maps (N, H / 2, W / 2) m, one frame per map."""
         for penetration in penetrations:
             fresh = zip(self._light, self._draw(), strict=True)
             self._light = [_FRAME_CORRELATION * old + np.sqrt(1 - _FRAME_CORRELATION**2) * new for old, new in fresh]
@@ -182,11 +182,11 @@ class MeasuredSensor:
         return [rng.standard_normal(3) * optics.exposure, rng.standard_normal(6) * optics.drift]
 
     def _today(self) -> np.ndarray:
-        """Factor (H, W, 3) of a frame's light."""
+        """Return the factor (H, W, 3) of a frame's light."""
         exposure, drift = self._light
         return ((1 + self._positions @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
 
     def _exposed(self, light: np.ndarray) -> np.ndarray:
         noisy = light + self._optics.noise * self._rng.standard_normal(light.shape, np.float32)
-        # the mean of four pixels is what networks see
+        # networks use the mean of four pixels, so the four are equal here
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)

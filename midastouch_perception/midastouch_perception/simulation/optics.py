@@ -1,6 +1,6 @@
-"""What the DIGIT's camera sees of the gel, as two simulators have it: light, material and image formation.
+"""Optics of a DIGIT's camera image of the gel, as in two simulators: light, material and image formation.
 
-`TactoOptics` computes what the TACTO simulator renders for a DIGIT, in closed form: three coloured spot lights on a
+`TactoOptics` computes the image of the TACTO simulator for a DIGIT in closed form: three coloured spot lights on a
 rough, slightly metallic gel, gamma, and half the difference to the undeformed gel added to a real no-contact image.
 `ColourTable` is the optics that Taxim fitted on a real DIGIT. `randomisation.py` varies both far beyond that.
 """
@@ -20,7 +20,7 @@ from midastouch_common.files import require_file
 
 from ..sensor_model import SensorModel
 
-_MOST_CHANGE = 130.0  # grey levels: the quadratics overshoot where no press of the fit has been
+_MOST_CHANGE = 130.0  # grey levels; the quadratics overshoot at positions without a press in the fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Illumination:
 
     @classmethod
     def tacto(cls) -> Illumination:
-        """The `digit_shadow` configuration the paper uses: green, red and blue on a 20 mm ring."""
+        """Return the `digit_shadow` configuration that the paper uses: green, red and blue on a 20 mm ring."""
         angles = np.radians([150.0, 30.0, 270.0])
         positions = np.stack([0.02 * np.cos(angles), 0.02 * np.sin(angles), np.full(3, -0.005)], axis=1)
         # intensity 2 divided by 255, because TACTO passes its colours as integers
@@ -48,7 +48,7 @@ class Illumination:
 
 
 class TactoOptics:
-    """TACTO's images of penetration maps, for one sensor model at its resolution."""
+    """TACTO's optics for one sensor model: images of penetration maps at the model's resolution."""
 
     def __init__(self, sensor: SensorModel):
         self.sensor = sensor
@@ -58,15 +58,15 @@ class TactoOptics:
         self._rest = render_gel(np.zeros((sensor.height, sensor.width), np.float32), None, sensor, self._illumination)
 
     def difference(self, penetration: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
-        """Change (H, W, 3) float32, grey levels, of the image by a contact of `penetration` (H, W) m.
+        """Return the change (H, W, 3) float32, grey levels, of the image by a contact of `penetration` (H, W) m.
 
-        normals (H, W, 3): the touching surface's, gel frame, 0 outside (`render_with_normals`); without them they are
-        taken from the penetration map's slope.
+        normals (H, W, 3): of the touching surface, gel frame, 0 outside (`render_with_normals`); if None, they come
+        from the slopes of the penetration map.
         """
         if normals is None:
             change = render_gel(penetration, None, self.sensor, self._illumination) - self._rest
         else:
-            # only what is touched looks different, a small part of the image
+            # only touched pixels change, a small part of the image
             touched = np.flatnonzero(penetration > 0)
             gel_depth, *tangents = (a.ravel()[None, touched] for a in (self.sensor.gel_depth, *self.sensor.rays))
             depth = gel_depth - penetration.ravel()[touched]
@@ -83,7 +83,7 @@ class TactoOptics:
         normals: np.ndarray | None = None,
         noise: float = 2.0,
     ) -> np.ndarray:
-        """Camera image (H, W, 3) uint8 RGB over a no-contact image `background` (H, W, 3) uint8.
+        """Return the camera image (H, W, 3) uint8 RGB over a no-contact image `background` (H, W, 3) uint8.
 
         noise: standard deviation in grey levels of the pixel noise.
         """
@@ -93,7 +93,7 @@ class TactoOptics:
 
 
 def gel_normals(sensor: SensorModel, depth: np.ndarray | None = None) -> np.ndarray:
-    """Unit normals (H, W, 3) float32, gel frame, of a depth map (H, W) m; of the undeformed gel by default."""
+    """Return unit normals (H, W, 3) float32, gel frame, of a depth map (H, W) m; of the undeformed gel by default."""
     depth = sensor.gel_depth if depth is None else depth
     tangent_x, tangent_y = sensor.rays
     points = np.stack([tangent_x * depth, tangent_y * depth, -depth], axis=-1).astype(np.float32)
@@ -106,7 +106,7 @@ def gel_normals(sensor: SensorModel, depth: np.ndarray | None = None) -> np.ndar
 def render_gel(
     penetration: np.ndarray, normals: np.ndarray | None, sensor: SensorModel, illumination: Illumination
 ) -> np.ndarray:
-    """Rendered gel (H, W, 3) float32, grey levels 0 ... 255, before blur, background and noise."""
+    """Render the gel (H, W, 3) float32, grey levels 0 ... 255, before blur, background and noise."""
     depth = (sensor.gel_depth - penetration).astype(np.float32)
     if normals is None:
         shading = gel_normals(sensor, depth)
@@ -120,7 +120,7 @@ def render_gel(
 def shade(
     depth: np.ndarray, normals: np.ndarray, tangent_x: np.ndarray, tangent_y: np.ndarray, light: Illumination
 ) -> np.ndarray:
-    """Shaded surface (H, W, 3) float32 grey levels for depth (H, W) m and normals (H, W, 3), gel frame."""
+    """Shade a surface: (H, W, 3) float32 grey levels for depth (H, W) m and normals (H, W, 3), gel frame."""
     c_diffuse = light.base * 0.96 * (1 - light.metallic)
     f0 = 0.04 + (light.base - 0.04) * light.metallic
     return kernels.shade(
@@ -138,7 +138,7 @@ def shade(
 
 
 class ColourTable:
-    """Slope of the gel to change of colour, at any resolution of the portrait image.
+    """Table from slopes of the gel to changes of colour, at any resolution of the portrait image.
 
     Args: coefficients (S, D, 6, 3): per slope bin (0 ... 90 deg), direction bin (-180 ... 180 deg) and channel the
     factors of x^2, y^2, xy, x, y, 1 in pixels of a 640 x 480 image.
@@ -153,7 +153,7 @@ class ColourTable:
 
     @classmethod
     def load(cls, path: str | Path) -> ColourTable:
-        """From Taxim's `polycalib.npz` (arrays grad_r, grad_g, grad_b). Raises InputError if it is not one."""
+        """Load Taxim's `polycalib.npz` (arrays grad_r, grad_g, grad_b). Raises InputError if it is not one."""
         path = require_file(path, "colour table")
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -162,9 +162,9 @@ class ColourTable:
             raise InputError(f"{path}: not a Taxim colour table ({error}); give its polycalib.npz") from error
 
     def difference(self, height: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):
-        """Change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `height` (H, W) m.
+        """Return the change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `height` (H, W) m.
 
-        pixel: m per pixel. quarter_turns, mirrored: how the table's camera image maps to this portrait image; the
+        pixel: m per pixel. quarter_turns, mirrored: motion from the table's camera image to this portrait image; the
         table's own orientation (one quarter turn) is not documented with it.
         """
         down, right = np.gradient(np.ascontiguousarray(height, np.float32), np.float32(pixel))

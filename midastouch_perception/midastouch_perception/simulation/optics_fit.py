@@ -1,4 +1,4 @@
-"""Fits `MeasuredOptics` to touches of a known object on a real sensor, which `midastouch calibrate` has found."""
+"""Fit of `MeasuredOptics` to the presses of a ball on a real sensor that `midastouch calibrate` has found."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ..tdn.inputs import RELATIVE_LEVEL, ContactLight, reduce_image
 from .measured_optics import SIDE_TERMS, MeasuredOptics, normal_terms, positions_within, side_terms
 
 _SHAPES = [GelShape(reach, fraction, 1.5e-4) for reach in (0.2e-3, 0.35e-3, 0.5e-3, 0.8e-3) for fraction in (0.6, 1.0)]
-_EVERY = 2  # px; neighbours say the same
+_EVERY = 2  # px; neighbours have nearly the same values
 _FOLDS = 5
-_RIDGES = (1e-3, 1e-2, 0.1)  # of a term's own weight: what presses do not show of positions stays small
+_RIDGES = (1e-3, 1e-2, 0.1)  # of a term's own weight; they keep terms small that presses do not determine
 _POSITION_RIDGE = np.array([0.1, 1, 1, 2, 2, 2])  # light varies slowly with the position
 _POSITION_TERMS = len(_POSITION_RIDGE)
 _ALL_SLOPES = 1 - 1e-6  # sine: no limit
 
 
 def fit_optics(name: str, source: str, images: dict[str, np.ndarray], result: Result) -> MeasuredOptics:
-    """The optics behind images (320, 240, 3) uint8 RGB by name, of which `calibrate` made `result`.
+    """Fit the optics to images (320, 240, 3) uint8 RGB by name, of which `calibrate` made `result`.
 
-    The gel's shape is the one of a few whose light predicts presses best that it was not fitted to.
+    The gel's shape is the one, out of a few, with which the light best predicts presses left out of its fit.
     """
     used = [(p, np.maximum(m, 0)) for p, m in zip(result.presses, result.penetrations, strict=True) if m is not None]
     seen = [press.change / np.float32(RELATIVE_LEVEL) for press, _ in used]
@@ -52,8 +52,8 @@ def fit_optics(name: str, source: str, images: dict[str, np.ndarray], result: Re
 
 
 class _LightFit:
-    """Least squares for the light, with the gel taking one shape. Attributes: shape; steepest, sine of the slope that
-    all but a hundredth of the touched pixels keep below."""
+    """Least squares for the light, for one shape of the gel. Attributes: shape; steepest, sine of the slope below which
+    99 % of the touched pixels are."""
 
     def __init__(
         self, shape: GelShape, maps: list[np.ndarray], seen: list[np.ndarray], region: np.ndarray, pixel: float
@@ -75,12 +75,12 @@ class _LightFit:
             self._energies.append(float((target**2).sum()))
 
     def solve(self, presses: Iterable[int], ridge: float) -> tuple[np.ndarray, np.ndarray]:
-        """Factors (7, 6, 3) of the normal's terms and (18, 3) of the sides', from these presses."""
+        """Return factors (7, 6, 3) of the normal's terms and (18, 3) of the sides', from these presses."""
         found = self._solve(list(presses), ridge)
         return found[:-SIDE_TERMS].reshape(-1, 6, 3), found[-SIDE_TERMS:]
 
     def explained(self, ridge: float) -> float:
-        """Fraction of a press's change that a fit to others explains, median over the presses."""
+        """Return the fraction of a press's change that a fit to others explains, median over the presses."""
         fractions, count = {}, len(self._squares)
         for fold in range(_FOLDS):
             found = self._solve([i for i in range(count) if i % _FOLDS != fold], ridge)
@@ -98,7 +98,7 @@ class _LightFit:
 
 
 def _light_of_frames(images: dict[str, np.ndarray], result: Result) -> dict:
-    """What changes from frame to frame: `exposure`, `drift` and `noise` of `MeasuredOptics`."""
+    """Return the variation from frame to frame: `exposure`, `drift` and `noise` of `MeasuredOptics`."""
     rest = reduce_image(result.background)
     light, positions = ContactLight(rest, "relative"), position_terms(*rest.shape[:2])
     flat = positions[::_EVERY, ::_EVERY].reshape(-1, positions.shape[-1])
@@ -110,7 +110,7 @@ def _light_of_frames(images: dict[str, np.ndarray], result: Result) -> dict:
         exposure.append(np.log(np.median(image / np.maximum(rest, 1), axis=(0, 1))))
         slow = (light.difference(image) - press.change)[::_EVERY, ::_EVERY].reshape(-1, 3) / RELATIVE_LEVEL
         drift.append(np.linalg.lstsq(flat, slow, rcond=None)[0])
-        # neighbours differ by noise, where light changes slowly: 1.48 times the median of |N(0, 1)| is 1
+        # light changes slowly, so neighbours differ by noise; 1.48 times the median of |N(0, 1)| is 1
         step = np.diff(press.change * rest / RELATIVE_LEVEL, axis=1)
         noise.append(1.4826 * np.median(np.abs(step)) / np.sqrt(2))
     return {

@@ -1,6 +1,6 @@
-"""Shapes of our own making: signed distance functions turned into meshes by surface nets (Gibson 1998).
+"""Procedural shapes: signed distance functions turned into meshes by surface nets (Gibson 1998).
 
-They give the networks shapes no scan has (sharp ridges, screws, ripples, the detail of letters) and the demo its
+They give the networks shapes that no scan has (sharp ridges, screws, ripples, the detail of letters), and the demo its
 bundled objects. A signed distance function maps points (N, 3) m to distances (N,) m, negative inside.
 """
 
@@ -13,19 +13,19 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 
-_BLOCK = 6  # grid points a side that are sampled together
-_STEEPEST = 1.8  # change of distance a metre: ripples make more of it than 1
+_BLOCK = 6  # grid points along each side that are sampled together
+_STEEPEST = 1.8  # largest change of a function per metre; ripples make it more than 1
 
 Sdf = Callable[[np.ndarray], np.ndarray]
 
 
 def sphere(radius: float) -> Sdf:
-    """Ball around the origin."""
+    """Return a ball around the origin."""
     return lambda p: np.linalg.norm(p, axis=1) - radius
 
 
 def box(half: tuple[float, float, float], rounding: float = 0.0) -> Sdf:
-    """Axis-aligned box with half sizes `half`, its edges rounded by `rounding`."""
+    """Return an axis-aligned box with half sizes `half`, its edges rounded by `rounding`."""
     inner = np.asarray(half) - rounding
 
     def distance(p: np.ndarray) -> np.ndarray:
@@ -36,7 +36,7 @@ def box(half: tuple[float, float, float], rounding: float = 0.0) -> Sdf:
 
 
 def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
-    """Cylinder around z."""
+    """Return a cylinder around z."""
 
     def distance(p: np.ndarray) -> np.ndarray:
         q = np.stack([np.hypot(p[:, 0], p[:, 1]) - radius, np.abs(p[:, 2]) - half_height], axis=1) + rounding
@@ -46,12 +46,12 @@ def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
 
 
 def torus(major: float, minor: float) -> Sdf:
-    """Ring around z."""
+    """Return a ring around z."""
     return lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - major, p[:, 2]) - minor
 
 
 def placed(shape: Sdf, pose: np.ndarray) -> Sdf:
-    """`shape` moved by the rigid transform `pose` (4, 4)."""
+    """Return `shape` moved by the rigid transform `pose` (4, 4)."""
     back = se3.inverse(pose)
     return lambda p: shape(p @ back[:3, :3].T + back[:3, 3])
 
@@ -59,14 +59,14 @@ def placed(shape: Sdf, pose: np.ndarray) -> Sdf:
 def at(
     shape: Sdf, x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> Sdf:
-    """`shape` turned by the rotation vector `turn` [rad], then moved to (x, y, z) [m]."""
+    """Return `shape` turned by the rotation vector `turn` [rad], then moved to (x, y, z) [m]."""
     pose = se3.exp(np.array([0, 0, 0, *turn]))
     pose[:3, 3] = x, y, z
     return placed(shape, pose)
 
 
 def union(*shapes: Sdf, blend: float = 0.0) -> Sdf:
-    """All of the shapes, their seams filleted over `blend` m."""
+    """Return the union of the shapes, their seams filleted over `blend` m."""
 
     def distance(p: np.ndarray) -> np.ndarray:
         out = shapes[0](p)
@@ -83,18 +83,18 @@ def union(*shapes: Sdf, blend: float = 0.0) -> Sdf:
 
 
 def difference(shape: Sdf, *tools: Sdf) -> Sdf:
-    """`shape` with the tools cut away."""
+    """Return `shape` with the tools cut away."""
     return lambda p: np.maximum(shape(p), -np.min([tool(p) for tool in tools], axis=0))
 
 
 def rippled(shape: Sdf, amplitude: float, wavelength: float, direction: np.ndarray) -> Sdf:
-    """`shape` with ridges of `amplitude` and `wavelength` m across `direction` (3,)."""
+    """Return `shape` with ridges of `amplitude` and `wavelength` m across `direction` (3,)."""
     wave = 2 * np.pi / wavelength * np.asarray(direction) / np.linalg.norm(direction)
     return lambda p: shape(p) - amplitude * np.sin(p @ wave)
 
 
 def _sampled(shape: Sdf, axes: list[np.ndarray], spacing: float) -> np.ndarray:
-    """The distances (I, J, K) on a grid; away from the surface one for a whole block, of the right sign."""
+    """Sample distances (I, J, K) on a grid; away from the surface one value, of the right sign, for a whole block."""
     blocks = [[a[i : i + _BLOCK] for i in range(0, len(a), _BLOCK)] for a in axes]
     middles = [np.array([0.5 * (b[0] + b[-1]) for b in along]) for along in blocks]
     centres = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1)
@@ -112,7 +112,7 @@ def _up_to(n: int, axis: int) -> tuple[slice, ...]:
 
 
 def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> ObjectMesh:
-    """Mesh of the zero level inside the box [-half, half] (3,) m, sampled every `spacing` m."""
+    """Return the mesh of the zero level inside the box [-half, half] (3,) m, sampled every `spacing` m."""
     axes = [np.arange(-h - 2 * spacing, h + 2.5 * spacing, spacing) for h in half]
     values = _sampled(shape, axes, spacing)
     inside = values < 0
@@ -169,13 +169,13 @@ def _primitive(size: float, rng: np.random.Generator) -> Sdf:
 
 
 def random_probe(rng: np.random.Generator, name: str) -> ObjectMesh:
-    """A single ball, box, pin or ring of 5 ... 20 mm: large beside the press, its outline within view."""
+    """Make a single ball, box, pin or ring of 5 ... 20 mm: large relative to the press, its outline within view."""
     size = rng.uniform(0.005, 0.01)
     return mesh_from_sdf(_primitive(size, rng), np.full(3, 1.2 * size), size / 40, name)
 
 
 def random_shape(rng: np.random.Generator, name: str) -> ObjectMesh:
-    """A random object of 40 ... 100 mm: blended and cut primitives, some rippled."""
+    """Make a random object of 40 ... 100 mm: blended and cut primitives, some rippled."""
 
     def anywhere(shape: Sdf, reach: float) -> Sdf:
         return placed(shape, se3.make(se3.random_rotations(1, rng)[0], rng.uniform(-reach, reach, 3)))

@@ -1,6 +1,6 @@
-"""Random parts as CAD exports them: flat walls and sharp edges, which neither scans nor rounded shapes have.
+"""Random parts as in CAD exports, with flat walls and sharp edges, which neither scans nor rounded shapes have.
 
-The networks are trained on them and the filter's constants fitted; parts that judge are others, with names.
+They are used to train the networks and to fit the filter's constants; tests and benchmarks use other parts, with names.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from .solids import Layer, Outline, circle, gear_outline, lofted, rectangle, rep
 
 _HALF_WIDTH = 0.01, 0.05  # m
 _THICKNESS = 0.002, 0.03  # m, of a layer
-_TAPERED = 0.3  # of the parts are rings joined by walls: bottles, cones, prisms that taper
+_TAPERED = 0.3  # of the parts, which are rings joined by walls: bottles, cones, prisms that taper
 
 
 def random_part(rng: np.random.Generator, name: str) -> ObjectMesh:
-    """A part of 20 ... 100 mm: layers of random outlines with holes and notches, or walls between random rings."""
+    """Make a part of 20 ... 100 mm: layers of random outlines with holes and notches, or walls between random rings."""
     return _tapered(rng, name) if rng.random() < _TAPERED else _layered(rng, name)
 
 
@@ -34,7 +34,7 @@ def _layered(rng: np.random.Generator, name: str) -> ObjectMesh:
 
 
 def _outline(radius: float, rng: np.random.Generator) -> Outline:
-    """A closed polygon around the origin, turned at random."""
+    """Draw a closed polygon around the origin, turned at random."""
     kind = rng.integers(5)
     if kind == 0:
         width, depth = 2 * radius * rng.uniform(0.35, 1.0, 2)
@@ -53,7 +53,7 @@ def _outline(radius: float, rng: np.random.Generator) -> Outline:
 
 
 def _cuts(size: float, rng: np.random.Generator) -> tuple[Outline, ...]:
-    """A bore, a ring of holes or slots, or a notch anywhere."""
+    """Draw a bore, a ring of holes or slots, or a notch anywhere."""
     kind, radius = rng.integers(3), size * rng.uniform(0.06, 0.3)
     if kind == 0:
         return (circle(radius, sides=72),)

@@ -1,11 +1,11 @@
-"""Domain randomisation: images as many different DIGITs would take them of the same penetration maps.
+"""Domain randomisation: images of the same penetration maps as many different DIGITs would take them.
 
 "My DIGIT is not your DIGIT": gain, light directions, colour mixing, shadows, gel smoothing, blur, noise, JPEG and the
 no-contact background differ from sensor to sensor. Each term is one method of `RandomSensor`; around half of the
-sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
-shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says. All of these add to a
-photograph, as TACTO does; sensors whose model says that their light is relative have the light and the gel of
-`gel_light.py` and `rendering/renderer.py`.
+sensors stay close to TACTO, the others spread over the range of real DIGITs (contrast up to 8 times TACTO's, coloured
+shadow lobes, soft halo), and some use a colour table fitted on a real DIGIT. All of these add differences to a
+photograph, as TACTO does. Sensors whose model has relative light use the light of `gel_light.py` and the gel of
+`rendering/renderer.py`.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
 
 @dataclasses.dataclass(frozen=True)
 class RandomisationRange:
-    """How far sensors vary.
+    """Range over which sensors vary.
 
-    Attributes: wide_fraction of the sensors that leave TACTO's neighbourhood; table_fraction of those that shine by
-    `colour_table`, if there is one; dark_fraction of the frames in which the object, beside the view, stands in the way
-    of one of the lights; design_fraction of those with relative light whose lamps are not a DIGIT's.
+    Attributes: wide_fraction of the sensors that leave TACTO's neighbourhood; table_fraction of those that use
+    `colour_table`, if there is one; dark_fraction of the frames in which the object, next to the view, blocks one of
+    the lights; design_fraction of the sensors with relative light whose lamps are not a DIGIT's.
     """
 
     wide_fraction: float = 0.6
@@ -40,7 +40,7 @@ class RandomisationRange:
 
 
 class RandomSensor:
-    """One imaginary DIGIT: fixed optics and background; `images` adds what changes from frame to frame.
+    """One imaginary DIGIT: its optics and background are fixed; `images` adds the changes from frame to frame.
 
     Args: sensor, at the resolution of the maps; backgrounds, real no-contact images (B, H, W, 3) uint8 at that
     resolution; rng.
@@ -68,7 +68,7 @@ class RandomSensor:
         if self.wide and ranges.colour_table and rng.random() < ranges.table_fraction:
             self._table = ranges.colour_table
             self._gain = rng.uniform(0.4, 1.5)
-            self._smoothing = self._smoothing or 0.1e-3  # the table knows slopes, so the gel must have them
+            self._smoothing = self._smoothing or 0.1e-3  # the table needs finite slopes, so the gel must be smooth
             self._orientation = int(rng.integers(4)), bool(rng.random() < 0.5)
         self._blur = rng.uniform(0.4, 1.4) if self.wide else 0.7
         self._noise = rng.uniform(0.2, 2.5)
@@ -87,9 +87,9 @@ class RandomSensor:
     def images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Images (N, H, W, 3) and the reference no-contact image (H, W, 3), both float32 grey levels 0 ... 255.
+        """Return images (N, H, W, 3) and the reference no-contact image (H, W, 3), float32 grey levels 0 ... 255.
 
-        penetration (N, H, W) m and normals (N, H, W, 3), gel frame, as `PenetrationRenderer` gives them.
+        penetration (N, H, W) m and normals (N, H, W, 3), gel frame, come from `PenetrationRenderer`.
         """
         out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
@@ -104,16 +104,16 @@ class RandomSensor:
         rng: np.random.Generator,
         drift: np.ndarray | float = 1.0,
     ) -> np.ndarray:
-        """Image (H, W, 3) float32 grey levels of one touch, as in `images`.
+        """Return the image (H, W, 3) float32 grey levels of one touch, as in `images`.
 
-        drift: factor by which the light is another than that of the no-contact image; one, or (H, W, 3).
+        drift: factor of the light relative to that of the no-contact image; a number, or (H, W, 3).
         """
         today = self.background * drift
         lit = today * self._lit(penetration) if self._gel else today + self._difference(penetration, normals, rng)
         return self._expose(lit, rng)
 
     def _lit(self, penetration: np.ndarray) -> np.ndarray:
-        """The gel's image over its no-contact image (H, W, 3): relative light."""
+        """Return the ratio (H, W, 3) of the image to the no-contact image, for relative light."""
         if not penetration.any():
             return np.ones((*penetration.shape, 3), np.float32)
         height = sunk_in(penetration, self.sensor.pixel_size, self._reach, self._outline_fraction)
@@ -151,7 +151,7 @@ class RandomSensor:
     def _darken(
         self, image: np.ndarray, depth: np.ndarray, normals: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """The image with one light gone in a region with straight outlines, as behind a wall beside the view."""
+        """Return the image without one light in a region with straight outlines, as in the shadow of a wall."""
         light = self._illumination
         on = np.ones((len(light.colours), 1))
         on[rng.integers(len(on))] = 0
@@ -163,7 +163,7 @@ class RandomSensor:
         return np.where(region[..., None], dark, image)
 
     def _gel_follows(self, penetration: np.ndarray) -> np.ndarray:
-        """Gel surface that cannot follow sharp edges: blurred, but pressed home where the contact is deep."""
+        """Return a gel surface that cannot follow sharp edges: blurred, but unchanged where the contact is deep."""
         width = self._smoothing / self.sensor.pixel_size
         core = penetration > 0.4 * penetration.max()
         smooth = penetration
@@ -173,11 +173,11 @@ class RandomSensor:
         return cv2.GaussianBlur(smooth, (0, 0), max(0.5 * width, 0.3))
 
     def _occlusion(self, penetration: np.ndarray) -> np.ndarray:
-        """How far (H, W, 3) in [0, 1] each colour's light is hidden behind higher gel next to a pixel."""
+        """Return the fraction (H, W, 3) in [0, 1] of each colour's light that higher gel next to a pixel hides."""
         out = np.empty((*penetration.shape, 3), np.float32)
         for k, position in enumerate(self._illumination.positions[:3]):
             direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)
-            # shadows fall away from the light: look towards it; rows run against y
+            # the gel that casts a shadow lies towards the light; rows run against y
             reach = 1.5e-3 / self.sensor.pixel_size
             shift = np.float32([[1, 0, -direction[0] * reach], [0, 1, direction[1] * reach]])
             higher = cv2.warpAffine(penetration, shift, penetration.shape[::-1]) - penetration
@@ -205,13 +205,13 @@ class RandomSensor:
         )
 
     def _draw_mixing(self, rng: np.random.Generator) -> np.ndarray:
-        """Colour matrix (3, 3): each LED leaks into the other colours of the camera's filter."""
+        """Draw a colour matrix (3, 3): each LED leaks into the other colours of the camera's filter."""
         leak = rng.uniform(0, 0.35, (3, 3)) if self.wide else rng.uniform(0, 0.05, (3, 3))
         np.fill_diagonal(leak, rng.uniform(0.6, 1.4, 3) if self.wide else 1.0)
         return leak.astype(np.float32)
 
     def _smooth_field(self, rng: np.random.Generator, amplitude: float) -> np.ndarray:
-        """Smooth positive factor (H, W, 3) around 1: vignetting and uneven illumination."""
+        """Draw a smooth positive factor (H, W, 3) around 1, for vignetting and uneven illumination."""
         y, x = np.mgrid[-1 : 1 : self.sensor.height * 1j, -1 : 1 : self.sensor.width * 1j].astype(np.float32)
         terms = np.stack([x, y, x * y, x * x - 0.3, y * y - 0.3], axis=-1)
         weights = rng.normal(0, amplitude / 2, (5, 3)).astype(np.float32)
@@ -219,15 +219,15 @@ class RandomSensor:
 
     def _draw_background(self, backgrounds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         real = backgrounds[rng.integers(len(backgrounds))].astype(np.float32)
-        if rng.random() < 0.3:  # a procedural one: colours of a real one, laid out anew
+        if rng.random() < 0.3:  # a procedural one: the mean colour of a real one with a random field
             mean = real.mean(axis=(0, 1)) * rng.uniform(0.7, 1.3, 3)
             return np.clip(mean * self._smooth_field(rng, 0.5), 5, 245).astype(np.float32)
         return np.clip(real * rng.uniform(0.85, 1.15, 3).astype(np.float32), 0, 255)
 
     def _drift(self, rng: np.random.Generator) -> np.ndarray:
-        """Factor (H, W, 3) by which one frame's light differs from that of the stored no-contact image.
+        """Draw the factor (H, W, 3) by which one frame's light differs from that of the stored no-contact image.
 
-        On a real DIGIT presses differ by 3-8 grey levels from it, smoothly over the image and each press by its own.
+        On a real DIGIT presses differ from it by 3-8 grey levels, smoothly over the image and differently each time.
         """
         if not self.wide:
             return np.full((1, 1, 1), 1 + rng.normal(0, 0.01), np.float32)

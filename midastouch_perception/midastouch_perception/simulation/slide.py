@@ -1,4 +1,4 @@
-"""Sliding trajectories: locally straight walks over the surface with smooth press, tilt and yaw (paper section 5)."""
+"""Sliding trajectories: locally straight walks over a surface with smooth press, tilt and yaw (paper section 5)."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
 
 STEP = 1.5e-3
-"""m between two images of a simulated slide."""
+"""Distance [m] between two images of a simulated slide."""
 _PRESS = 0.5e-3, 1e-3  # m
 _MAX_TILT = np.radians(5.0)
 _MOST_TURN = np.radians(10.0)  # between two images: 200 deg/s at 20 images a second
-_DRIFT = np.radians([0, 0, 0, 0, 0, 1.0])  # of yaw, a step
+_DRIFT = np.radians([0, 0, 0, 0, 0, 1.0])  # of yaw, per step
 _TRIES = 64
 _AROUND = 20_000  # surface points among which a leap looks for its goal
-_GOALS = 200  # of these, so many are looked at
+_GOALS = 200  # number of these that are tried
 _YAWS = 72
 MIN_PROGRESS = 0.3
-"""Of a step. A fold or rim can make the closest point fall back to where the sensor already is."""
+"""Least progress, as a fraction of a step: at a fold or rim the closest point can be where the sensor already is."""
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """Where a step ends: point (3,) m on the surface, its normal (3,), heading (3,) unit from there on, and how far the
-    two points lie apart, `moved` m."""
+    """End of a step: point (3,) m on the surface, its normal (3,), heading (3,) unit from there on, and the distance
+    `moved` [m] from the start."""
 
     point: np.ndarray
     normal: np.ndarray
@@ -39,9 +39,9 @@ class Ahead:
 
 
 def straight_on(mesh: ObjectMesh, point: np.ndarray, heading: np.ndarray, step: float) -> Ahead:
-    """A step of about `step` m from a point (3,) of the surface in direction `heading` (3,), on a straightest geodesic.
+    """Take a step of about `step` m from a surface point (3,) in direction `heading` (3,), on a straightest geodesic.
 
-    The heading there has no length where the step leads nowhere.
+    If the step leads nowhere, the new heading is zero.
     """
     (ahead,), _, _ = mesh.closest_points((point + step * heading)[None])
     (normal,) = mesh.smooth_normals(ahead[None])
@@ -51,10 +51,10 @@ def straight_on(mesh: ObjectMesh, point: np.ndarray, heading: np.ndarray, step: 
 
 
 def carried(frame: np.ndarray, normal: np.ndarray, most: float = np.pi) -> np.ndarray:
-    """A frame (3, 3) turned the shortest way, by at most so many rad, towards its z axis being the normal (3,)."""
+    """Return a frame (3, 3) turned the shortest way, by at most `most` rad, to bring its z axis to the normal (3,)."""
     axis = np.cross(frame[:, 2], normal)
     sine, cosine = np.linalg.norm(axis), frame[:, 2] @ normal
-    # towards the opposite every way is the shortest
+    # to the opposite direction every way is the shortest
     axis = axis / sine if sine > 1e-9 else frame[:, 0]
     return se3.exp(np.concatenate([np.zeros(3), min(np.arctan2(sine, cosine), most) * axis]))[:3, :3] @ frame
 
@@ -62,8 +62,8 @@ def carried(frame: np.ndarray, normal: np.ndarray, most: float = np.pi) -> np.nd
 def pressed_pose(
     reachability: Reachability, point: np.ndarray, frame: np.ndarray, tilt: np.ndarray, depth: float
 ) -> tuple[np.ndarray, bool]:
-    """Gel pose T_obj_gel (4, 4) that presses `depth` m at a point (3,), its axes `frame` (3, 3) tilted by `tilt` (2,)
-    rad about x and y; and whether it can be reached and touches."""
+    """Return the gel pose T_obj_gel (4, 4) that presses `depth` m at a point (3,), its axes `frame` (3, 3) tilted by
+    `tilt` (2,) rad about x and y, and whether it can be reached and touches."""
     tilted = frame @ se3.exp(np.concatenate([np.zeros(3), tilt, np.zeros(1)]))[:3, :3]
     pose = se3.make(tilted, point - depth * tilted[:, 2])
     poses, reachable = reachability.settle(pose[None], np.array([depth]))
@@ -71,7 +71,7 @@ def pressed_pose(
 
 
 def somewhere(mesh: ObjectMesh, reachability: Reachability, depth: float, rng: np.random.Generator) -> np.ndarray:
-    """A surface point (3,) that can be touched. Raises InputError if none is found."""
+    """Draw a surface point (3,) that can be touched. Raises InputError if none is found."""
     for _ in range(_TRIES):
         (start,), _, _ = mesh.sample_surface(1, rng)
         (normal,) = mesh.smooth_normals(start[None])
@@ -81,14 +81,14 @@ def somewhere(mesh: ObjectMesh, reachability: Reachability, depth: float, rng: n
 
 
 def random_tangent(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A unit direction (3,) at right angles to the normal (3,)."""
+    """Draw a unit direction (3,) at right angles to the normal (3,)."""
     direction = rng.standard_normal(3)
     direction -= (direction @ normal) * normal
     return direction / np.linalg.norm(direction)
 
 
 class Grip:
-    """How a gel is pressed on, by a hand that is not quite steady: depth [m] within `press`, tilt (2,) rad to
+    """Press of a gel by a hand that is not quite steady: depth [m] in the range `press`, tilt (2,) rad up to
     `max_tilt`."""
 
     def __init__(self, rng: np.random.Generator, press: tuple[float, float], max_tilt: float):
@@ -96,7 +96,7 @@ class Grip:
         self.depth, self.tilt = rng.uniform(*press), np.zeros(2)
 
     def shake(self) -> None:
-        """Both one step on, at random."""
+        """Change depth and tilt by one random step."""
         low, high = self._press
         self.depth = _bounced(self.depth + self._rng.uniform(-1, 1) * (high - low) / 10, low, high)
         tilt = 0.97 * self.tilt + self._rng.normal(0, 0.08 * self._max_tilt, 2)
@@ -109,9 +109,9 @@ def _bounced(value: float, low: float, high: float) -> float:
 
 @dataclass(frozen=True)
 class Leap:
-    """One step of a slide that is no slide, as over a rim or after a lift.
+    """Jump within a slide, as over a rim or after a lift.
 
-    distance [m] between the positions; angle [rad] of the whole turn, any if None. It happens after a third of the
+    distance [m] between the positions; angle [rad] of the whole turn, any if None. The jump comes after a third of the
     slide.
     """
 
@@ -120,7 +120,7 @@ class Leap:
 
     @staticmethod
     def at(frames: int) -> int:
-        """Index of the first pose after it in a slide of so many."""
+        """Return the index of the first pose after it in a slide of `frames` poses."""
         return frames // 3
 
 
@@ -132,12 +132,12 @@ def simulate_slide(
     step: float = STEP,
     leap: Leap | None = None,
 ) -> np.ndarray:
-    """Gel poses T_obj_gel (N, 4, 4) of one slide of `length` m in steps of `step` m.
+    """Simulate one slide of `length` m in steps of `step` m: return gel poses T_obj_gel (N, 4, 4).
 
-    The sensor follows straightest geodesics; after a quarter of the object's diagonal, or where it cannot go on, it
-    takes a new heading. As at the end of an arm, it pivots on a rim: its normal turns by at most 10 deg a step. Yaw
-    drifts 1 deg a step and changes sense with the heading; press [m] and tilt [rad] walk within their bounds. With a
-    `leap` one step is that. Raises InputError if no reachable path is found (object smaller than a few steps).
+    The sensor follows straightest geodesics; after at most a quarter of the object's diagonal, or if it is blocked, it
+    takes a new heading. As at the end of an arm, it pivots on a rim: its normal turns by at most 10 deg per step. Yaw
+    drifts 1 deg per step and changes sense with the heading; press [m] and tilt [rad] walk within their bounds. One
+    step is the `leap`, if given. Raises InputError if no reachable path is found (object smaller than a few steps).
     """
     n = max(round(length / step), 1)
     walk = _Walk(mesh, sensor, rng, step)
@@ -151,7 +151,7 @@ def simulate_slide(
 
 
 class _Walk:
-    """The sensor on its way over a surface."""
+    """Walk of the sensor over a surface."""
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
         self._mesh, self._rng, self._step = mesh, rng, step
@@ -164,7 +164,7 @@ class _Walk:
         self._frames = 0
 
     def advance(self) -> np.ndarray:
-        """The pose (4, 4) one step on."""
+        """Take one step; return the new pose (4, 4)."""
         rng, mesh, grip = self._rng, self._mesh, self._grip
         grip.shake()
         for _ in range(_TRIES):
@@ -185,7 +185,7 @@ class _Walk:
         return pose
 
     def _as_far_as_it_turns(self, ahead: Ahead) -> Ahead:
-        """A step, or the part of one over a rim that the gel makes between two images."""
+        """Return a step, or the part of a step over a rim that the gel can turn between two images."""
         turn = np.arccos(np.clip(self._frame[:, 2] @ ahead.normal, -1, 1))
         if turn <= _MOST_TURN:
             return ahead
@@ -195,8 +195,8 @@ class _Walk:
         return Ahead(point, normal, tangent / max(np.linalg.norm(tangent), 1e-12), ahead.moved)
 
     def leap(self, leap: Leap, last: np.ndarray) -> np.ndarray:
-        """The pose (4, 4) as far from the `last` (4, 4) as the leap has it; with an angle, where the surface faces away
-        most, as behind a rim."""
+        """Jump to a pose (4, 4) at the leap's distance from the last position and return it; with an angle, to where
+        the surface faces most away from the `last` pose (4, 4), as behind a rim."""
         goals, normals = self._goals(leap.distance)
         order = self._rng.permutation(len(goals))
         yaws = self._rng.uniform(0, 2 * np.pi, len(goals))
@@ -214,7 +214,7 @@ class _Walk:
         raise InputError(f"{self._mesh.name}: no reachable pose {1e3 * leap.distance:.0f} mm away; try another seed")
 
     def _goals(self, distance: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) of the surface that lie nearest to so far away, and their normals (N, 3)."""
+        """Return surface points (N, 3) whose distances are nearest to `distance`, and their normals (N, 3)."""
         points, _, _ = self._mesh.sample_surface(_AROUND, self._rng)
         off = np.abs(np.linalg.norm(points - self._position, axis=1) - distance)
         points = points[np.argsort(off, kind="stable")[:_GOALS]]
@@ -226,7 +226,7 @@ def _turned(normal: np.ndarray, yaw: float) -> np.ndarray:
 
 
 def _yaws(normals: np.ndarray, last: np.ndarray, angle: float) -> np.ndarray:
-    """Yaws (N,) with which poses of these normals (N, 3) are turned against the rotation `last` (3, 3) by `angle`."""
+    """Return yaws (N,) that turn poses with these normals (N, 3) by `angle` against the rotation `last` (3, 3)."""
     yaws = np.arange(_YAWS) * 2 * np.pi / _YAWS
     every = se3.frame_from_normal(np.repeat(normals, _YAWS, axis=0), np.tile(yaws, len(normals)))
     off = np.abs(se3.rotation_angle(last.T @ every) - angle).reshape(len(normals), _YAWS)
@@ -236,6 +236,6 @@ def _yaws(normals: np.ndarray, last: np.ndarray, angle: float) -> np.ndarray:
 def measure_poses(
     poses: np.ndarray, rng: np.random.Generator, sigma_t: float = 5e-4, sigma_r: float = np.radians(1.0)
 ) -> np.ndarray:
-    """Poses as a noisy tracker sees them: independent N(0, sigma_t m), N(0, sigma_r rad) per axis (paper section 5)."""
+    """Return poses as a noisy tracker measures them: N(0, sigma_t m), N(0, sigma_r rad) per axis (paper section 5)."""
     noise = rng.standard_normal((len(poses), 6)) * np.repeat([sigma_t, sigma_r], 3)
     return poses @ se3.exp(noise)

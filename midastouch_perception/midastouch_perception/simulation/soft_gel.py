@@ -1,11 +1,11 @@
-"""Soft gel: what shape an elastic layer on a window takes where something stiff is pressed into it.
+"""Soft gel: shape of an elastic layer on a window into which a stiff object is pressed.
 
-A layer bonded to a rigid base, touched without friction (Johnson, Contact Mechanics, 1985, chapter 5). Its
-displacement is the pressure convolved with one function of place, a product in the Fourier domain (Stanley and Kato
-1997); the pressure is the one that is nowhere negative and leaves no object inside the gel, found by conjugate
-gradients (Polonsky and Keer 1999). On a thick layer that is Hertz' contact.
+The layer is bonded to a rigid base and touched without friction (Johnson, Contact Mechanics, 1985, chapter 5). Its
+displacement is the convolution of the pressure with one function of position, a product in the Fourier domain (Stanley
+and Kato 1997). The pressure is nowhere negative and leaves no part of the object inside the gel; it is found by
+conjugate gradients (Polonsky and Keer 1999). On a thick layer this is Hertz' contact.
 
-It judges what the simple rule of `rendering/renderer.py` leaves out; nothing is trained with it.
+This model judges the error of the simple rule of `rendering/renderer.py`; it is not used for training.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from midastouch_common.errors import InputError
 
 POISSON = 0.48
 """Poisson's ratio of silicone, nearly incompressible."""
-_CLEAR = 2.0  # thicknesses beside the image after which pressure is felt no more
-_EXACT = 2e-6  # m, RMS by which the gel may miss the object where it is pressed
+_CLEAR = 2.0  # thicknesses of margin around the image, beyond which pressure has no effect
+_EXACT = 2e-6  # m, RMS distance allowed between gel and object where the gel bears it
 _MOST_STEPS = 200
 
 
 class ElasticLayer:
-    """A flat layer of `thickness` m, seen in images of `shape` (rows, columns) with pixels of `pixel` m."""
+    """Flat elastic layer of `thickness` m, seen in images of `shape` (rows, columns) with pixels of `pixel` m."""
 
     def __init__(self, shape: tuple[int, int], pixel: float, thickness: float, poisson: float = POISSON):
         self._shape = shape
         room = int(np.ceil(_CLEAR * thickness / pixel))
         self._full = tuple(fft.next_fast_len(size + room, real=True) for size in shape)
         waves = np.hypot(fft.fftfreq(self._full[0], pixel)[:, None], fft.rfftfreq(self._full[1], pixel))
-        q = np.maximum(2 * np.pi * waves * thickness, 1e-3)  # below that it is constant
+        q = np.maximum(2 * np.pi * waves * thickness, 1e-3)  # below that the compliance is constant
         # hyperbolic functions of 2 q over exp(2 q), which would overflow
         a, e = 3 - 4 * poisson, np.exp(-2 * q)
         raised = a * (1 - e * e) / 2 - 2 * q * e
@@ -38,10 +38,10 @@ class ElasticLayer:
         self._compliance = (2 * thickness / q * raised / resisted).astype(np.float32)
 
     def pressed(self, penetration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height of the gel (H, W) float32 m over its rest, and where (H, W) bool it bears the object.
+        """Return the gel's height (H, W) float32 m over its rest, and the pixels (H, W) bool where it bears the object.
 
-        penetration (H, W) m of the object in the untouched gel, negative where it stands above it: gel that is
-        displaced bulges out beside a contact, and may touch there. Raises InputError if nothing is found.
+        penetration (H, W) m of the object in the untouched gel, negative where the object is above it, because
+        displaced gel bulges out around a contact and may touch there. Raises InputError if no solution is found.
         """
         goal = np.asarray(penetration, np.float32)
         pressure = np.maximum(goal, 0) / self._compliance.mean()
@@ -63,6 +63,6 @@ class ElasticLayer:
         raise InputError(f"no contact of a gel with an object {1e3 * goal.max():.2g} mm deep in it is found")
 
     def _height(self, pressure: np.ndarray) -> np.ndarray:
-        """Displacement (H, W) float32 m by pressures (H, W), in units of E / (1 - nu^2) of the gel."""
+        """Return the displacement (H, W) float32 m by pressures (H, W), in units of E / (1 - nu^2) of the gel."""
         rows, columns = self._shape
         return fft.irfft2(fft.rfft2(pressure, self._full) * self._compliance, self._full)[:rows, :columns]

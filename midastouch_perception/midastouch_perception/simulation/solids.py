@@ -1,6 +1,6 @@
-"""Solids with flat walls and sharp edges, as CAD exports them: outlines stacked in layers, and rings lofted.
+"""Solids with flat walls and sharp edges, as in CAD exports: stacked layers of outlines, and lofted rings.
 
-Lengths in m. Both give closed meshes whose faces look outward, the same ones at every call.
+Lengths are in m. Both give closed meshes whose faces look outward, and the same ones at every call.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from scipy.spatial import Delaunay, cKDTree
 from midastouch_common.mesh import ObjectMesh
 
 Outline = np.ndarray
-"""(N, 2): a closed polygon."""
+"""Closed polygon (N, 2)."""
 
 _SAME = 1e-8  # m: corners nearer than this are one
-_FAR = 10.0  # sizes of the part: corners around it, so that its own outline is inside the triangulation
+_FAR = 10.0  # sizes of the part at which far corners put its own outline inside the triangulation
 
 
 @dataclass(frozen=True)
 class Layer:
-    """thickness [m]; solid is what any of the outlines encloses and none of the cuts."""
+    """Layer of a thickness [m], solid inside of any of the outlines, except inside of the cuts."""
 
     thickness: float
     outlines: tuple[Outline, ...]
@@ -33,9 +33,10 @@ class Layer:
 
 
 def stacked(layers: Sequence[Layer], name: str) -> ObjectMesh:
-    """Layers on one another along z, half of them on either side of the plane z = 0.
+    """Stack layers along z, centred at the plane z = 0.
 
-    One triangulation in the plane holds the outlines of all layers, so that walls and ceilings meet corner to corner.
+    One triangulation in the plane contains the outlines of all layers, so that walls and ceilings meet corner to
+    corner.
     """
     plane, triangles = _triangulated([each for layer in layers for each in (*layer.outlines, *layer.cuts)])
     middles = plane[triangles].mean(axis=1)
@@ -56,7 +57,7 @@ def stacked(layers: Sequence[Layer], name: str) -> ObjectMesh:
 
 
 def _triangulated(outlines: list[Outline]) -> tuple[np.ndarray, np.ndarray]:
-    """Points (P, 2) and triangles (T, 3), counter-clockwise, whose sides hold every outline; the far ones left out."""
+    """Return points (P, 2) and counter-clockwise triangles (T, 3), without far ones, with all outlines as sides."""
     starts = np.concatenate(outlines)
     ends = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines])
     points, edges = _crossed(starts, ends)
@@ -71,7 +72,7 @@ def _triangulated(outlines: list[Outline]) -> tuple[np.ndarray, np.ndarray]:
             turned = _doubled_area(points[triangles]) < 0
             triangles[turned] = triangles[turned][:, ::-1]
             return points, triangles
-        # halves of an edge that is no side (its circle holds another point) are sides sooner or later
+        # an edge that is no side (its circle contains another point) is halved, until its parts are sides
         middle = len(points) + np.arange(missing.sum())
         points = np.concatenate([points, points[edges[missing]].mean(axis=1)])
         halves = [np.stack([edges[missing, k], middle], axis=1) for k in (0, 1)]
@@ -79,7 +80,7 @@ def _triangulated(outlines: list[Outline]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _crossed(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (P, 2), and edges (E, 2) between them that meet at their ends only, of edges that may cross or touch."""
+    """Split edges that may cross or touch: return points (P, 2), and edges (E, 2) that meet only at their ends."""
     along = ends - starts
     between = starts[None] - starts[:, None]
     turn = _cross(along[:, None], along[None])
@@ -100,7 +101,7 @@ def _crossed(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
         corners = starts[k] + cuts[:, None] * along[k]
         pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
     corners = np.concatenate(pieces).reshape(-1, 2)
-    # a wall that passes a corner crosses both walls that meet there, each up to that far from it
+    # a wall through a corner crosses both walls that meet there, at points up to that distance from the corner
     near = cKDTree(corners).query_pairs(2 * _SAME, output_type="ndarray")
     links = coo_array((np.ones(len(near)), near.T), shape=(len(corners), len(corners)))
     _, group = connected_components(links, directed=False)
@@ -119,7 +120,7 @@ def _doubled_area(corners: np.ndarray) -> np.ndarray:
 
 
 def _solid(points: np.ndarray, layer: Layer) -> np.ndarray:
-    """Whether a layer is solid at points (N, 2)."""
+    """Return whether (N,) a layer is solid at points (N, 2)."""
     held, cut = (
         np.any([np.zeros(len(points), bool), *(_inside(points, each) for each in some)], axis=0)
         for some in (layer.outlines, layer.cuts)
@@ -128,7 +129,7 @@ def _solid(points: np.ndarray, layer: Layer) -> np.ndarray:
 
 
 def _inside(points: np.ndarray, outline: Outline) -> np.ndarray:
-    """Whether an outline encloses points (N, 2): a ray along x crosses it an odd number of times."""
+    """Return whether (N,) an outline encloses points (N, 2): a ray along x crosses it an odd number of times."""
     x, y = points[:, :1], points[:, 1:]
     a, b = outline, np.roll(outline, -1, axis=0)
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -137,15 +138,16 @@ def _inside(points: np.ndarray, outline: Outline) -> np.ndarray:
 
 
 def _rim(triangles: np.ndarray) -> np.ndarray:
-    """Sides (E, 2) of triangles (T, 3) that only one of them has, as it walks them."""
+    """Return the sides (E, 2) that only one of the triangles (T, 3) has, in that triangle's direction."""
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, index, count = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True)
     return sides[count[index.reshape(-1)] == 1]
 
 
 def lofted(rings: Sequence[np.ndarray], name: str) -> ObjectMesh:
-    """Rings (N, 3) of equally many points, counter-clockwise seen from above and from below to above, joined by walls;
-    the first and the last one closed by a fan, for which they must be flat and star-shaped about their middle."""
+    """Join rings (N, 3) of equal numbers of points, ordered upwards and counter-clockwise from above, by walls.
+
+    The first and the last ring are closed by a fan, so they must be flat and star-shaped about their middle."""
     rings = np.asarray(rings, float)
     levels, count = rings.shape[:2]
     here = np.arange(count)
@@ -162,13 +164,13 @@ def lofted(rings: Sequence[np.ndarray], name: str) -> ObjectMesh:
 
 
 def circle(radius: float, x: float = 0.0, y: float = 0.0, sides: int = 96) -> Outline:
-    """Regular polygon whose first corner is at +x of its middle."""
+    """Return a regular polygon whose first corner is at +x of its middle."""
     angles = 2 * np.pi * np.arange(sides) / sides
     return np.array([x, y]) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def rectangle(width: float, depth: float, x: float = 0.0, y: float = 0.0, chamfer: float = 0.0) -> Outline:
-    """Along x and y, with cut corners."""
+    """Return a rectangle along x and y; with a chamfer, with cut corners."""
     w, d = width / 2, depth / 2
     if not chamfer:
         return np.array([x, y]) + np.array([[-w, -d], [w, -d], [w, d], [-w, d]])
@@ -178,7 +180,7 @@ def rectangle(width: float, depth: float, x: float = 0.0, y: float = 0.0, chamfe
 
 
 def gear_outline(teeth: int, root: float, tip: float, missing: int = 0) -> Outline:
-    """Trapezoid teeth between two radii, the first one around +x; the last `missing` ones left out."""
+    """Return trapezoid teeth between two radii, the first one around +x, without the last `missing` ones."""
     pitch = 2 * np.pi / teeth
     corners = []
     for tooth in range(teeth):
@@ -190,7 +192,7 @@ def gear_outline(teeth: int, root: float, tip: float, missing: int = 0) -> Outli
 
 
 def repeated(outline: Outline, count: int) -> tuple[Outline, ...]:
-    """The outline turned `count` times about the origin."""
+    """Return `count` copies of the outline, evenly turned about the origin."""
     turns = 2 * np.pi * np.arange(count) / count
     cos, sin = np.cos(turns), np.sin(turns)
     rotations = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
@@ -198,7 +200,7 @@ def repeated(outline: Outline, count: int) -> tuple[Outline, ...]:
 
 
 def mirrored(layers: Sequence[Layer]) -> list[Layer]:
-    """The mirror image of a stack across the plane x = 0."""
+    """Return the mirror image of a stack across the plane x = 0."""
     image = np.array([-1.0, 1.0])
     return [Layer(each.thickness, *(tuple(o * image for o in some) for some in (each.outlines, each.cuts)))
             for each in layers]  # fmt: skip

@@ -1,1 +1,1 @@
-"""Which motions map an object onto itself, so that no touch tells the poses apart that they map onto each other."""
+"""Symmetry of an object: motions that map it onto itself, so that touches cannot distinguish the poses they connect."""

@@ -1,4 +1,4 @@
-"""Symmetries that a user gives, in the form of the BOP benchmark's `models_info.json`.
+"""Symmetries that a user gives, in the format of the BOP benchmark's `models_info.json`.
 
 `symmetries_discrete` lists 4x4 matrices row by row, `symmetries_continuous` axes with an offset; lengths are in mm.
 """
@@ -20,11 +20,11 @@ _MM = 1e-3
 
 
 def symmetry_of_bop(file: str) -> Symmetry:
-    """The symmetry of one object of a `models_info.json`.
+    """Read the symmetry of one object from a `models_info.json`.
 
-    file: its path, followed by `:5` if it describes more objects than one and the object's key there is "5".
-    Raises InputError: no such file, not of this form, no such object, a matrix that is not a rigid motion, several axes
-    that do not meet in a point.
+    file: the path; if the file describes several objects, followed by the object's key, e.g. `:5`.
+    Raises InputError: no such file, not of this format, no such object, a matrix that is not a rigid motion, several
+    axes that do not meet in a point.
     """
     name = None
     if not Path(file).is_file() and ":" in file:
@@ -77,10 +77,10 @@ def _group(path: Path, discrete: np.ndarray, continuous: list[tuple[np.ndarray, 
         raise InputError(f"{path}: an axis in symmetries_continuous has no direction or is not finite")
     axes = axes / lengths
     if (np.abs(axes @ axes[0]) > 1 - _MOTION_TOLERANCE).all():
-        # turns about the axis are free: of the discrete ones those are left that turn it over
+        # all turns about the axis are free, so of the discrete motions only one that turns it over is needed
         flips = [motion for motion in discrete if motion[:3, :3] @ axes[0] @ axes[0] < 0]
         return Symmetry(np.array([np.eye(4), *flips[:1]]), "axis", axes[0], offsets[0])
-    # turns about two axes that meet make all turns about the point where they do
+    # turns about two axes that meet generate all turns about their common point
     across = np.eye(3) - axes[:, :, None] * axes[:, None]
     centre = np.linalg.lstsq(across.reshape(-1, 3), np.einsum("nij,nj->ni", across, offsets).ravel(), rcond=None)[0]
     if np.abs(np.einsum("nij,nj->ni", across, centre - offsets)).max() > _MM:

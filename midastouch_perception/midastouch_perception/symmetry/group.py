@@ -1,8 +1,8 @@
-"""The symmetry of an object: the rigid motions that map its surface onto itself.
+"""Symmetry of an object: the rigid motions that map its surface onto itself.
 
-A can turned about its axis is the same can: from touches alone no method tells the sensor's poses T and S T apart,
-where S is a symmetry of the surface. The symmetry-aware error of a pose is its error after the S that brings it
-nearest to the truth.
+A can turned about its axis is the same can: if S is a symmetry of the surface, no method can distinguish the sensor's
+poses T and S T by touches alone. The symmetry-aware error of a pose is its error after the S that brings it nearest to
+the truth.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 
 @dataclass(frozen=True)
 class Symmetry:
-    """The rigid motions that map a surface onto itself.
+    """Rigid motions that map a surface onto itself.
 
-    transforms (K, 4, 4): one of each connected family, the identity first. free: "none", the K transforms are all;
-    "axis", each followed by any turn about `axis` (3,) through `centre` (3,) [m]; "all", any turn about `centre`.
+    transforms (K, 4, 4): one of each connected family, the identity first. free: "none" if these are all motions,
+    "axis" if any turn about `axis` (3,) through `centre` (3,) [m] may follow each, "all" for any turn about `centre`.
     """
 
     transforms: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
@@ -31,11 +31,11 @@ class Symmetry:
 
     @property
     def trivial(self) -> bool:
-        """Whether only the identity is left."""
+        """True if the identity is the only motion."""
         return self.free == "none" and len(self.transforms) == 1
 
     def describe(self) -> str:
-        """In words, for tables."""
+        """Return a description for tables."""
         if self.free == "all":
             return "sphere"
         if self.free == "axis":
@@ -43,11 +43,11 @@ class Symmetry:
         return "none" if self.trivial else f"{len(self.transforms)} poses alike"
 
     def nearest(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Poses (N, 4, 4), each replaced by the equivalent one nearest to the truth (4, 4).
+        """Return poses (N, 4, 4), each replaced by the equivalent one nearest to the truth (4, 4).
 
         Nearest by the distance d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2, r = 10 mm (`ROTATION_SCALE`), for which
-        the best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G' over the turns R that are free.
-        The poses as they are where there is no truth (nan).
+        the best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G', over the free turns R.
+        If the truth is unknown (nan), the poses are returned unchanged.
         """
         poses = np.asarray(poses, float)
         if self.trivial or not np.isfinite(truth).all():
@@ -55,11 +55,11 @@ class Symmetry:
         return self._nearest(poses, truth)[0]
 
     def distance(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """That distance (N,) [m] of the nearest equivalents of poses (N, 4, 4) to the truth (4, 4)."""
+        """Return the distance (N,) [m] of `nearest` between the truth (4, 4) and the equivalents of poses (N, 4, 4)."""
         return np.sqrt(self._nearest(np.asarray(poses, float), truth)[1])
 
     def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The equivalents of poses (N, 4, 4) nearest to the truth (4, 4), and their squared distances (N,)."""
+        """Return the equivalents of poses (N, 4, 4) nearest to the truth (4, 4), and their squared distances (N,)."""
         best, least = poses, np.full(len(poses), np.inf)
         goal = truth[:3, 3] - self.centre
         for transform in self.transforms:
@@ -77,7 +77,7 @@ class Symmetry:
         return best, least
 
     def _best_turn(self, correlation: np.ndarray) -> np.ndarray | None:
-        """Free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
+        """Return the free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
         if self.free == "axis":
             u = self.axis
             across = np.einsum("njk,ijk,i->n", correlation, _LEVI_CIVITA, u)
@@ -91,7 +91,7 @@ class Symmetry:
         return None
 
     def turned(self, count: int) -> np.ndarray:
-        """Motions (K, 4, 4) of the group, the identity first; of each free turn about an axis `count` evenly spaced."""
+        """Return motions (K, 4, 4) of the group, the identity first; of free turns about an axis, `count` steps."""
         if self.free != "axis":
             return self.transforms
         angles = np.arange(count) * 2 * np.pi / count
@@ -99,7 +99,7 @@ class Symmetry:
         return (turns[:, None] @ self.transforms).reshape(-1, 4, 4)
 
     def as_json(self) -> dict:
-        """What `from_json` reads."""
+        """Return the content that `from_json` reads."""
         return {
             "transforms": self.transforms.tolist(),
             "free": self.free,
@@ -109,7 +109,7 @@ class Symmetry:
 
     @classmethod
     def from_json(cls, content: dict) -> Symmetry:
-        """What `as_json` gave; raises ValueError, KeyError or TypeError for anything else."""
+        """Restore a symmetry from `as_json`; raises ValueError, KeyError or TypeError for any other content."""
         symmetry = cls(
             np.array(content["transforms"], float).reshape(-1, 4, 4),
             str(content["free"]),
@@ -123,7 +123,7 @@ class Symmetry:
 
 
 def about(centre: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Motions (K, 4, 4) that turn about a point (3,) [m] by rotations (K, 3, 3)."""
+    """Return motions (K, 4, 4) that turn about a point (3,) [m] by rotations (K, 3, 3)."""
     return se3.make(rotations, centre - rotations @ centre)
 
 

@@ -1,4 +1,4 @@
-"""Finds the symmetry of a mesh: rotations from a grid are aligned to the surface, and those that agree are kept."""
+"""Search for the symmetry of a mesh: rotations from a grid are aligned to the surface, and those that fit are kept."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ..sensor_model import SensorModel
 from .group import Symmetry, about
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
-_SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m, and of the diagonal of what is smaller: a nut is no ring
-_FRACTION = 0.85  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
-_TURNS = 40  # by which a sphere is told
+_SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m; fraction of the diagonal of smaller objects, so that a nut is no ring
+_FRACTION = 0.85  # of the surface must fit within the tolerance; the rest may be prints, seams and scanning errors
+_TURNS = 40  # random turns that recognise a sphere
 _FACING = np.cos(np.radians(45))  # a thin plate's other side is near, but not the same surface
 
 _POINTS = 400  # for alignment and acceptance
-_SAMPLES = 20_000  # that stand for the surface during alignment
+_SAMPLES = 20_000  # that represent the surface during alignment
 _COARSE_POINTS = 60
 _ROTATIONS = 6000  # start values over SO(3), about 14 deg apart
 _APART = np.radians(20)  # start values that lie nearer to a better one are left out
@@ -40,16 +40,16 @@ _LARGEST_ORDER, _LARGEST_GROUP = 200, 400  # of a gear's turns; of motions
 _SAME_ANGLE = np.radians(0.7)
 _TURNS_ABOUT_AXIS, _SAME_DISTANCE = 12, 2e-3  # look-alikes about an axis; m, pose distance
 
-_SEARCH = 2  # count it up when the search finds something else, so that it is repeated for codebooks built before
+_SEARCH = 2  # version; raise it when the search changes its results, so that older codebooks repeat it
 
 DETECTABLE = 3e-4
 """m RMS over a patch: three standard deviations of a measured map (`FilterConfig.penetration_noise`). Less is hidden by
-noise; the flats that stand for a round surface in a mesh make some 0.2 mm."""
+noise; the flats that approximate a round surface in a mesh make some 0.2 mm."""
 _FLATS, _FEWEST_FLATS = 5e-4, 16
-"""m: so many flats all around, which differ from a round surface by no more than that, stand for one."""
-_PATCH = 4e-3  # m, over which that noise is one and the same (`FilterConfig.penetration_correlation`)
+"""Largest deviation [m] and smallest number of the flats around an axis that count as a round surface."""
+_PATCH = 4e-3  # m, over which that noise is fully correlated (`FilterConfig.penetration_correlation`)
 _MOST_TOUCHES, _FIRST_PART, _PART = 2000, 50, 250
-_FEW = 8  # every 8th touch judges products of motions that all judged, every 8th pixel says which surface is touched
+_FEW = 8  # every 8th touch judges products of motions that all touches judged; every 8th pixel gives a touched point
 _MAP_SCALE = 0.5
 
 _PROBES = np.sqrt([2, 3, 5, 7, 11, 13, 17])  # rad: angles that belong to no finite rotation group
@@ -57,10 +57,11 @@ _PROBES = np.sqrt([2, 3, 5, 7, 11, 13, 17])  # rad: angles that belong to no fin
 
 @dataclass(frozen=True)
 class ObjectSymmetry:
-    """What is known of an object's symmetry.
+    """Symmetry of an object as far as it is known.
 
-    exact: the motions after which no touch differs by more than the noise of a map; residual [m], by how much one does;
-    near: those after which most of the surface is the same, the exact ones among them; given: by the user, not found.
+    exact: motions after which no touch differs by more than the noise of a map. residual: largest such difference [m].
+    near: motions after which most of the surface is the same, including the exact ones. given: true if the user gave
+    the exact ones.
     """
 
     exact: Symmetry = field(default_factory=Symmetry)
@@ -72,7 +73,7 @@ class ObjectSymmetry:
     def look_alikes(self) -> np.ndarray:
         """Motions (K, 4, 4) that are nearly but not exactly symmetries, one of each coset of the exact group.
 
-        From any pose they lead to those that a touch may tell apart, but that most touches do not.
+        From any pose they lead to poses that some touches can distinguish from it, but most cannot.
         """
         chosen: list[np.ndarray] = []
         for motion in self.near.turned(_TURNS_ABOUT_AXIS):
@@ -82,14 +83,14 @@ class ObjectSymmetry:
         return np.array(chosen).reshape(-1, 4, 4)
 
     def describe(self) -> str:
-        """In words, for logs and tables."""
+        """Return a description for logs and tables."""
         exact = self.exact.describe()
         if not self.exact.trivial:
             exact += f" ({'given, ' * self.given}to {1e3 * self.residual:.2f} mm)"
         return f"{exact}; nearly: {len(self.look_alikes)} more" if len(self.look_alikes) else exact
 
     def as_json(self) -> dict:
-        """What `from_json` reads."""
+        """Return the content that `from_json` reads."""
         return {
             "search": _SEARCH,
             "exact": self.exact.as_json(),
@@ -100,14 +101,16 @@ class ObjectSymmetry:
 
     @classmethod
     def from_json(cls, content: dict) -> ObjectSymmetry | None:
-        """What `as_json` gave, None if an earlier search found it; raises ValueError, KeyError, TypeError else."""
+        """Restore a symmetry from `as_json`; None if an earlier version of the search found it.
+
+        Raises ValueError, KeyError or TypeError for any other content."""
         exact, near = (Symmetry.from_json(content[key]) for key in ("exact", "near"))
         known = cls(exact, float(content["residual"]), near, bool(content["given"]))
         return known if known.given or content.get("search") == _SEARCH else None
 
 
 def _no_matter() -> None:
-    """For those who need not hear of each motion."""
+    """Do nothing."""
 
 
 def object_symmetry(
@@ -117,10 +120,10 @@ def object_symmetry(
     given: Symmetry | None = None,
     tried: Callable[[], object] = _no_matter,
 ) -> ObjectSymmetry:
-    """The symmetry of a mesh, as a sensor feels it at gel poses (N, 4, 4) that lie all over the surface.
+    """Return the symmetry of a mesh, as a sensor measures it at gel poses (N, 4, 4) all over the surface.
 
-    given: what the user says to be the exact one, whatever the mesh is like. tried: called after each motion that was
-    compared with the mesh or with its touches; nobody knows before how many there will be.
+    given: the exact symmetry if the user gives one; it is not checked. tried: called after each motion that was
+    compared with the mesh or with its touches; their number is not known in advance.
     """
     touches = _Touches(mesh, sensor, poses, tried)
     near, found = _near(mesh, touches.points(), tried)
@@ -132,12 +135,13 @@ def object_symmetry(
 
 
 def _near(mesh: ObjectMesh, touched: np.ndarray, tried: Callable[[], object]) -> tuple[Symmetry, list[np.ndarray]]:
-    """The motions after which most of the surface, as far as it is touched (K, 3), lies within 1 mm of the surface (on
-    small parts within half a percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
+    """Return the motions after which most of the surface lies within 1 mm of the surface (on small parts within half a
+    percent of their diagonal) and faces the same way, and the motions (4, 4) that led to them. Only the surface at the
+    touched points (K, 3) counts.
 
-    Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then agree are kept.
-    An axis about which every angle agrees, and a centre about which nearly every rotation does, are told by trying.
-    tried: as of `object_symmetry`.
+    Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then fit are kept. Trials
+    find out whether every angle about an axis fits, or nearly every rotation about the centre. tried: as in
+    `object_symmetry`.
     """
     tolerance = TOLERANCE if mesh.diagonal > _SMALL else _SMALL_TOLERANCE * mesh.diagonal
     surface = _Surface(mesh, touched, tolerance, tried)
@@ -155,8 +159,8 @@ def _near(mesh: ObjectMesh, touched: np.ndarray, tried: Callable[[], object]) ->
 
 
 def _completed(surface: _Surface, found: list[np.ndarray]) -> list[np.ndarray]:
-    """These motions (4, 4), and products of two of them that agree too: the grid of rotations is coarser than the turns
-    of a gear."""
+    """Return these motions (4, 4) and the products of two of them that also fit: the grid of rotations is coarser than
+    the turns of a gear."""
     out = list(found)
     for first, second in product(found[1:], found[1:]):
         if len(out) >= _LARGEST_GROUP:
@@ -168,7 +172,7 @@ def _completed(surface: _Surface, found: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[Symmetry, float]:
-    """The largest group of motions that no touch tells, out of near ones, and its residual [m]."""
+    """Return the largest group of near motions that no touch can detect, and its residual [m]."""
     most = DETECTABLE
     if near.free == "axis":
         # a gear's turns are finer than the grid of rotations
@@ -192,7 +196,7 @@ def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[
 
 
 def _order(touches: _Touches, near: Symmetry) -> int:
-    """The largest number such that one such part of a turn about the axis is not told by any touch."""
+    """Return the largest n for which no touch can detect 1/n of a turn about the axis."""
     order = 1
     for prime in (n for n in range(2, _LARGEST_ORDER) if all(n % k for k in range(2, n))):
         while order * prime < _LARGEST_ORDER:
@@ -204,21 +208,21 @@ def _order(touches: _Touches, near: Symmetry) -> int:
 
 
 def _turn(axis: np.ndarray, order: int) -> np.ndarray:
-    """(1, 3, 3): one `order`-th of a turn about an axis (3,)."""
+    """Return the rotation (1, 3, 3) by 1/`order` of a turn about an axis (3,)."""
     return Rotation.from_rotvec(2 * np.pi / order * axis[None]).as_matrix()
 
 
 def _holds(group: list[np.ndarray], motion: np.ndarray, same: float = _SAME_ANGLE) -> bool:
-    """Whether one of the motions (4, 4) turns by the same, to `same` [rad]."""
+    """Return whether one of a group's motions (4, 4) has the same rotation as `motion`, to `same` [rad]."""
     between = np.swapaxes(np.array(group)[:, :3, :3], 1, 2) @ motion[:3, :3]
     return bool((se3.rotation_angle(between) < same).any())
 
 
 def _closed(touches: _Touches, generators: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
-    """All products of the motions, and the largest difference [m] that one of them makes; unfinished beyond the limit
-    on either."""
+    """Return all products of the motions, and the largest difference [m] that one makes; if a limit on either is
+    exceeded, an incomplete group and inf."""
     group, worst = [np.eye(4)], 0.0
-    for motion in group:  # which grows
+    for motion in group:  # the list grows meanwhile
         for generator in generators:
             both = motion @ generator
             if not _holds(group, both):
@@ -230,7 +234,7 @@ def _closed(touches: _Touches, generators: list[np.ndarray]) -> tuple[list[np.nd
 
 
 class _Touches:
-    """What a gel measures all over the surface: maps at poses, of which at most `_MOST_TOUCHES` are used."""
+    """Maps that a gel measures all over the surface, at at most `_MOST_TOUCHES` of the poses."""
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, tried: Callable[[], object]):
         self._tried = tried
@@ -241,7 +245,7 @@ class _Touches:
         self._patch = max(round(_PATCH / pixel), 1)
 
     def points(self) -> np.ndarray:
-        """Points (K, 3) [m] that the gel touches: its middle at each pose, one pixel of `_FEW` along each side."""
+        """Return points (K, 3) [m] that the gel touches: its middle at each pose, and one pixel in `_FEW` per side."""
         sensor, chosen = self._renderer.sensor, np.zeros(self._maps.shape[1:], bool)
         chosen[::_FEW, ::_FEW] = True
         clouds = [cloud_from_penetration(each, (each > 0) & chosen, sensor) for each in self._maps]
@@ -249,8 +253,8 @@ class _Touches:
         return np.concatenate([self._poses[:, :3, 3], *moved])
 
     def difference(self, motion: np.ndarray, stride: int = 1, until: float = DETECTABLE) -> float:
-        """Largest RMS difference [m] over a patch of a map that moving the gel by (4, 4) makes, at every `stride`-th
-        pose; or the first ones found, once they are above `until`."""
+        """Return the largest RMS difference [m] over a patch of a map between gel poses and the same moved by a motion
+        (4, 4), at every `stride`-th pose. Stops early once a difference is above `until`."""
         worst, asked = 0.0, np.arange(0, len(self._poses), stride)
         for part in np.split(asked, range(_FIRST_PART, len(asked), _PART)):
             squared = np.square(self._renderer.render(motion @ self._poses[part]) - self._maps[part])
@@ -264,12 +268,12 @@ class _Touches:
 
 
 def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
-    """The symmetry about an axis through all of whose angles the surface agrees; None if there is none."""
+    """Return the symmetry about an axis if the surface fits at every angle about one; otherwise None."""
     best, least = None, surface.tolerance
     for transform in found[1:]:
         turn = Rotation.from_matrix(transform[:3, :3]).as_rotvec()
         angle = np.linalg.norm(turn)
-        if not np.radians(30) < angle < np.radians(170):  # else the axis is badly known, or that of a flip
+        if not np.radians(30) < angle < np.radians(170):  # the axis is inaccurate, or that of a flip
             continue
         axis = turn / angle
         # the fixed points of the motion are a line along the axis: the one nearest to the origin
@@ -287,9 +291,9 @@ def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
 
 
 class _Surface:
-    """How well a moved surface agrees with itself where it is touched at points (K, 3).
+    """Comparison of a surface with itself after a motion, at touched points (K, 3).
 
-    A thread or an inner wall that no gel reaches does not count. `radius` [m]: mean distance of the touched surface to
+    A thread or an inner wall that no gel reaches does not count. radius [m]: mean distance of the touched surface from
     its middle.
     """
 
@@ -304,7 +308,8 @@ class _Surface:
         self.radius = float(np.linalg.norm(self._points - self._points.mean(axis=0), axis=1).mean())
 
     def deviation(self, transform: np.ndarray) -> float:
-        """Distance [m] within which `_FRACTION` of the surface, moved by (4, 4), lies of what faces the same way."""
+        """Return the distance [m] within which `_FRACTION` of the surface, moved by (4, 4), lies from a surface that
+        faces the same way."""
         self._tried()
         points = self._points @ transform[:3, :3].T + transform[:3, 3]
         normals = self._normals @ transform[:3, :3].T
@@ -318,7 +323,7 @@ class _Surface:
         return float(np.quantile(distance, _FRACTION, method="higher"))
 
     def promising(self, transforms: np.ndarray) -> list[np.ndarray]:
-        """Those of motions (K, 4, 4) that agree best before alignment, well apart from one another and the identity."""
+        """Return those of motions (K, 4, 4) that fit best before alignment, far from each other and the identity."""
         points = self._points[:_COARSE_POINTS]
         moved = np.einsum("kij,nj->kni", transforms[:, :3, :3], points) + transforms[:, None, :3, 3]
         distance = self._tree.query(moved.reshape(-1, 3))[0].reshape(len(transforms), -1).mean(axis=1)
@@ -333,7 +338,7 @@ class _Surface:
         return chosen
 
     def align(self, transform: np.ndarray) -> np.ndarray:
-        """The motion (4, 4) after point-to-plane alignment (Chen and Medioni 1992), far points counting less."""
+        """Return the motion (4, 4) after point-to-plane alignment (Chen and Medioni 1992); far points count less."""
         for _ in range(_ALIGNMENTS):
             points = self._points @ transform[:3, :3].T + transform[:3, 3]
             nearest = self._tree.query(points)[1]
@@ -348,7 +353,7 @@ class _Surface:
             # turns as arcs at the object's radius, so that both halves of the step are in metres
             jacobian = np.concatenate([normals, np.cross((points - middle) / self.radius, normals)], axis=1)
             hessian = jacobian.T @ (weight[:, None] * jacobian)
-            # directions that nothing constrains (about an axis of symmetry) stay as they are
+            # unconstrained directions (about an axis of symmetry) stay as they are
             step = np.linalg.pinv(hessian, rcond=1e-3, hermitian=True) @ (jacobian.T @ (weight * residual))
             turn = Rotation.from_rotvec(step[3:] / self.radius).as_matrix()
             transform = se3.make(turn, middle + step[:3] - turn @ middle) @ transform
@@ -356,7 +361,7 @@ class _Surface:
 
 
 def _rotation_grid(n: int) -> np.ndarray:
-    """n rotations (n, 3, 3) spread evenly over SO(3) (super-Fibonacci sampling, Alexa 2022)."""
+    """Return n rotations (n, 3, 3) spread evenly over SO(3) (super-Fibonacci sampling, Alexa 2022)."""
     s = np.arange(n) + 0.5
     inner, outer = np.sqrt(s / n), np.sqrt(1 - s / n)
     alpha, beta = 2 * np.pi * s / np.sqrt(2), 2 * np.pi * s / 1.533751168755204

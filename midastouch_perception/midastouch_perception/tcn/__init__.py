@@ -1,4 +1,4 @@
-"""Tactile code network: contact geometry to a code to compare with the codebook (paper section 4.2)."""
+"""Tactile code network: from contact geometry to a code that is compared with the codebook (paper section 4.2)."""
 
 from .inference import TactileCodeNet, load_tcn
 

@@ -1,4 +1,4 @@
-"""Penetration map to tactile code with a trained code network, and what that sees of a contact."""
+"""Trained code network: from penetration map to tactile code, and the network's input for a contact."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BATCH = 64
 
 
 class TactileCodeNet:
-    """The tactile code network (TCN): contact geometry to a unit vector (paper section 4.2).
+    """Tactile code network (TCN): from contact geometry to a unit vector (paper section 4.2).
 
     Attributes: network_id; dim, length of a code; calibration, {"temperature", "outlier"} of the score (see
     `tcn/train.py`); sensor, the map-resolution sensor model.
@@ -35,7 +35,7 @@ class TactileCodeNet:
         return self._network.network_id
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:
-        """Codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m."""
+        """Return codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m."""
         single = penetration.ndim == 2
         maps = penetration[None] if single else penetration
         codes = [self._network.run(code_input(maps[i : i + _BATCH], self.sensor)) for i in range(0, len(maps), _BATCH)]
@@ -44,7 +44,7 @@ class TactileCodeNet:
 
 
 def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None) -> TactileCodeNet | MinkLocCodeNet:
-    """A code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
+    """Load a code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
     `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, the other with one."""
     if Path(name_or_path).suffix == SUFFIX:
         return MinkLocCodeNet(name_or_path, sensor)
@@ -52,9 +52,9 @@ def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = Non
 
 
 def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Channels (N, 4, H/2, W/2) float32 of penetration maps (N, H, W) m: depth, contact, x, y.
+    """Return channels (N, 4, H/2, W/2) float32 of penetration maps (N, H, W) m: depth, contact, x, y.
 
-    The map is averaged 2 x 2. Metric scale and the position in the gel frame, which the official code normalises
+    The map is averaged 2 x 2. The metric scale and the position in the gel frame, which the official code normalises
     away, are kept: x and y are the pixels' positions on the gel.
     """
     n, height, width = penetration.shape
@@ -68,6 +68,6 @@ def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _gel_positions(sensor: SensorModel) -> np.ndarray:
-    """x and y (2, H/2, W/2) float32 of the halved map's pixels on the gel, in centimetres."""
+    """Return x and y (2, H/2, W/2) float32 of the halved map's pixels on the gel, in centimetres."""
     coarse = sensor.scaled(0.5)
     return (np.stack(coarse.rays) * coarse.gel_depth * 100).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Penetration map to tactile code with the paper's own code network (MinkLoc3D) and imported weights."""
+"""The paper's own code network (MinkLoc3D), with imported weights: from penetration map to tactile code."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..state_dict import matched
 from .minkloc3d_network import DIM, MinkLoc3D, Voxels, expected_shapes, quantise
 
 SUFFIX = ".npz"
-_POINTS = 4096  # of a cloud, as the official code has it
+_POINTS = 4096  # of a cloud, as in the official code
 _VOXEL_SIZE = "voxel_size"
-# The filter's score needs a calibration, which comes with training here. Until one is fitted: the paper's softmax of
-# cosines (temperature 1), and one touch in a hundred that matches nothing.
+# The filter's score needs a calibration, which our networks get in training. Imported ones have the paper's softmax of
+# cosines (temperature 1), and one touch in a hundred that matches no entry.
 _CALIBRATION = {"temperature": 1.0, "outlier": 0.01}
 
 
 class MinkLocCodeNet:
-    """The interface of `TactileCodeNet` for MinkLoc3D.
+    """MinkLoc3D with the interface of `TactileCodeNet`.
 
     Attributes: network_id; dim; calibration; sensor, the map-resolution sensor model. Raises InputError: no such
     file, not a MinkLoc3D network, no model card.
@@ -51,7 +51,7 @@ class MinkLocCodeNet:
         self.sensor = self._image_sensor.for_maps
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:
-        """Codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m.
+        """Return codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m.
 
         The draw of points is the same for every map, so a code depends on its map alone. An empty map has the code
         of a single voxel. Raises InputError for non-finite maps.
@@ -74,10 +74,10 @@ class MinkLocCodeNet:
 
 
 def contact_cloud(penetration: np.ndarray, sensor: SensorModel, points: int, rng: np.random.Generator) -> np.ndarray:
-    """Contact points (K, 3) float32 m, K <= points, camera frame, of a penetration map (H, W) m.
+    """Return contact points (K, 3) float32 m, K <= points, camera frame, of a penetration map (H, W) m.
 
-    The map is brought to the resolution of `sensor`, the image's: the network was trained on a point per image pixel.
-    Where there are more, each is kept with the same chance (the official code prefers lower rows).
+    The map is resized to the resolution of `sensor`, the image's: the network was trained on a point per image pixel.
+    If there are too many points, each is kept with the same chance (the official code prefers lower rows).
     """
     size = sensor.width, sensor.height
     mask = cv2.resize((penetration > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
@@ -87,19 +87,19 @@ def contact_cloud(penetration: np.ndarray, sensor: SensorModel, points: int, rng
 
 
 def scaled_cloud(cloud: np.ndarray) -> np.ndarray:
-    """A cloud (K, 3), K >= 1, moved and scaled so that its smallest coordinate is -1 and its largest 1.
+    """Return a cloud (K, 3), K >= 1, moved and scaled so that its smallest coordinate is -1 and its largest 1.
 
-    Over all axes together, as in the official code: what is lost by it (metric size, position on the gel) the network
-    was trained without.
+    All axes are scaled together, as in the official code. This loses metric size and position on the gel, but the
+    network was trained without them.
     """
     low, high = cloud.min(), cloud.max()
     return 2 * (cloud - low) / (high - low) - 1
 
 
 def save_minkloc3d(state: dict[str, np.ndarray], card: dict, folder: Path, voxel_size: float) -> Path:
-    """Write the network of a state dict and its model card to `folder`; returns the network's file.
+    """Write the network of a state dict and its model card to `folder`; return the network's file.
 
-    The voxel size is part of the network's file, and thus of its identity, as codes depend on it.
+    The voxel size is part of the file, and thus of the network's identity, because codes depend on it.
     """
     path = folder / f"{card['network']}{SUFFIX}"
     details = {"architecture": "minkloc3d", "dim": DIM, "voxel_size": voxel_size, "calibration": _CALIBRATION}

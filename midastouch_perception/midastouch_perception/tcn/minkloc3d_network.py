@@ -1,9 +1,9 @@
 """MinkLoc3D: a feature pyramid of sparse 3-D convolutions, pooled to one code (Komorowski, WACV 2021).
 
-The paper's tactile code network (section 4.2). Each convolution gathers the rows that meet one kernel offset,
-multiplies them by that offset's matrix and adds the result to the rows it belongs to; within one offset no row occurs
-twice. Batch normalisation is folded into the convolutions before it, and the 1 x 1 convolution at the top of the
-pyramid into the transposed one after it: both are linear.
+It is the paper's tactile code network (section 4.2). Each convolution gathers, for one kernel offset at a time, the
+rows that have a neighbour there, multiplies them by the offset's matrix and adds the result to the output rows; within
+one offset no row occurs twice. Batch normalisation is folded into the convolutions before it, and the 1 x 1 convolution
+at the top of the pyramid into the transposed one after it: both are linear.
 
 Voxels follow the conventions of MinkowskiEngine, for which the weights were made: a coarse coordinate is the fine one
 halved and rounded down; the offsets of a cubic kernel run with x fastest.
@@ -25,7 +25,7 @@ _MARGIN = 2  # voxels kept free around the cloud, so that no kernel up to 5 wide
 
 
 def expected_shapes() -> dict[str, tuple[int, ...]]:
-    """Names and shapes of the official state dict, without the batch counters."""
+    """Return names and shapes of the official state dict, without the batch counters."""
     kernels = {
         "backbone.conv0": (125, 1, 32),
         "backbone.convs.0": (8, 32, 32),
@@ -66,23 +66,23 @@ class Voxels:
         self.coordinates = coordinates[first]
 
     def coarser(self) -> tuple[Voxels, np.ndarray, np.ndarray]:
-        """Voxels of twice the size; for each voxel here the row of the one that holds it (N,), and which of its eight
-        parts (N,) it is, x + 2 y + 4 z."""
+        """Return voxels of twice the size and, for each voxel here, the row (N,) of the one that contains it and its
+        part (N,) among the eight there, x + 2 y + 4 z."""
         voxels = Voxels(self.coordinates >> 1)
         return voxels, voxels._inverse, (self.coordinates & 1) @ np.array([1, 2, 4])
 
     def neighbours(self, radius: int) -> np.ndarray:
-        """Rows ((2 radius + 1)^3, N) int32 of the voxels at each offset of a cubic kernel; -1 where there is none."""
+        """Return rows ((2 radius + 1)^3, N) int32 of the voxels at each offset of a cubic kernel; -1 for no voxel."""
         return kernels.neighbours(self._keys, self._width, self._plane, radius)
 
 
 def quantise(cloud: np.ndarray, voxel_size: float) -> Voxels:
-    """Voxels of edge `voxel_size` occupied by a cloud (N, 3), N >= 1, both in the same unit."""
+    """Return the voxels of edge `voxel_size` occupied by a cloud (N, 3), N >= 1, both in the same unit."""
     return Voxels(np.floor(cloud / np.float32(voxel_size)))
 
 
 class MinkLoc3D:
-    """The network with the weights of a state dict, names and shapes as `expected_shapes`."""
+    """Network with the weights of a state dict, names and shapes as in `expected_shapes`."""
 
     def __init__(self, state: dict[str, np.ndarray]):
         def folded(convolution: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
@@ -103,11 +103,11 @@ class MinkLoc3D:
         self._power = np.float32(state["pooling.p"][0])
 
     def __call__(self, voxels: Voxels) -> np.ndarray:
-        """Code (256,) float32, positive, not normalised, of one cloud's voxels."""
+        """Return the code (256,) float32, positive, not normalised, of one cloud's voxels."""
         return self._pool(self.features(voxels)["pyramid"][1])
 
     def features(self, voxels: Voxels) -> dict[str, tuple[Voxels, np.ndarray]]:
-        """Voxels and features (N, C) float32 after each part of the network: stem, down0, block0, ..., pyramid."""
+        """Return voxels and features (N, C) float32 after each part of the network: stem, down0, ..., pyramid."""
         kernel, bias = self._stem
         # the input feature is 1 everywhere, so a neighbour adds its offset's row of the kernel
         occupied = (voxels.neighbours(2) >= 0).astype(np.float32)
@@ -133,13 +133,13 @@ class MinkLoc3D:
         return out
 
     def _pool(self, features: np.ndarray) -> np.ndarray:
-        """Generalised mean (C,) over the rows of features (N, C), which it overwrites (fresh memory is slow)."""
+        """Return the generalised mean (C,) over the rows of features (N, C); overwrites them (new memory is slow)."""
         np.maximum(features, _FLOOR, out=features)
         np.power(features, self._power, out=features)
         return features.mean(axis=0) ** (1 / self._power)
 
     def _block(self, level: int, x: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-        """Residual block: two 3 x 3 x 3 convolutions and a shortcut."""
+        """Apply a residual block: two 3 x 3 x 3 convolutions and a shortcut."""
         first, second = self._blocks[level]
         y = _convolve(x, neighbours, *first)
         y = _convolve(np.maximum(y, 0, out=y), neighbours, *second)
@@ -151,7 +151,7 @@ class MinkLoc3D:
 
 
 def _convolve(x: np.ndarray, neighbours: np.ndarray, kernel: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """Features (N, D) of a 3 x 3 x 3 convolution that keeps the voxels of x (N, C)."""
+    """Return features (N, D) of a 3 x 3 x 3 convolution that keeps the voxels of x (N, C)."""
     centre = len(kernel) // 2
     out = x @ kernel[centre]
     out += bias

@@ -1,4 +1,4 @@
-"""The `fast` tactile code network: a small residual network on the penetration map."""
+"""Architecture of the `fast` tactile code network: a small residual network on the penetration map."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ class _Block(nn.Module):
 
 
 class CodeNet(nn.Module):
-    """forward(maps (B, 4, 80, 60) as `inputs.code_input`) -> codes (B, dim), L2-normalised.
+    """Network from maps to codes: forward(maps (B, 4, 80, 60)) -> codes (B, dim), L2-normalised.
 
-    The last feature map (5 x 4) is flattened, not pooled: where on the gel the contact lies is information.
+    The maps come from `inference.code_input`. The last feature map (5 x 4) is flattened, not pooled, because the
+    position of the contact on the gel is information.
     """
 
     def __init__(self, dim: int = 64, widths: tuple[int, ...] = (16, 32, 64, 128)):

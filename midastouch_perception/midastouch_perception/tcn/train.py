@@ -1,8 +1,8 @@
 """Training and calibration of the `fast` tactile code network.
 
-Contrastive (InfoNCE, van den Oord et al. 2018) between touches and codebook entries of one object: a touch that went
-through randomised optics and the depth network must pick, among many entries of its object, the one its pose belongs
-to. At the optimum the score divided by the temperature is log p(touch | entry) - log p(touch), which is exactly the
+The loss is contrastive (InfoNCE, van den Oord et al. 2018) between touches and codebook entries of one object: a touch
+that went through randomised optics and the depth network must pick, among many entries of its object, the one of its
+pose. At the optimum the score divided by the temperature is log p(touch | entry) - log p(touch), which is exactly the
 log-likelihood ratio the filter needs (paper section 4.2 uses a triplet loss, which gives no such scale).
 """
 
@@ -35,23 +35,23 @@ from ..training.touches import misread
 from .inference import code_input
 from .network import CodeNet
 
-_GROUP = 256  # touches of one object that are distinguished
-_REUSE = 12  # times each group of touches is shown, with fresh entries, another mirroring and other misreadings
+_GROUP = 256  # touches of one object that are contrasted with each other
+_REUSE = 12  # mean number of times that a group of touches is shown, with new entries, mirroring and misreadings
 _POOL = 24, 160  # fewest and most groups that wait to be shown again
 _EVERY = 400  # steps between validations
 _QUERIES, _BOOK = 160, 3072  # touches and entries of each object to validate with
-_SENSORS = 16  # imaginary DIGITs a group
+_SENSORS = 16  # imaginary DIGITs per group
 _SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_fraction=0.0)
 _CELL = (2.5e-3, 2.5e-3, 0.3e-3, np.radians(6), np.radians(6), np.radians(12))  # half cell of a codebook entry
-_MIN_PIXELS = 40  # of contact: fewer say nothing
+_MIN_PIXELS = 40  # of contact; fewer contain no information
 
 
 @dataclasses.dataclass
 class _TouchGroup:
     """Touches of one object.
 
-    Attributes: poses (N, 4, 4), true gel poses; maps (N, H, W) m, the contacts that were measured, in half precision as
-    many groups wait; renderer of the object.
+    Attributes: poses (N, 4, 4), true gel poses; maps (N, H, W) m, the contacts that were measured, in half precision
+    because many groups wait; renderer of the object.
     """
 
     poses: np.ndarray
@@ -60,7 +60,7 @@ class _TouchGroup:
 
 
 class _Touches:
-    """Groups of touches through random optics and the depth network, and the entries they belong to."""
+    """Source of groups of touches, through random optics and the depth network, and of their codebook entries."""
 
     def __init__(self, backgrounds: np.ndarray, ranges: RandomisationRange, tdn: TactileDepthNet, seed: int):
         self.backgrounds, self.ranges, self.tdn = backgrounds, ranges, tdn
@@ -81,9 +81,9 @@ class _Touches:
         return _TouchGroup(poses[kept], maps[kept].astype(np.float16), renderer)
 
     def _clustered(self, renderer: PenetrationRenderer, poses: np.ndarray) -> np.ndarray:
-        """Half of the poses moved next to others: the hard negatives a tracking filter meets.
+        """Return the poses with half of them moved next to others: the hard negatives that a tracking filter meets.
 
-        Half of these turn any way about the normal: the same point upside down is the most frequent mistake.
+        Half of these are turned by any angle about the normal: the same point upside down is the most frequent mistake.
         """
         rng, count = self.rng, len(poses) // 2
         near = poses[rng.choice(len(poses), count)]
@@ -96,7 +96,7 @@ class _Touches:
         closest, _, face = renderer.mesh.closest_points(near[:, :3, 3])
         normal = renderer.mesh.face_normals[face]
         same_side = (normal * near[:, :3, 2]).sum(axis=1) > 0.7
-        # back onto the surface with a press of its own; the tilt stays whatever the surface made of it
+        # back onto the surface with a new press; the tilt against the surface there is left as it is
         near[:, :3, 3] = closest - rng.uniform(*_SAMPLING.press, (count, 1)) * near[:, :3, 2]
         deepest = renderer.render(near).max(axis=(1, 2))
         good = same_side & (deepest > 0.2e-3) & (deepest < MAX_PENETRATION + 0.3e-3)
@@ -105,7 +105,7 @@ class _Touches:
         return poses
 
     def entries(self, group: _TouchGroup) -> np.ndarray:
-        """Maps (N, H, W) m of the codebook entries the poses would fall to: up to half a cell away, standard press."""
+        """Render maps (N, H, W) m of the codebook entries of the poses: up to half a cell away, standard press."""
         renderer, poses = group.renderer, group.poses
         moved = poses @ se3.exp(self.rng.uniform(-1, 1, (len(poses), 6)) * _CELL)
         closest, _, _ = renderer.mesh.closest_points(moved[:, :3, 3])
@@ -116,8 +116,8 @@ class _Touches:
 
 
 class _Batches(torch.utils.data.IterableDataset):
-    """Endless (touch inputs, entry inputs) of one object each, often a stretched one; old touches return with new
-    entries, mirrored and misread."""
+    """Endless stream of (touch inputs, entry inputs), each of one object, often a stretched one; old touches come again
+    with new entries, mirrored and misread."""
 
     def __init__(
         self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, tdn: str, seed: int
@@ -148,7 +148,7 @@ class _Batches(torch.utils.data.IterableDataset):
 
 
 def contrastive_loss(touched: torch.Tensor, entries: torch.Tensor, log_temperature: torch.Tensor) -> torch.Tensor:
-    """InfoNCE in both directions for codes (N, D) of touches and of their entries, both L2-normalised."""
+    """Return the InfoNCE loss in both directions for codes (N, D) of touches and their entries, both L2-normalised."""
     score = touched @ entries.T * torch.exp(-log_temperature.clamp(-4.6, 0))
     target = torch.arange(len(score), device=score.device)
     return 0.5 * (nn.functional.cross_entropy(score, target) + nn.functional.cross_entropy(score.T, target))
@@ -164,7 +164,7 @@ class _ValidationObject:
 
 
 def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> list[_ValidationObject]:
-    """Touches and small codebooks of unseen objects with unseen backgrounds."""
+    """Make touches and small codebooks of unseen objects with unseen backgrounds."""
     source = _Touches(data.held_out_backgrounds, data.ranges, tdn, seed)
     full = SensorModel.load("digit_tacto")
     out = []
@@ -179,11 +179,11 @@ def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> l
 
 @torch.no_grad()
 def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[str, float], list]:
-    """Single-touch figures on unseen objects, and the scores for calibration.
+    """Return single-touch figures on unseen objects, and the scores for calibration.
 
-    held_out: the loss on unseen objects, nats; it shows small progress soonest. top25: smallest pose distance among
-    the 25 best entries over that among 25 random ones, mean; nll: negative mean log fraction of probability on the
-    nearest entry, nats.
+    held_out: the loss on unseen objects, nats; it shows small progress soonest. top25: mean ratio of the smallest pose
+    distance among the 25 best entries to that among 25 spread over the book. nll: negative mean log of the nearest
+    entry's probability over the mean of all, nats.
     """
     loss, top, nll, scores = [], [], [], []
     device = next(model.parameters()).device
@@ -211,8 +211,8 @@ def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[s
 
 
 def calibrate(scores: list) -> dict[str, float]:
-    """Temperature and outlier fraction of the likelihood ratio (1 - e) exp(s/T) / mean_book exp(s/T) + e, fitted to the
-    nearest entries' scores of unseen touches by maximum likelihood."""
+    """Fit temperature T and outlier fraction e of the likelihood ratio (1 - e) exp(s/T) / mean_book exp(s/T) + e to the
+    nearest entries' scores s of unseen touches, by maximum likelihood."""
 
     def cost(parameters: np.ndarray) -> float:
         temperature, outlier = np.exp(parameters[0]), 1 / (1 + np.exp(-parameters[1]))
@@ -234,7 +234,7 @@ def calibrate(scores: list) -> dict[str, float]:
 
 def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     """Train with the depth network `tdn` (name or ONNX path); write `tcn_fast.onnx` and `.json` into the options'
-    folder; returns the ONNX path. Raises InputError if `tdn` is not usable."""
+    folder; return the ONNX path. Raises InputError if `tdn` is not usable."""
     torch.manual_seed(options.seed)
     depth = TactileDepthNet(tdn)
     data = TrainingData.load(options)

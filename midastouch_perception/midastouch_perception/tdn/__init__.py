@@ -1,4 +1,4 @@
-"""Tactile depth network: camera image to penetration map (paper section 4.1)."""
+"""Tactile depth network: from camera image to penetration map (paper section 4.1)."""
 
 from .background import estimate_background
 from .depth_net import DepthNet

@@ -1,8 +1,8 @@
-"""The sensor's no-contact image: captured on request, estimated from images, and whether it shows a touch.
+"""No-contact image of a sensor: capture on request, estimate from images, and a check that it shows no touch.
 
-A touch in the no-contact image is in every difference, wherever the finger is, and hides what is measured there. The
+A touch in the no-contact image is part of every difference, wherever the finger is, and hides contacts there. The
 median of images that are touched at different positions is the untouched gel; the no-contact image must not look like
-that with something pressed onto it.
+that gel with an object pressed onto it.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from .inputs import without_drift
 
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
-_SAME_SURFACE = 4.0  # grey levels between block means that still are the same surface
+_SAME_SURFACE = 4.0  # grey levels between block means, up to which they show the same surface
 _LEAST_CHANGE = 8.0  # grey levels: a pixel that differs more is touched
 _SMOOTHING = 2.0  # px of half the image's resolution
-_LEAST_ROUGHNESS_RATIO = 1.02  # times as rough
+_LEAST_ROUGHNESS_RATIO = 1.02  # of an image with a contact to the untouched gel
 MOST_DOUBTFUL = 0.1
-"""Fraction of the image: an estimate with more of it doubtful shows contacts."""
-_LEAST_FREE_FRACTION = 1 / 3  # of the frames that show a pixel untouched, or its median is not trusted
+"""Largest doubtful fraction of the image; beyond it, an estimate shows contacts."""
+_LEAST_FREE_FRACTION = 1 / 3  # of the frames that must show a pixel as in its median for it to be trusted
 
 
 def estimate_background(images: list[np.ndarray]) -> np.ndarray:
-    """No-contact image (320, 240, 3) uint8 as the per-pixel median of images (320, 240, 3) uint8 of one sensor.
+    """Estimate the no-contact image (320, 240, 3) uint8 as per-pixel median of images (320, 240, 3) uint8 of a sensor.
 
-    While the sensor slides, each pixel is untouched most of the time. Raises InputError without images or with
-    images of different size.
+    While the sensor slides, each pixel is untouched most of the time. Raises InputError if there are no images or if
+    their sizes differ.
     """
     if not images:
         raise InputError("background: no frames to estimate it from; give a no-contact image")
@@ -47,9 +47,9 @@ def estimate_background(images: list[np.ndarray]) -> np.ndarray:
 
 
 def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float:
-    """Fraction (0 ... 1) of the image in which `background`, estimated from `images`, equals only few of them.
+    """Return the fraction (0 ... 1) of the image in which `background`, estimated from `images`, equals few of them.
 
-    There the sensor was touched too often, and the median shows contacts. A contact that never ends goes unnoticed.
+    There the sensor was touched too often, and the median shows contacts. A contact in all images is not detected.
     """
     small = [_block_means(image) for image in (*images, background)]
     same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME_SURFACE
@@ -57,10 +57,10 @@ def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float
 
 
 def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
-    """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
+    """Return whether `candidate` shows the sensor of the no-contact image `present` with an object pressed onto it.
 
-    Both (320, 240, 3) uint8 RGB. False if `present` is the image with the contact (untouched gel is the smoother of the
-    two), if the images differ everywhere, as those of two sensors do, and if they differ slowly over the image, as
+    Both are (320, 240, 3) uint8 RGB. False if `present` is the image with the contact (untouched gel is smoother), if
+    the images differ everywhere, as those of two sensors do, or if their difference varies slowly over the image, as
     under lamps that have warmed.
     """
     difference = tdn.difference(candidate, present)
@@ -80,7 +80,7 @@ def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> 
 
 
 def _roughness(image: np.ndarray, where: np.ndarray) -> float:
-    """Mean curvature of an image's brightness over the pixels (160, 120) bool, noise smoothed away."""
+    """Return the mean curvature of an image's brightness over pixels (160, 120) bool, with noise smoothed away."""
     small = cv2.resize(image, where.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
     curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHING), cv2.CV_32F)).sum(axis=2)
     return float(curvature[where].mean())
@@ -92,16 +92,16 @@ def _block_means(image: np.ndarray) -> np.ndarray:
 
 
 def largest_change(images: Sequence[np.ndarray]) -> float:
-    """Largest change [grey levels] of any 16 x 16 block's mean against the first image.
+    """Return the largest change [grey levels] of any 16 x 16 block's mean against the first image.
 
-    Block means make it blind to pixel noise (a few grey levels) and sharp for a small contact that moves.
+    Block means suppress pixel noise (a few grey levels) but still show a small contact that moves.
     """
     means = np.stack([_block_means(image) for image in images])
     return float(np.abs(means - means[0]).max())
 
 
 class BackgroundCapture:
-    """Collects `frames` images; then `image` is the background, or `refusal` says why there is none."""
+    """Capture of a background from `frames` images; then `image` is the background, or `refusal` has the reason."""
 
     def __init__(self, frames: int, still_threshold: float):
         self._frames, self._still_threshold = frames, still_threshold
@@ -111,11 +111,11 @@ class BackgroundCapture:
 
     @property
     def done(self) -> bool:
-        """Whether enough images have come."""
+        """True once enough images have come."""
         return len(self._images) >= self._frames
 
     def add(self, image: np.ndarray) -> None:
-        """One more image (H, W, 3) uint8."""
+        """Take one more image (H, W, 3) uint8."""
         self._images.append(image)
         if not self.done:
             return
@@ -130,9 +130,9 @@ class BackgroundCapture:
 
 
 class RunningBackground:
-    """Background from the first images of a stream: good from the start where those show no contact.
+    """Background from the first images of a stream; it is good from the start if those show no contact.
 
-    It is estimated anew after 1, 2, 4, ... images, up to `frames` of them.
+    It is estimated again after 1, 2, 4, ... images, up to `frames` of them.
     """
 
     def __init__(self, frames: int):
@@ -143,7 +143,7 @@ class RunningBackground:
         self.change = 0.0
 
     def add(self, image: np.ndarray) -> None:
-        """One more image (H, W, 3) uint8."""
+        """Take one more image (H, W, 3) uint8."""
         if self.count == self._frames:
             return
         self._images.append(image)
@@ -156,11 +156,11 @@ class RunningBackground:
 
 
 class TouchedBackground:
-    """Watches the images of one sensor that differ from its no-contact image.
+    """Check that a sensor's no-contact image shows no touch, by the images that differ from it.
 
-    Args: tdn; every, one image out of so many is kept, and half as many after each window, as a no-contact image does
-    not change by itself; window, number of kept images that are judged together, first when a third of them are there.
-    Attribute: problem, that the no-contact image shows a touch, and the fix; empty if it does not.
+    Args: tdn; every, number of images out of which one is kept, doubled after each window, because a no-contact image
+    does not change by itself; window, number of kept images that are judged together, first when a third have come.
+    Attribute: problem and its fix if the no-contact image shows a touch; otherwise empty.
     """
 
     def __init__(self, tdn: DepthNet, every: int = 5, window: int = 15):
@@ -169,11 +169,11 @@ class TouchedBackground:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen: the no-contact image is another one."""
+        """Forget all images, because the no-contact image has changed."""
         self._start(None)
 
     def observe(self, image: np.ndarray, background: np.ndarray) -> None:
-        """One image and the no-contact image in use, both (320, 240, 3) uint8 RGB; neither is written into later."""
+        """Take an image and the no-contact image in use, both (320, 240, 3) uint8 RGB; do not write into them later."""
         if background is not self._background:
             self._start(background)
         self._frames += 1

@@ -1,4 +1,4 @@
-"""No-contact images from files, and those and calibrations of each sensor kept between starts of a node."""
+"""No-contact images from files, and storage of each sensor's image and calibration between starts of a node."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _MOST_FILES = 200
 
 
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
-    """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
+    """Read an RGB image (height, width, 3) uint8 from a file, or estimate it from a folder of a sensor's images.
 
-    Raises InputError: no such path, no images in it, one that is no whole image, another size, or images that show
-    contacts at the same pixels too often to show what is behind them.
+    Raises InputError if the path is missing, the folder has no images, an image is incomplete or of another size, or
+    the images show contacts at the same pixels too often to show the untouched gel there.
     """
     path = Path(path)
     if not path.is_dir():
@@ -55,21 +55,21 @@ def _read_image(path: Path, height: int, width: int) -> np.ndarray:
 
 
 def default_folder() -> Path:
-    """Where ROS keeps what nodes remember: below $ROS_HOME, or ~/.ros."""
+    """Return the default folder of backgrounds: below $ROS_HOME, or ~/.ros, where ROS nodes keep their data."""
     return expanded(os.environ.get("ROS_HOME") or "~/.ros", "ROS_HOME") / "midastouch" / "backgrounds"
 
 
 def store_of(folder: str, serial: str) -> BackgroundStore | None:
-    """The store that a node's parameters name ("": the default folder); None without a serial number."""
+    """Return the store that a node's parameters name ("": in the default folder); None without a serial number."""
     if not serial:
         return None
     return BackgroundStore(expanded(folder, "background_folder") if folder else default_folder(), serial)
 
 
 class BackgroundStore:
-    """The image of the sensor with this serial number in a folder, as `SERIAL.png`; its calibration, beside it.
+    """Store of one sensor's no-contact image in a folder, as `SERIAL.png`, and of its calibration next to it.
 
-    Raises InputError for a serial number that could not be a file's name.
+    Raises InputError for a serial number that cannot be a file's name.
     """
 
     def __init__(self, folder: Path, serial: str):
@@ -80,7 +80,7 @@ class BackgroundStore:
         self._serial = serial
 
     def load(self, height: int, width: int) -> np.ndarray | None:
-        """RGB image (height, width, 3) uint8; None if none was kept. InputError as `read_background`."""
+        """Read the RGB image (height, width, 3) uint8; None if none was kept. InputError as in `read_background`."""
         if not self.path.exists():
             return None
         try:
@@ -89,8 +89,8 @@ class BackgroundStore:
             raise InputError(f"{error}; or remove it, and call capture_background once the node runs") from error
 
     def load_calibration(self, sensor: SensorModel) -> SensorCalibration | None:
-        """The sensor's calibration, of any scale; None if none was kept. InputError if it is broken or another
-        sensor's."""
+        """Read the sensor's calibration, of any scale; None if none was kept. InputError if it is broken or of another
+        sensor."""
         if not self.calibration_path.exists():
             return None
         calibration = SensorCalibration.load(self.calibration_path)
@@ -101,7 +101,7 @@ class BackgroundStore:
         return calibration
 
     def keep(self, image: np.ndarray) -> str:
-        """`save`, with the outcome in words: where the image is kept, or why it is in use without being kept."""
+        """Save an image and return a message: where it is kept, or why it could not be kept although it is in use."""
         try:
             self.save(image)
         except InputError as error:
@@ -109,7 +109,7 @@ class BackgroundStore:
         return f"kept in {self.path}"
 
     def save(self, image: np.ndarray) -> None:
-        """Keep an image (H, W, 3) uint8 RGB that replaces the last one; InputError if it cannot be written."""
+        """Write an image (H, W, 3) uint8 RGB in place of the last one; InputError if it cannot be written."""
         encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
         try:
             with atomic_path(self.path) as temporary:
@@ -119,15 +119,15 @@ class BackgroundStore:
 
 
 class SensorBackground:
-    """The no-contact image that a sensor's images are compared with, and where it comes from.
+    """No-contact image that a sensor's images are compared with, and its source.
 
-    A captured image comes first, then one from a file, one kept from an earlier start, an estimate from the first
-    images.
+    The source is, in this order: a captured image, a file, an image kept from an earlier start, an estimate from the
+    first images.
 
     Args: sensor, at image resolution; path of an image or a folder of images, or ""; store, or None; frames, number of
-    images an estimate is made from. Raises InputError as `read_background`.
-    Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, where it is from, and problem, what is
-    wrong with it ("" if nothing), in words.
+    images for an estimate. Raises InputError as `read_background` does.
+    Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, as text; problem with the image and its
+    fix, "" if there is none.
     """
 
     def __init__(self, sensor: SensorModel, path: str, store: BackgroundStore | None, frames: int):
@@ -146,11 +146,11 @@ class SensorBackground:
 
     @property
     def change(self) -> float:
-        """Largest change [grey levels] among the images that it is estimated from; 0 if it is not estimated."""
+        """Largest change [grey levels] among the images of the estimate; 0 if the image is not estimated."""
         return self._running.change if self._running is not None else 0.0
 
     def observe(self, image: np.ndarray) -> None:
-        """One more image (H, W, 3) uint8 of the sensor."""
+        """Take one more image (H, W, 3) uint8 of the sensor."""
         if self._running is None:
             return
         self._running.add(image)
@@ -158,7 +158,7 @@ class SensorBackground:
             self._set(self._running.image, f"the first {self._running.count} images")
 
     def replace(self, image: np.ndarray) -> str:
-        """Take a captured image (320, 240, 3) uint8 RGB; says in words whether it is kept for the next start."""
+        """Use a captured image (320, 240, 3) uint8 RGB; return a message on whether it is kept for the next start."""
         self._running = None
         self._set(image, "capture_background")
         return self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"

@@ -1,8 +1,8 @@
-"""How a DIGIT's untouched gel is lit: red from the left, green from the right, blue from below.
+"""Layout of colours on a DIGIT's untouched gel, lit red from the left, green from the right, blue from below.
 
-The depth network sees differences to the no-contact image only, and cannot know that a driver hands it images that are
-turned, mirrored, or have red and blue swapped: that shows in where the no-contact image has which colour. The layout
-compared with is the mean of the no-contact images of 24 DIGITs (`no_contact_layout.npz`, made by this module).
+The input of the depth network is the difference from the no-contact image, which does not show that a driver publishes
+images that are turned, mirrored, or have red and blue swapped. The layout of colours in the no-contact image does. It
+is compared with the mean layout of 24 DIGITs (`no_contact_layout.npz`, made by this module).
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from midastouch_common.images import image_files, read_image_file
 
 _FILE = Path(__file__).parent / "no_contact_layout.npz"
 _GRID = (16, 12)  # rows, columns
-_MARGIN = 0.15  # by which another orientation must match better to be believed
-_MARGIN_OF_TWO = 0.4  # the same for two mistakes at once: some sensors are lit so
-_LEAST_CORRELATION = 0.2  # correlation below which no layout is recognised: some DIGITs are lit otherwise
-_SAME_SENSOR = 0.8  # correlation of an image with its sensor's no-contact image, whatever touches it
+_MARGIN = 0.15  # of correlation by which another orientation must match better to be reported
+_MARGIN_OF_TWO = 0.4  # the same for two mistakes at once, because some sensors are lit like that
+_LEAST_CORRELATION = 0.2  # below it no layout is recognised: some DIGITs are lit in another way
+_SAME_SENSOR = 0.8  # least correlation of an image with its sensor's no-contact image, under any touch
 _DARK, _BRIGHT = 12.0, 250.0  # grey levels
 _MOST_CLIPPED = 0.05
 
@@ -37,11 +37,11 @@ _SWAPPED_AND_TURNED = {
 }
 
 ORIENTATIONS = {**_TURNS, _SWAP: lambda image: image[..., ::-1], **_SWAPPED_AND_TURNED}
-"""What can be wrong with an image (H, W, 3), as a function that undoes it (and makes it)."""
+"""Possible mistakes in an image (H, W, 3), each with a function that undoes it (and also makes it)."""
 
 
 def colour_layout(image: np.ndarray) -> np.ndarray:
-    """Where an image (H, W, 3) RGB has which colour: chromaticities (16, 12, 3), mean 0, norm 1; 0 if grey."""
+    """Return the layout of colours in an image (H, W, 3) RGB: chromaticities (16, 12, 3), mean 0, norm 1; 0 if grey."""
     small = cv2.resize(np.ascontiguousarray(image, np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
     chromaticity = small / np.maximum(small.sum(axis=2, keepdims=True), 1e-3)
     chromaticity -= chromaticity.mean(axis=(0, 1))
@@ -50,19 +50,19 @@ def colour_layout(image: np.ndarray) -> np.ndarray:
 
 
 def mean_layout(images: Sequence[np.ndarray]) -> np.ndarray:
-    """The layout (16, 12, 3) of many sensors' no-contact images (H, W, 3), of unit norm."""
+    """Return the mean layout (16, 12, 3), of unit norm, of many sensors' no-contact images (H, W, 3)."""
     mean = np.mean([colour_layout(image) for image in images], axis=0)
     return mean / np.linalg.norm(mean)
 
 
 def shipped_layout() -> np.ndarray:
-    """The mean layout (16, 12, 3) that comes with the networks."""
+    """Return the mean layout (16, 12, 3) that comes with the networks."""
     with np.load(_FILE, allow_pickle=False) as file:
         return file["layout"]
 
 
 def exposure_problem(image: np.ndarray, most: float) -> str:
-    """How an image (H, W, 3) uint8 RGB is too dark or too bright to show anything; empty if it is not.
+    """Return the problem and its fix if an image (H, W, 3) uint8 RGB is too dark or too bright; empty if it is not.
 
     most: the fraction (0 ... 1) of the image that may be saturated.
     """
@@ -75,9 +75,9 @@ def exposure_problem(image: np.ndarray, most: float) -> str:
 
 
 def image_problem(image: np.ndarray, layout: np.ndarray | None) -> str:
-    """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to fix it; empty if nothing.
+    """Return the problem with a no-contact image (H, W, 3) uint8 RGB and its fix; empty if there is none.
 
-    layout (16, 12, 3), of DIGITs as they should be; None for a sensor whose lamps nobody knows.
+    layout: (16, 12, 3), of correct images of DIGITs; None for a sensor with unknown lamps.
     """
     if problem := exposure_problem(image, _MOST_CLIPPED):
         return f"the no-contact image is {problem}"
@@ -87,9 +87,9 @@ def image_problem(image: np.ndarray, layout: np.ndarray | None) -> str:
 
 
 def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST_CORRELATION) -> str:
-    """Which of `ORIENTATIONS` an image (H, W, 3) uint8 RGB looks like; empty if it looks upright.
+    """Return the one of `ORIENTATIONS` that an image (H, W, 3) uint8 RGB looks like; empty if it looks upright.
 
-    layout (16, 12, 3), as it should be; least, correlation with it below which the image is not recognised.
+    layout: (16, 12, 3), of correct images. least: correlation below which no orientation is recognised.
     """
     found = colour_layout(image)
     upright = float((found * layout).sum())
@@ -100,10 +100,10 @@ def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST_
 
 
 def turned_since(image: np.ndarray, background: np.ndarray) -> str:
-    """How an image is turned or swapped against its own no-contact image, both (H, W, 3) uint8 RGB, and the fix; empty
-    if it is not.
+    """Return the problem and its fix if an image is turned or swapped against its own no-contact image; empty if not.
 
-    A touch changes where an image has which colour far less than any of `ORIENTATIONS`, or another sensor, does.
+    Both are (H, W, 3) uint8 RGB. A touch changes the layout of colours far less than any of `ORIENTATIONS`, or another
+    sensor, does.
     """
     if wrong := misorientation(image, colour_layout(background), _SAME_SENSOR):
         return (
@@ -119,7 +119,7 @@ def _driver_fix(wrong: str) -> str:
 
 
 def main() -> None:
-    """Write the mean layout of the no-contact images in a folder, the one argument, beside this file."""
+    """Write the mean layout of the no-contact images in a folder, the one argument, next to this file."""
     folder = Path(sys.argv[1])
     images = [read_image_file(p)[:, :, ::-1] for p in image_files(folder)]
     with atomic_path(_FILE) as path:

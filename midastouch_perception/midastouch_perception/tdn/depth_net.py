@@ -1,4 +1,4 @@
-"""What the pipeline needs of a depth network, whatever is inside, and the calibration that it is given."""
+"""Interface of depth networks for the pipeline, and management of the calibration that one uses."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .inputs import ContactLight, check_image, reduce_image
 
 
 class DepthNet(ABC):
-    """A tactile depth network in an ONNX file: image and background to penetration (paper section 4.1).
+    """Tactile depth network in an ONNX file: from image and background to penetration (paper section 4.1).
 
-    Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew; backend,
-    that runs the network. Raises InputError if the calibration is another sensor model's.
-    Attributes: network_id; backend, the name of the one in use; uses_calibration, whether a calibration changes what it
-    measures; sensor, the map-resolution sensor model;
-    calibration_in_use, that of the sensor, else the one that comes with its model, or None.
+    Args: name_or_path; sensor, full size; calibration of that sensor, or None (the attribute may be set again later);
+    backend that runs the network. Raises InputError if the calibration is of another sensor model.
+    Attributes: network_id; backend, the name of the one in use; uses_calibration, true if a calibration changes the
+    result; sensor, the map-resolution sensor model; calibration_in_use, the sensor's own, otherwise the default one of
+    its lamps, or None.
     """
 
     _threads = 1
@@ -58,22 +58,22 @@ class DepthNet(ABC):
     @property
     @abstractmethod
     def has_embedding(self) -> bool:
-        """Whether the network also gives its bottleneck."""
+        """True if the network also outputs its bottleneck."""
 
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """What the network is shown of image and background: `shown` of their `change`."""
+        """Return the network's input for image and background: `shown` of their `change`."""
         return self.shown(self.change(image, background))
 
     def shown(self, change: np.ndarray) -> np.ndarray:
-        """What the network is shown of a change (160, 120, 3) grey levels: with a calibration, that of a standard
-        sensor."""
+        """Return the network's input for a change (160, 120, 3) grey levels: with a calibration, the change of a
+        standard sensor."""
         return self.calibration_in_use.standardised(change) if self.calibration_in_use else change
 
     def change(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Change (160, 120, 3) float32 grey levels from background to image, both (320, 240, 3) uint8 RGB.
+        """Return the change (160, 120, 3) float32 grey levels from background to image, both (320, 240, 3) uint8 RGB.
 
-        The frame's own brightness is taken off; relative light is scaled to a background of 100 (`ContactLight`).
-        Raises InputError on wrong size or type. The last background is kept reduced: do not write into it.
+        The frame's own brightness is removed; relative light is scaled to a background of 100 (`ContactLight`).
+        Raises InputError on wrong size or type. The last background is kept in reduced form: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
@@ -83,25 +83,25 @@ class DepthNet(ABC):
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
-        """Penetration (160, 120) float32 m of one image; 0 where the network sees no contact.
+        """Return the penetration (160, 120) float32 m of one image; 0 where the network detects no contact.
 
-        difference: `difference(image, background)`, if at hand.
+        difference: `difference(image, background)`, if you have it already.
         """
 
     def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
-        """Depth [m] of a contact's deepest point below the untouched gel; at least the deepest penetration.
+        """Return the depth [m] of a contact's deepest point below the untouched gel; at least the deepest penetration.
 
-        difference (160, 120, 3), as `difference` gives it; penetration (160, 120) m of the contact. Without a
-        calibration nobody knows how far the gel sinks in beside a contact: it is the deepest penetration.
+        difference (160, 120, 3), from `difference`; penetration (160, 120) m of the contact. Without a calibration, the
+        depth to which gel sinks in around a contact is unknown, and the result is the deepest penetration.
         """
         return float(penetration.max())
 
 
 class CalibrationInUse:
-    """Gives a calibration to a depth network, and takes it back where the no-contact image or the gel is another one.
+    """Calibration that a depth network uses only while it fits the no-contact image and the gel.
 
-    Args: tdn; calibration, of the same kind of sensor: of another scale, it is not given; sensor, tdn's, full size.
-    Attribute: problem, why it is not used; empty if it is, or there is none.
+    Args: tdn; calibration, of the same kind of sensor (one of another scale is not used); sensor, tdn's, full size.
+    Attribute: problem, reason why the calibration is not used; empty if it is used or there is none.
     """
 
     def __init__(self, tdn: DepthNet | None, calibration: SensorCalibration | None, sensor: SensorModel):
@@ -110,12 +110,12 @@ class CalibrationInUse:
         self._decide(self._other_scale)
 
     def check(self, background: np.ndarray) -> None:
-        """The no-contact image (H, W, 3) uint8 RGB in use from now on."""
+        """Decide again, for the no-contact image (H, W, 3) uint8 RGB that is in use from now on."""
         if self._calibration is not None:
             self._decide(self._other_scale or self._calibration.background_problem(background))
 
     def refuse(self, problem: str) -> None:
-        """Take the calibration back until the next no-contact image, for a reason in words."""
+        """Stop using the calibration until the next no-contact image, for a reason as text."""
         if self._calibration is not None and not self.problem:
             self._decide(problem)
 
@@ -125,7 +125,7 @@ class CalibrationInUse:
             self._tdn.calibration = None if problem else self._calibration
 
     def __str__(self) -> str:
-        """What is in use, in words."""
+        """Return a description of the calibration in use."""
         if self._tdn is not None and not self._tdn.uses_calibration:
             return "not used by this network"
         if self._calibration is not None and not self.problem:

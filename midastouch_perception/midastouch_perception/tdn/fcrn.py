@@ -1,4 +1,4 @@
-"""Camera image to penetration map with the paper's own depth network (FCRN) and imported weights."""
+"""The paper's own depth network (FCRN), with imported weights: from camera image to penetration map."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .inputs import check_image
 
-HEIGHT_UNIT = 3e-5  # m a grey level of the height maps it was trained on
-# The net is a regression of height: on untouched gel it errs by some units to either side. As in the official code,
-# less than five of them is no contact.
+HEIGHT_UNIT = 3e-5  # m per grey level of the height maps that the network was trained on
+# The network is a regression of height: on untouched gel its error is some units to either side. As in the official
+# code, less than five units is no contact.
 _FLOOR = 5 * HEIGHT_UNIT
 
 BLOCKS = (3, 4, 6, 3)  # bottlenecks of each ResNet level
-# kernel (height, width) and zero padding (top, left, bottom, right) of the four convolutions of an up-projection,
-# each of which gives one pixel of every 2 x 2 of the output
+# kernel (height, width) and zero padding (top, left, bottom, right) of the four convolutions of an up-projection; each
+# gives one pixel of every 2 x 2 of the output
 QUARTERS = (((3, 3), (1, 1, 1, 1)), ((2, 3), (1, 1, 0, 1)), ((3, 2), (1, 1, 1, 0)), ((2, 2), (1, 1, 0, 0)))
 NORM = ("weight", "bias", "running_mean", "running_var")
 
 
 class FcrnDepthNet(DepthNet):
-    """The paper's depth network, which needs no background: it was trained on whole images.
+    """The paper's depth network. It was trained on whole images, and so needs no background.
 
-    It works at the image's resolution and takes some 0.2 s a frame on one core.
+    It works at the image's resolution and takes some 0.2 s per frame on one core.
     """
 
     has_embedding = False
@@ -45,9 +45,10 @@ class FcrnDepthNet(DepthNet):
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
 
     def height(self, image: np.ndarray) -> np.ndarray:
-        """What the network itself gives: height (320, 240) float32 m above the plane through the gel's apex.
+        """Return the network's own output: height (320, 240) float32 m above the plane through the gel's apex.
 
-        image: (320, 240, 3) uint8 RGB, stretched to the full range over all channels together as in the official code.
+        image: (320, 240, 3) uint8 RGB. It is stretched to the full range, all channels together, as in the official
+        code.
         """
         check_image(image, self._image_sensor, "tactile image")
         stretched = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX)
@@ -55,15 +56,15 @@ class FcrnDepthNet(DepthNet):
         return self._network.run(batch)[0, 0] * np.float32(HEIGHT_UNIT)
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
-        """Penetration (160, 120) float32 m of one image: its height above the undeformed gel, each pixel the mean of
-        four. The background is not used."""
+        """Return the penetration (160, 120) float32 m of one image: its height above the undeformed gel, each pixel the
+        mean of four. The background is not used."""
         height = cv2.resize(self.height(image), self._sag.shape[::-1], interpolation=cv2.INTER_AREA)
         penetration = height - self._sag
         return np.where(penetration >= _FLOOR, penetration, np.float32(0))
 
 
 def expected_shapes() -> dict[str, tuple[int, ...]]:
-    """Names and shapes of the official state dict, without the batch counters."""
+    """Return names and shapes of the official state dict, without the batch counters."""
     kernels, norms, biases = {"conv1": (64, 3, 7, 7)}, {"bn1": 64}, {"conv3": 1}
     inner = 64
     for level, blocks in enumerate(BLOCKS):

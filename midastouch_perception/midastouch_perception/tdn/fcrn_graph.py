@@ -1,7 +1,7 @@
 """FCRN as an ONNX graph: ResNet-50, up-projections, one height per pixel (Laina et al., 3DV 2016).
 
-The paper's tactile depth network (section 4.1). Batch normalisation is folded into the convolutions before it, also
-through the interleaving of an up-projection, which leaves channels alone.
+It is the paper's tactile depth network (section 4.1). Batch normalisation is folded into the convolutions before it,
+also through the interleaving of an up-projection, which does not mix channels.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ class Graph:
         self.weights: list[onnx.TensorProto] = []
 
     def add(self, operator: str, *inputs: str, output: str = "", **attributes: object) -> str:
-        """Add a node; returns the name of its value."""
+        """Add a node; return the name of its value."""
         output = output or f"{operator.lower()}_{len(self.nodes)}"
         self.nodes.append(helper.make_node(operator, list(inputs), [output], **attributes))
         return output
 
     def constant(self, name: str, values: np.ndarray) -> str:
-        """Add float32 weights."""
+        """Add float32 weights; return their name."""
         self.weights.append(numpy_helper.from_array(np.ascontiguousarray(values, np.float32), name))
         return name
 
     def convolution(self, x: str, name: str, norm: str, stride: int = 1, pads: tuple[int, ...] | None = None) -> str:
-        """Convolution `name` with the batch normalisation `norm` ("" for none); pads default to half the kernel."""
+        """Add convolution `name` with the batch normalisation `norm` ("" for none); pads default to half the kernel."""
         kernel = self._state[f"{name}.weight"]
         bias = self._state.get(f"{name}.bias", np.zeros(len(kernel)))
         if norm:
@@ -53,7 +53,7 @@ class Graph:
         return self.add("Conv", *inputs, strides=[stride, stride], pads=pads or [half] * 4)
 
     def bottleneck(self, x: str, name: str, stride: int, project: bool) -> str:
-        """Residual bottleneck; the stride is that of its 3 x 3 convolution, as in torchvision's ResNet."""
+        """Add a residual bottleneck; the stride is that of its 3 x 3 convolution, as in torchvision's ResNet."""
         y = self.add("Relu", self.convolution(x, f"{name}.conv1", f"{name}.bn1"))
         y = self.add("Relu", self.convolution(y, f"{name}.conv2", f"{name}.bn2", stride))
         y = self.convolution(y, f"{name}.conv3", f"{name}.bn3")
@@ -62,7 +62,8 @@ class Graph:
         return self.add("Relu", self.add("Add", y, x))
 
     def up_projection(self, x: str, name: str) -> str:
-        """Twice the size, half the channels: two branches of four interleaved convolutions, added."""
+        """Add an up-projection to twice the size and half the channels: a sum of two branches of four interleaved
+        convolutions."""
 
         def interleaved(branch: int, norm: str) -> str:
             quarters = [
@@ -76,7 +77,7 @@ class Graph:
         return self.add("Relu", self.add("Add", y, interleaved(2, f"{name}.bn2")))
 
     def model(self, x: str, x_shape: tuple[int, ...], y: str, y_shape: tuple[int, ...]) -> onnx.ModelProto:
-        """The graph from its input `x` to its output `y`, of these shapes after the batch."""
+        """Return the graph from its input `x` to its output `y`, of these shapes after the batch."""
         x_info, y_info = (
             helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", *shape])
             for name, shape in ((x, x_shape), (y, y_shape))
@@ -86,7 +87,7 @@ class Graph:
 
 
 def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
-    """The network with the weights of a state dict, names and shapes as `fcrn.expected_shapes`.
+    """Return the network with the weights of a state dict, names and shapes as in `fcrn.expected_shapes`.
 
     Input "image" (N, 3, 320, 240) float32, normalised grey levels; output "height" (N, 1, 320, 240) float32.
     """
@@ -101,14 +102,14 @@ def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
     for level in range(1, 5):
         x = graph.up_projection(x, f"up{level}")
     x = graph.add("Relu", graph.convolution(x, "conv3", ""))
-    # 160 x 128, since ten and eight cells are not quite 320 and 240 pixels
+    # the map is 160 x 128 here, because ten and eight coarse cells are not exactly 320 and 240 pixels
     scales = graph.constant("scales", np.array([1, 1, 2, 1.875]))
     graph.add("Resize", x, "", scales, output="height", mode="linear", coordinate_transformation_mode="half_pixel")
     return graph.model("image", (3, 320, 240), "height", (1, 320, 240))
 
 
 def save_fcrn(state: dict[str, np.ndarray], card: dict, folder: Path) -> Path:
-    """Write the network of a state dict and its model card to `folder`; returns the network's file."""
+    """Write the network of a state dict and its model card to `folder`; return the network's file."""
     path = folder / f"{card['network']}.onnx"
     write_card(card | {"architecture": "fcrn"}, path)
     with atomic_path(path) as temporary:

@@ -1,17 +1,17 @@
-"""Fit check: do this sensor's images look like what the depth network was trained for?
+"""Fit check: do this sensor's images look like those that the depth network was trained for?
 
-Three figures of each image, all cheap:
+It computes three cheap figures of each image:
 
-- *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact, but for the
-  frame's brightness, which the difference is free of. If not, the background is another sensor's or turned.
-- *far change*: what differs from the no-contact image far from all that touches is no contact, and more than a drift
-  of the light that is learned and taken off (`LightDrift`) is a no-contact image that no longer fits.
-- *explained fraction*: light falls on a bump as the bump's slopes say. If the slopes of the measured penetration map do
-  not explain the image by some linear optics, the network has measured something that is not there. What lamps and
-  exposure change from frame to frame varies slowly over the image and needs no explanation.
+- *quietest tenth*: at any pressure, a tenth of the image stays as without contact, except for the frame's brightness,
+  which the difference does not contain. If it does not, the background is of another sensor or turned.
+- *far change*: a difference from the no-contact image far from every contact is not caused by contact. If it is larger
+  than a drift of the light, which is learned and removed (`LightDrift`), the no-contact image no longer fits.
+- *explained fraction*: the light on a bump depends on the bump's slopes. If the slopes of the measured penetration map
+  do not explain the image by some linear optics, the network has measured a shape that is not there. Changes of lamps
+  and exposure between frames vary slowly over the image and need no explanation.
 
-The limits are those that simulated sensors as the network was trained on seldom break: `midastouch evaluate-checks`
-measures how seldom, and how reliably sensors that do not fit break them.
+Simulated sensors like those of the training seldom exceed the limits: `midastouch evaluate-checks` measures how seldom,
+and how reliably sensors that do not fit exceed them.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
 from .inputs import DRIFT_GRID, LARGEST_DRIFT
 
-_BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
-_FAR = 1.6e-3  # m from a contact, beyond which gel is seen as it was
+_BLOCKS = (20, 15)  # rows, columns of the blocks over which images are averaged
+_FAR = 1.6e-3  # m from a contact, beyond which gel looks untouched
 _LEAST_FAR = 0.8  # of a region
 _LEAST_CHANGE = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
 QUIET_LIMIT = 5.0  # grey levels
 EXPLAINED_LIMIT = {"additive": 0.5, "relative": 0.75}
-"""By `SensorModel.light`: on real gel more is explained, as its light is known better."""
+"""Smallest explained fraction by `SensorModel.light`; it is higher on real gel, whose light is known better."""
 _GELS = GelShape(0.3e-3, 0.0, 0.1e-3), GelShape(0.5e-3, 1.0, 0.25e-3), GelShape(0.7e-3, 1.0, 0.5e-3)
-"""From one that follows every edge to one that sinks in far around it."""
+"""Gels from one that follows every edge to one that sinks in far around it."""
 
 
 def explained_fraction(
     difference: np.ndarray, penetration: np.ndarray, pixel: float, least_change: float = _LEAST_CHANGE
 ) -> float | None:
-    """Fraction (0 ... 1) of a difference image's energy that its penetration map explains; None without a visible
-    change.
+    """Return the fraction (0 ... 1) of a difference image's energy that its penetration map explains; None without a
+    visible change.
 
-    difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel; least_change, grey levels, root mean
-    square over blocks, that is visible. The optics fitted to each image: every
-    channel is linear in the slopes of the gel around the contact, with factors linear in the position, plus a quadratic
-    in the slopes. The gel is the one of a few that explains most. What is quadratic in the position does not count.
+    difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel; least_change, smallest visible change in
+    grey levels, root mean square over blocks. Optics are fitted to each image: every channel is linear in the slopes of
+    the gel around the contact, with factors linear in the position, plus a quadratic in the slopes. The gel that
+    explains most is taken out of a few. Any change that is quadratic in the position does not count.
     """
     slow = np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
     seen = _without(slow, _blocks(difference).reshape(-1, 3))
@@ -57,14 +57,14 @@ def explained_fraction(
     for gel in _GELS:
         design = _without(slow, _light_terms(gel.height(penetration, pixel), pixel).astype(float))
         design /= np.linalg.norm(design, axis=0) + 1e-9
-        # the ridge keeps terms apart that a straight edge makes equal
+        # without the ridge the system is singular for a straight edge, which makes terms equal
         weights = np.linalg.solve(design.T @ design + 1e-3 * np.eye(design.shape[1]), design.T @ seen)
         left.append(float(((seen - design @ weights) ** 2).sum()))
     return 1 - min(left) / energy
 
 
 def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
-    """Terms (N, 9) of light on gel of a height (H, W) m, by its normal, at each of N blocks."""
+    """Return terms (N, 9) of the light at each of N blocks on gel of a height (H, W) m, from its normals."""
     slopes = height_slopes(height, pixel)
     sines = slopes / np.sqrt(1 + (slopes**2).sum(axis=2, keepdims=True))
     x, y = sines[..., 0], sines[..., 1]
@@ -75,21 +75,21 @@ def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
 
 
 def _without(base: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Columns (N, K) less what an orthonormal base (N, B) makes of them."""
+    """Return columns (N, K) minus their projection on an orthonormal base (N, B)."""
     return columns - base @ (base.T @ columns)
 
 
 def quietest_tenth(difference: np.ndarray) -> float:
-    """Grey levels by which a tenth of a difference image (H, W, 3) stays within of the background."""
+    """Return the limit [grey levels] within which the quietest tenth of a difference image (H, W, 3) stays."""
     change = np.abs(_blocks(difference)).max(axis=2).ravel()
     return float(np.partition(change, len(change) // 10)[len(change) // 10])
 
 
 def far_change(change: np.ndarray, penetration: np.ndarray, pixel: float) -> float:
-    """Largest mean change [grey levels] of any twentieth of the image that lies far from all that touches; 0 if none
-    does.
+    """Return the largest mean change [grey levels] of any twentieth of the image that lies far from every contact; 0 if
+    none does.
 
-    change (H, W, 3) grey levels from the no-contact image, before the drift of the light is taken off; penetration
+    change (H, W, 3) grey levels from the no-contact image, before the drift of the light is removed; penetration
     (H, W) m; pixel, m per pixel.
     """
     reach = 2 * round(_FAR / pixel) + 1
@@ -107,10 +107,10 @@ def _blocks(image: np.ndarray) -> np.ndarray:
 
 
 class FitCheck:
-    """Watches the frames of one sensor; the verdict is on the median of the last ones looked at.
+    """Check of one sensor's frames, by the median of each figure over the last frames looked at.
 
-    Args: sensor, at the map's resolution; every: one of so many frames that go through the network is looked at;
-    window, how many of the frames looked at count; there is no verdict before a third of them.
+    Args: sensor, at the map's resolution; every, number of frames through the network out of which one is looked at;
+    window, number of frames looked at that count. There is no verdict before a third of the window.
     """
 
     def __init__(self, sensor: SensorModel, every: int = 5, window: int = 15):
@@ -122,8 +122,8 @@ class FitCheck:
         self._far: collections.deque[float] = collections.deque(maxlen=window)
 
     def observe(self, change: np.ndarray, difference: np.ndarray, penetration: np.ndarray) -> None:
-        """One frame: its change and the difference that the network was shown (H, W, 3) grey levels, and the
-        penetration (H, W) m that it made of it."""
+        """Take one frame: its change and the network's input, both (H, W, 3) grey levels, and the network's penetration
+        (H, W) m."""
         self._frames += 1
         if (self._frames - 1) % self._every:
             return
@@ -134,7 +134,7 @@ class FitCheck:
             self._explained.append(explained)
 
     def reset(self) -> None:
-        """Forget what was seen: the background is another one."""
+        """Forget all frames, because the background has changed."""
         self._quiet.clear()
         self._explained.clear()
         self._far.clear()
@@ -156,7 +156,7 @@ class FitCheck:
 
     @property
     def values(self) -> dict[str, str]:
-        """The figures for the diagnostics."""
+        """Figures for the diagnostics."""
         figures = {"quietest_tenth": self.quiet, "far_change": self.far, "explained_share": self.explained}
         return {name: "" if value is None else f"{value:.2f}" for name, value in figures.items()}
 
@@ -165,7 +165,7 @@ class FitCheck:
 
     @property
     def problem(self) -> str:
-        """What does not fit and how to fix it; empty if nothing."""
+        """Problem of the images and its fix, as text; empty if they fit."""
         if self.quiet is not None and self.quiet > QUIET_LIMIT:
             return (
                 f"no part of the image is as in the no-contact image (off by {self.quiet:.0f} grey levels): it is "

@@ -1,4 +1,4 @@
-"""Camera image to penetration map with a trained depth network."""
+"""Trained depth network: from camera image to penetration map."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .slope_fusion import depth_below_gel, joined_depth
 
 EMBEDDING = "embedding"  # name of the network's second output
 _LEARNT_ON = {"additive": "digit_tacto", "relative": "digit_real"}
-"""By `SensorModel.light`, the sensor in the middle of those that the network was trained for."""
+"""The sensor in the middle of those that a network was trained for, by `SensorModel.light`."""
 
 
 class TactileDepthNet(DepthNet):
-    """Our depth network, which sees differences from the no-contact image.
+    """Our depth network, whose input is the difference from the no-contact image.
 
-    Its depths are slopes in disguise: it hardly looks at the scale. So a depth counts as so many of the pixels that it
-    learnt with, and of a calibrated sensor its slopes are joined with those by the colours (`slope_fusion`).
+    It recognises slopes and hardly regards the scale. So its depths are scaled by the sensor's pixel size relative to
+    that of its training, and on a calibrated sensor its slopes are joined with those of the colours (`slope_fusion`).
     """
 
-    _threads = 2  # a frame takes three quarters of one thread's time, the second core being idle meanwhile
+    _threads = 2  # one thread would be busy for three quarters of the time, with the second core idle
 
     def __init__(
         self,
@@ -40,18 +40,18 @@ class TactileDepthNet(DepthNet):
         self._network.require_inputs("difference", "geometry")
         self._geometry = geometry_input(self.sensor)[None]
         learnt = SensorModel.load(_LEARNT_ON[self.sensor.light]).for_maps
-        self._metres = np.float32(1e-3 * self.sensor.pixel_size / learnt.pixel_size)  # a millimetre of the network's
+        self._metres = np.float32(1e-3 * self.sensor.pixel_size / learnt.pixel_size)  # m per millimetre of its output
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
         return self.penetration(self.difference(image, background) if difference is None else difference)
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
-        """Penetration of difference images (160, 120, 3) or (N, 160, 120, 3): (160, 120) or (N, 160, 120) m."""
+        """Return penetration (160, 120) or (N, 160, 120) m of difference images (160, 120, 3) or (N, 160, 120, 3)."""
         penetration = self.network_penetration(difference)
         return penetration if self.calibration_in_use is None else self._joined(difference, penetration)
 
     def network_penetration(self, difference: np.ndarray) -> np.ndarray:
-        """The same by the network alone."""
+        """Return the same by the network alone, without the calibration's slopes."""
         out = self._network.run(*self._batch(difference))
         penetration = np.where(out[:, 1] > 0, np.maximum(out[:, 0], 0), 0) * self._metres
         return penetration.reshape(difference.shape[:-1])
@@ -71,9 +71,9 @@ class TactileDepthNet(DepthNet):
         return EMBEDDING in self._network.outputs
 
     def embedding(self, difference: np.ndarray) -> np.ndarray:
-        """Bottleneck features (N, E) float32, L2-normalised, of difference images (N, 160, 120, 3).
+        """Return bottleneck features (N, E) float32, L2-normalised, of difference images (N, 160, 120, 3).
 
-        The image embedding that the paper compares its codes with (appendix B). Only where `has_embedding`.
+        This is the image embedding that the paper compares its codes with (appendix B). Requires `has_embedding`.
         """
         return self._network.run(*self._batch(difference), output=EMBEDDING)
 
@@ -89,11 +89,11 @@ def load_tdn(
     calibration: SensorCalibration | None = None,
     backend: str = CPU,
 ) -> DepthNet:
-    """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
+    """Load a depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
 
-    A name stands for the network that was trained for the sensor's light, as `fast_relative` for real gel.
-    calibration: of that very sensor, or None; backend, as `load_backend`. Raises InputError: unknown network or
-    backend, another sensor's calibration.
+    For a name, the network trained for the sensor's light is taken, e.g. `fast_relative` for real gel. calibration: of
+    that very sensor, or None. backend: as for `load_backend`. Raises InputError: unknown network or backend,
+    calibration of another sensor.
     """
     sensor = sensor or SensorModel.load("digit_tacto")
     if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():

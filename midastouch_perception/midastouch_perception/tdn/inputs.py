@@ -1,6 +1,6 @@
-"""What the depth network sees: the difference to the no-contact image, free of drift, and the sensor's geometry.
+"""Inputs of the depth network: the difference from the no-contact image, free of drift, and the sensor's geometry.
 
-A sensor's light changes slowly, as LEDs warm up and gel settles: the no-contact image ages.
+A sensor's light changes slowly as LEDs warm up and gel settles, so a no-contact image becomes outdated.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from ..sensor_calibration.response import position_terms
 from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
-RELATIVE_LEVEL = 100.0  # grey levels of the background that a relative difference is expressed for
-_DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
+RELATIVE_LEVEL = 100.0  # grey levels of the background to which a relative difference is scaled
+_DARKEST = 30.0  # grey levels; division by a darker background would amplify noise
 _GAIN_STEP = 4  # px; every fourth pixel is enough to measure the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
 DRIFT_GRID = (5, 4)
-"""Rows, columns: far coarser than a contact, whose bright and dark sides cancel."""
+"""Rows, columns of the field of drift: so coarse that the bright and dark sides of a contact cancel."""
 LARGEST_DRIFT = 15.0
-"""Grey levels: what differs more is another sensor or another light, which the fit check reports."""
+"""Grey levels. A larger difference means another sensor or another light, which the fit check reports."""
 _DRIFT_RATE = 0.1  # per frame without contact
-_JUMP = LARGEST_DRIFT / 3  # grey levels: light changes by less from frame to frame, so that a touch counts little
+_JUMP = LARGEST_DRIFT / 3  # grey levels; light changes by less between frames, so the clip limits the effect of a touch
 _BLOCK = 8  # px
 _DRIFT_ROUNDS = 6
 _QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
 
 
 def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
-    """`image` if it is (H, W, 3) uint8 of the sensor's size; else InputError naming `what` and the fix."""
+    """Return `image` if it is (H, W, 3) uint8 of the sensor's size; otherwise InputError with `what` and the fix."""
     shape = (sensor.height, sensor.width, 3)
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)
@@ -46,17 +46,17 @@ def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray
 
 
 def reduce_image(image: np.ndarray) -> np.ndarray:
-    """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
+    """Return a camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
     return kernels.halve_image(np.ascontiguousarray(image))
 
 
 class ContactLight:
-    """What of an image is due to contact, for one no-contact image `background` (H, W, 3) float32 grey levels.
+    """Change of images by contact, for one no-contact image `background` (H, W, 3) float32 grey levels.
 
-    light: as `SensorModel.light`. Exposure and lamps change from frame to frame and turn a whole colour up or down;
-    they are no contact, and most of the image is untouched, so each colour's median ratio to the background is taken
-    off. Of relative light what is left is divided by the background: the fraction by which real gel becomes brighter
-    where it slopes hardly differs from sensor to sensor or over the image, the grey levels do several times.
+    light: as `SensorModel.light`. Exposure and lamps change a whole colour from frame to frame. As most of the image is
+    untouched, the median ratio of each colour to the background measures that, and it is removed. For relative light,
+    the rest is divided by the background: the fraction by which sloping gel becomes brighter is nearly the same for all
+    sensors and over the image, while grey levels differ several times.
     """
 
     def __init__(self, background: np.ndarray, light: str):
@@ -65,9 +65,9 @@ class ContactLight:
         self._unit = RELATIVE_LEVEL / np.maximum(background, _DARKEST) if light == "relative" else None
 
     def difference(self, image: np.ndarray) -> np.ndarray:
-        """Change (H, W, 3) float32 by contact, of an image (H, W, 3) float32 grey levels.
+        """Return the change (H, W, 3) float32 by contact, in grey levels, of an image (H, W, 3) float32 grey levels.
 
-        In grey levels; of relative light in those it would have over a background of 100.
+        For relative light it is scaled to a background of 100 grey levels.
         """
         image = np.ascontiguousarray(image, np.float32)
         change = kernels.change_beside_gain(image, self._background, self._sparse, _GAIN_STEP, _LEAST_GAIN)
@@ -75,14 +75,14 @@ class ContactLight:
 
 
 def difference_input(difference: np.ndarray) -> np.ndarray:
-    """Difference images (N, H, W, 3), grey levels, as network input (N, 3, H, W) float32."""
+    """Return difference images (N, H, W, 3), grey levels, as network input (N, 3, H, W) float32."""
     return kernels.planes(np.ascontiguousarray(difference, np.float32), 1 / _GREY_LEVELS)
 
 
 def geometry_input(sensor: SensorModel) -> np.ndarray:
-    """Metric position of each pixel on the gel and the gel's sag there: (3, H, W) float32.
+    """Return the metric position of each pixel on the gel and the gel's sag there, scaled: (3, H, W) float32.
 
-    With it one set of weights serves sensors of different scale and dome.
+    With this input one set of weights serves sensors of different scale and dome.
     """
     tangent_x, tangent_y = sensor.rays
     depth = sensor.gel_depth
@@ -91,17 +91,17 @@ def geometry_input(sensor: SensorModel) -> np.ndarray:
 
 
 class LightDrift:
-    """What the no-contact image has become, learned while nothing is touched and taken off while something is.
+    """Drift of the light since the no-contact image, learned from frames without contact and subtracted from others.
 
-    A smooth field: cubic between the nodes of a coarse grid, fitted by least squares.
+    It is a smooth field: cubic between the nodes of a coarse grid, fitted by least squares.
     """
 
     def __init__(self) -> None:
         self._nodes = np.zeros((*DRIFT_GRID, 3), np.float32)
-        self._field: np.ndarray | None = None  # (H, W, 3) between them, None before anything is learned
+        self._field: np.ndarray | None = None  # (H, W, 3) between the nodes, None before the first frame
 
     def learn(self, difference: np.ndarray) -> None:
-        """One frame without contact: its difference (H, W, 3), grey levels, to the stored no-contact image."""
+        """Learn from the difference (H, W, 3), grey levels, of a frame without contact from the no-contact image."""
         new = np.clip(self.correct(difference), -_JUMP, _JUMP)
         rows, columns = (_fit(length, nodes) for length, nodes in zip(new.shape, DRIFT_GRID, strict=False))
         off = np.einsum("rwc,nw->rnc", np.tensordot(rows, new, 1), columns)
@@ -109,22 +109,21 @@ class LightDrift:
         self._field = cv2.resize(self._nodes, difference.shape[1::-1], interpolation=cv2.INTER_CUBIC)
 
     def correct(self, difference: np.ndarray) -> np.ndarray:
-        """Difference (H, W, 3) to the no-contact image of today."""
+        """Return the difference (H, W, 3) from the no-contact image without the drift."""
         return difference if self._field is None else difference - self._field
 
 
 @cache
 def _fit(length: int, nodes: int) -> np.ndarray:
-    """(nodes, length): from the values along an axis to those of the nodes that cubic interpolation fits best."""
+    """Return the matrix (nodes, length) from values along an axis to the best-fitting nodes of cubic interpolation."""
     interpolated = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
     return np.linalg.pinv(interpolated)
 
 
 def without_drift(change: np.ndarray) -> np.ndarray:
-    """A change (H, W, 3) less what varies slowly over the image: lamps that have warmed since the no-contact image.
-
-    A quadratic in the position, fitted to block means by least squares over and over, each time to the quieter ones.
-    """
+    """Return a change (H, W, 3) without its slowly varying part, caused by lamps that have warmed since the no-contact
+    image: a quadratic in the position, fitted to block means by least squares, repeatedly, each time to the quieter
+    ones."""
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
     positions = position_terms(*blocks.shape[:2]).reshape(-1, 6)

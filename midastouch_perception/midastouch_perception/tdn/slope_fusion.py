@@ -1,9 +1,9 @@
-"""Depth from slopes: those that a calibration sees in the colours, joined with those of the depth network.
+"""Depth from slopes: those that a calibration gives for the colours, joined with those of the depth network.
 
-A slope has no unit. Depth is what slopes add up to over pixels of the sensor's own size, so the same image seen at
-twice the pixels per metre is half as deep. The network says where something touches; there the height is found whose
-slopes are nearest to the joined ones (Poisson's equation), and it ends at nothing a pixel beside the contact. Over the
-gel that sinks in around it, too, they add up to the depth below the untouched gel.
+A slope has no unit. Depth is the integral of slopes over pixels of the sensor's own size, so the same image at twice
+the pixels per metre is half as deep. The network gives the region of contact. There we find the height whose slopes are
+nearest to the joined ones (Poisson's equation) and which is 0 one pixel outside of the contact. Integrated also over
+the gel that sinks in around the contact, slopes give the depth below the untouched gel.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ import midastouch_kernels as kernels
 from ..sensor_calibration.response import height_slopes
 
 NETWORK_WEIGHT = 0.51
-"""Of the network's slopes in the joined ones: that with the least variance on measured sensors and training objects
+"""Weight of the network's slopes in the joined ones, with the least variance on measured sensors and training objects
 (`midastouch_benchmark/fits/slope_weight.py`)."""
 _BESIDE = np.ones((3, 3), np.uint8)
-_SUNK_IN = 2e-3  # m beside a contact where gel of some millimetres is untouched again
-_COARSE = 2  # px of the map a side, to one of those that a single number needs
+_SUNK_IN = 2e-3  # m from a contact, beyond which a gel of some millimetres is undeformed
+_COARSE = 2  # px of the map per coarse pixel, along each side; enough for a single number
 
 
 def joined_depth(slopes: np.ndarray, penetration: np.ndarray, pixel: float) -> np.ndarray:
-    """Penetration (H, W) float32 m of a contact.
+    """Return the penetration (H, W) float32 m of a contact.
 
-    slopes (H, W, 2) by the calibration, to the right and down; penetration (H, W) m by the network, 0 where nothing
-    touches; pixel, m per pixel.
+    slopes (H, W, 2) by the calibration, to the right and down; penetration (H, W) m by the network, 0 outside of the
+    contact; pixel, m per pixel.
     """
     touched = penetration > 0
     if not touched.any():
@@ -39,15 +39,15 @@ def joined_depth(slopes: np.ndarray, penetration: np.ndarray, pixel: float) -> n
 
 
 def depth_below_gel(slopes: np.ndarray, penetration: np.ndarray, pixel: float) -> float:
-    """Depth [m] of a contact's deepest point below the untouched gel, which the slopes beside the contact lead to.
+    """Return the depth [m] of a contact's deepest point below the untouched gel, from the slopes around the contact.
 
-    slopes (H, W, 2) by the calibration, to the right and down; penetration (H, W) m of the contact, 0 beside it; pixel,
-    m per pixel.
+    slopes (H, W, 2) by the calibration, to the right and down; penetration (H, W) m of the contact, 0 outside; pixel, m
+    per pixel.
     """
     touched = (penetration > 0).astype(np.uint8)
     if not touched.any():
         return 0.0
-    # at the outline of the penetration its slopes end, those of the gel go on
+    # slopes of the penetration end at its outline; those of the gel continue beyond it
     inner = cv2.erode(touched, _BESIDE) > 0
     everywhere = np.where(inner[..., None], height_slopes(penetration, pixel), slopes)
     height, width = touched.shape

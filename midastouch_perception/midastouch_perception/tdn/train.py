@@ -25,8 +25,8 @@ _BATCH = 32
 _RESERVOIR = 768
 _CHECKS = 10  # batches to validate with
 _SOFTENING = 0.03  # mm: below it the loss is quadratic
-_LIGHT = 0.05  # mm: errors of a lighter touch count as of one so deep
-_RELATIVE_WEIGHT, _CONTACT_WEIGHT = 0.2, 0.15  # of the loss's terms beside the RMSE
+_LIGHT = 0.05  # mm added to a contact's depth, so that relative errors of light touches stay finite
+_RELATIVE_WEIGHT, _CONTACT_WEIGHT = 0.2, 0.15  # of the loss's other terms; the RMSE has 1
 CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 
@@ -39,10 +39,10 @@ def _conv(inputs: int, outputs: int, stride: int = 1, size: int = 3) -> nn.Seque
 
 
 class UNet(nn.Module):
-    """Difference image and sensor geometry to penetration and contact.
+    """Network from difference image and sensor geometry to penetration and contact.
 
     forward(difference (B, 3, 160, 120), geometry (B, 3, 160, 120)) -> (B, 2, 160, 120): penetration [mm], contact
-    logit. Inputs as `inference.difference_input` and `inference.geometry_input` make them. The first layer halves the
+    logit. The inputs come from `inputs.difference_input` and `inputs.geometry_input`. The first layer halves the
     resolution, so the costly layers run at 80 x 60; sub-pixel convolution restores it.
     """
 
@@ -58,18 +58,18 @@ class UNet(nn.Module):
         return self.decode(self.encode(difference, geometry))
 
     def encode(self, difference: torch.Tensor, geometry: torch.Tensor) -> list[torch.Tensor]:
-        """Feature maps, fine to coarse; the last is the bottleneck (B, 128, 5, 4)."""
+        """Return feature maps, fine to coarse; the last is the bottleneck (B, 128, 5, 4)."""
         features = [self.stem(torch.cat([difference, geometry], 1))]
         for layer in self.down:
             features.append(layer(features[-1]))
         return features
 
     def decode(self, features: list[torch.Tensor]) -> torch.Tensor:
-        """Output of `forward` from the feature maps, which it uses up."""
+        """Return the output of `forward` from the feature maps; empties the list."""
         out = features.pop()
         for layer in self.up:
             skip = features.pop()
-            # by factors that are numbers when exported: ONNX Runtime then scales in the layout of its convolutions
+            # factors that are plain numbers in the export let ONNX Runtime scale in the layout of its convolutions
             factors = tuple(float(skip.shape[k]) / float(out.shape[k]) for k in (-2, -1))
             out = nn.functional.interpolate(out, scale_factor=factors, mode="bilinear", align_corners=False)
             out = layer(torch.cat([out, skip], 1))
@@ -77,7 +77,7 @@ class UNet(nn.Module):
 
 
 class UNetWithEmbedding(nn.Module):
-    """A trained `UNet` that also returns its bottleneck (B, 2560), L2-normalised: the paper's image embedding."""
+    """Trained `UNet` that also returns its bottleneck (B, 2560), L2-normalised: the paper's image embedding."""
 
     def __init__(self, unet: UNet):
         super().__init__()
@@ -90,8 +90,8 @@ class UNetWithEmbedding(nn.Module):
 
 
 def training_sensors(light: str) -> list[SensorModel]:
-    """The geometries trained for. Of relative light: the real DIGIT's at several scales, and two flat gels; of
-    additive: mostly TACTO's, some real ones, and some in between."""
+    """Return the geometries to train for. For relative light: the real DIGIT's at several scales, and two flat gels.
+    For additive light: mostly TACTO's, some real ones, and some in between."""
     tacto, real = SensorModel.load("digit_tacto").for_maps, SensorModel.load("digit_real").for_maps
     if light == "relative":
         flat = SensorModel.load("gelsight_mini").for_maps
@@ -102,7 +102,7 @@ def training_sensors(light: str) -> list[SensorModel]:
 
 
 class _Batches(torch.utils.data.IterableDataset):
-    """Batches (difference, geometry, penetration mm) of a worker's own seeded stream."""
+    """Batches (difference, geometry, penetration [mm]) of a worker's own seeded stream."""
 
     def __init__(
         self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, light: str, seed: int
@@ -125,11 +125,11 @@ class _Batches(torch.utils.data.IterableDataset):
 
 
 def loss_function(output: torch.Tensor, penetration: torch.Tensor) -> torch.Tensor:
-    """RMSE of each map's penetration [mm], the same within the contact over the contact's own depth, and cross-entropy
-    of the contact mask.
+    """Return the loss: the RMSE of each map's penetration [mm], plus, weighted, the RMSE within the contact relative to
+    the contact's depth, and the cross-entropy of the contact mask.
 
-    Root per map, not mean of squares: the blurriest of sensors would take nearly all of the gradient. Relative to the
-    depth, or a light touch would count for nothing.
+    The root is taken per map: with a mean of squares, the blurriest sensors would dominate the gradient. Without the
+    relative term, a light touch would hardly count.
     """
     contact = (penetration > CONTACT * 1e3).float()
     off, touched = (output[:, 0] - penetration) ** 2, contact.sum(dim=(1, 2)).clamp(min=1)
@@ -143,7 +143,7 @@ def loss_function(output: torch.Tensor, penetration: torch.Tensor) -> torch.Tens
 
 @torch.no_grad()
 def validate(model: nn.Module, batches: list) -> dict[str, float]:
-    """RMSE [mm] over all pixels and contact IoU on fixed batches of unseen objects and backgrounds."""
+    """Return the RMSE [mm] over all pixels and the contact IoU on fixed batches of unseen objects and backgrounds."""
     squared, pixels, both, either = 0.0, 0, 0, 0
     for difference, geometry, penetration in batches:
         out = model(difference, geometry)
@@ -157,10 +157,9 @@ def validate(model: nn.Module, batches: list) -> dict[str, float]:
 
 
 def train(options: TrainingOptions) -> Path:
-    """Train and write the network and its card into the options' folder; returns the path of `tdn_fast.onnx`, or
-    `tdn_fast_relative.onnx` for relative light.
+    """Train; write the network, its card, log and checkpoints into the options' folder; return the network's path.
 
-    Log and checkpoints go there too.
+    The file is `tdn_fast.onnx`, or `tdn_fast_relative.onnx` for relative light.
     """
     torch.manual_seed(options.seed)
     data = TrainingData.load(options)
@@ -198,6 +197,6 @@ def train(options: TrainingOptions) -> Path:
 
 
 def export(model: UNet, card: dict, path: Path) -> Path:
-    """Write the network with both its outputs and its card; returns `path`."""
+    """Write the network with both its outputs and its card; return `path`."""
     example = {"difference": torch.zeros(1, 3, 160, 120), "geometry": torch.zeros(1, 3, 160, 120)}
     return export_onnx(UNetWithEmbedding(model).eval(), example, ["penetration_contact", "embedding"], card, path)

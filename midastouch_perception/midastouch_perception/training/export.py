@@ -1,4 +1,4 @@
-"""Trained networks as ONNX files with their model cards, and trainings that begin with such a file."""
+"""Export of trained networks to ONNX files with model cards, and start of a training from such a file."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from midastouch_common.files import atomic_path
 def export_onnx(
     model: torch.nn.Module, inputs: dict[str, torch.Tensor], outputs: list[str], card: dict, path: Path
 ) -> Path:
-    """Write `model` as ONNX with a free batch size, and its model card as JSON beside it; returns `path`.
+    """Write `model` as ONNX with a free batch size, and its model card as JSON next to it; return `path`.
 
-    model: is moved to the CPU; inputs: example tensors by name, in the order of `forward`; outputs: names of what it
-    returns.
+    The model is moved to the CPU. inputs: example tensors by name, in the order of `forward`. outputs: names of the
+    tensors that the model returns.
     """
     with atomic_path(path) as temporary:
         torch.onnx.export(
@@ -42,9 +42,9 @@ def export_onnx(
 def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
     """Give `model` the weights of an ONNX export of the same architecture, so that both compute the same.
 
-    A folded convolution says what comes out of its normalisation, not what its mean and variance were: those are
-    measured on `batch`, the model's inputs on any device, and the normalisation's factors follow. Raises InputError if
-    the convolutions or linear layers are others.
+    The export has each normalisation folded into its convolution, so that the mean and variance are lost: they are
+    measured again on `batch` (the model's inputs, on any device), and the normalisation's factors follow from them.
+    Raises InputError if the convolutions or linear layers have other shapes.
     """
     graph = onnx.load(str(path)).graph
     values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
@@ -72,7 +72,7 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
 
 
 def _measure(bias: torch.Tensor):
-    """A hook that sets a normalisation by its first input so that it adds `bias` and does nothing else."""
+    """Return a hook that sets a normalisation by its first input so that it only adds `bias`."""
 
     def hook(norm: nn.BatchNorm2d, inputs: tuple[torch.Tensor, ...]) -> None:
         norm.running_mean.copy_(inputs[0].mean(dim=(0, 2, 3)))

@@ -1,4 +1,4 @@
-"""What training runs have in common: batches rendered beside it, a time budget, checkpoints, a log with its curve."""
+"""Common parts of training runs: batches from rendering processes, a time budget, checkpoints, a log with its curve."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
 
-_SETTLED = 0.5  # of the budget: from then on normalisations stay
+_SETTLED = 0.5  # of the budget; after that the normalisations are fixed
 
 
 def rendered_batches(dataset: torch.utils.data.IterableDataset, options: TrainingOptions, ahead: int):
-    """Loader of the dataset's own batches, `ahead` of them waiting per rendering process."""
+    """Return a loader of the dataset's own batches that keeps `ahead` of them waiting per rendering process."""
     if not options.workers:
         return torch.utils.data.DataLoader(dataset, batch_size=None)
     return torch.utils.data.DataLoader(
@@ -32,12 +32,12 @@ def rendered_batches(dataset: torch.utils.data.IterableDataset, options: Trainin
         batch_size=None,
         num_workers=options.workers,
         prefetch_factor=ahead,
-        multiprocessing_context="spawn",  # a fork has the locks of PyTorch's and OpenCV's threads, but not the threads
+        multiprocessing_context="spawn",  # a fork copies the locks of PyTorch's and OpenCV's threads, not the threads
     )
 
 
 def rendering_process() -> int:
-    """Keep a rendering process to one thread of its own; returns its number, 0 in the training process."""
+    """Limit a rendering process to one thread; return its number, 0 in the training process."""
     worker = torch.utils.data.get_worker_info()
     if worker is None:
         return 0
@@ -47,17 +47,17 @@ def rendering_process() -> int:
 
 
 class TrainingRun:
-    """A bounded, resumable optimisation.
+    """Optimisation with a budget, which can be resumed.
 
     The learning rate warms up, stays, then falls to zero by a cosine over the budget, so that a run of any length ends
     annealed. The weights kept are an exponential moving average.
 
-    Normalisations go by each batch's own statistics in the first half of a run that begins with random weights only.
-    Then they stay as they are used later: the few sensors of a batch differ from those of the next, and weights that
-    are right for each batch's own statistics are not for the mean of all.
+    Normalisations use each batch's own statistics only in the first half of a run that begins with random weights.
+    After that they are fixed, as at inference: the few sensors of a batch differ from those of the next, and weights
+    that are right for each batch's own statistics are wrong for the mean of all.
 
-    Args: model; options, of which the budget, `out` for `checkpoint.safetensors`, `state.pt` and `log.csv`, and
-    `resume` count here; rate, peak learning rate.
+    Args: model; options, of which this class uses the budget, `resume`, and `out`, the folder of
+    `checkpoint.safetensors`, `state.pt` and `log.csv`; rate, the peak learning rate.
     """
 
     def __init__(self, model: torch.nn.Module, options: TrainingOptions, rate: float):
@@ -67,7 +67,7 @@ class TrainingRun:
         self.optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
         self.average = {k: v.detach().clone() for k, v in model.state_dict().items()}
         self.step = 0
-        self.rows: list[dict] = []  # of the earlier run too
+        self.rows: list[dict] = []  # includes those of the earlier run
         self.minutes_before = 0.0
         if options.resume:
             self._resume(Path(options.resume))
@@ -95,7 +95,8 @@ class TrainingRun:
     ) -> None:
         """Train until the budget is used, then plot the log.
 
-        loss_of: the loss of a batch; validate: figures for the log, asked for every `every` steps and at the end.
+        loss_of: returns the loss of a batch. validate: returns figures for the log; it is called every `every` steps
+        and at the end.
         """
         recent: list[float] = []
         for batch in batches:
@@ -112,7 +113,7 @@ class TrainingRun:
         _plot_log(self.rows, self.folder / "log.png")
 
     def card(self, network: str) -> dict:
-        """What the model card of `network` (tdn or tcn) says about its training."""
+        """Return the part of the model card of `network` (tdn or tcn) that describes its training."""
         return {
             "minutes": round(self.minutes, 1),
             "seed": self._options.seed,
@@ -122,7 +123,7 @@ class TrainingRun:
         }
 
     def update(self, loss: torch.Tensor) -> None:
-        """One optimiser step down the gradient of `loss`; a non-finite loss is skipped."""
+        """Take one optimiser step down the gradient of `loss`; a non-finite loss is skipped."""
         warm = min(1.0, (self.step + 1) / 200)
         fall = 0.5 * (1 + math.cos(math.pi * max(0.0, self.progress - 0.1) / 0.9))
         for group in self.optimiser.param_groups:
@@ -141,7 +142,7 @@ class TrainingRun:
                 self.average[name].copy_(value)
 
     def averaged(self, build: Callable[[], torch.nn.Module]) -> torch.nn.Module:
-        """A fresh model in evaluation mode with the averaged weights, on the run's device."""
+        """Return a new model in evaluation mode with the averaged weights, on the run's device."""
         model = build().to(self._options.device)
         model.load_state_dict(self.average)
         return model.eval()
@@ -179,7 +180,7 @@ class TrainingRun:
 
 
 def _plot_log(rows: list[dict], path: Path) -> None:
-    """Curves of every logged figure over minutes, as PNG."""
+    """Plot curves of every logged figure over minutes, as PNG."""
     import matplotlib
 
     matplotlib.use("Agg")

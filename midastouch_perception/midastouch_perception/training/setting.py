@@ -1,4 +1,4 @@
-"""What a training run is given: its options, and the meshes and no-contact images that they name.
+"""Input of a training run: its options, and the meshes and no-contact images that they name.
 
 The objects are YCB scans other than the paper's test objects, and shapes and parts made by code; the images are of
 many DIGITs.
@@ -26,13 +26,13 @@ from ..simulation.random_parts import random_part
 from ..simulation.randomisation import RandomisationRange
 
 MAKERS = random_shape, random_part, random_probe, random_part
-"""Of objects made by code, by turns: half of them have sharp edges."""
+"""Functions that make objects by code, used in turn: half of the objects have sharp edges."""
 
 PROCEDURAL_OBJECTS = 48
 _HELD_OUT_PARTS = 1 / 16  # of the procedural objects: scans have no sharp edges to validate with
-_OTHER_DESIGNS = 0.2  # of the sensors with relative light: a new gel is to be read before anybody trains for it
-_FAR_SENSORS = 0.25  # of the sensors with additive light: of one whose scale nobody knows, a depth is the usual one
-HELD_OUT = 4  # the last ones by name only validate
+_OTHER_DESIGNS = 0.2  # of the sensors with relative light, so that a new kind of gel works without training for it
+_FAR_SENSORS = 0.25  # of the sensors with additive light; few, for without a known scale a depth can only be guessed
+HELD_OUT = 4  # images, the last ones by name, that are used only to validate
 # the paper's ten test objects: never trained on
 TEST_OBJECTS = ("004_", "005_", "006_", "021_", "025_", "035_", "037_", "042_", "048_", "055_")
 # of the training scans, these measure generalisation while training
@@ -41,8 +41,8 @@ _STRETCH = 0.7, 1.4
 
 
 def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
-    """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes,
-    half of them parts with sharp edges.
+    """Return training and validation meshes: the PLY files of `folder` except the test objects, and `procedural` random
+    shapes, half of them parts with sharp edges.
 
     Raises InputError if the folder holds no usable mesh.
     """
@@ -58,16 +58,16 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
 
 
 def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
-    """Another object: the mesh scaled by its own factor, 0.7 to 1.4, along each of three perpendicular directions."""
+    """Return another object: the mesh scaled along three perpendicular directions, each by a factor of 0.7 to 1.4."""
     axes = se3.exp(np.r_[np.zeros(3), rng.uniform(-np.pi, np.pi, 3)])[:3, :3]
     scale = axes * np.exp(rng.uniform(*np.log(_STRETCH), 3)) @ axes.T
     return ObjectMesh(mesh.vertices @ scale, mesh.faces, mesh.name, mesh.sha256)
 
 
 def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Training and validation images (B, height, width, 3) uint8 RGB from the JPEG or PNG files of `folder`.
+    """Return training and validation images (B, height, width, 3) uint8 RGB from the JPEG or PNG files of `folder`.
 
-    Raises InputError if there are fewer than 8, or one is no whole image.
+    Raises InputError if there are fewer than 8, or one is incomplete.
     """
     paths = image_files(folder)
     if len(paths) < 8:
@@ -82,10 +82,10 @@ class TrainingOptions:
     """Options of `train-tdn` and `train-tcn`.
 
     Attributes: meshes, folder of YCB scans; backgrounds, folder of no-contact images; colour_table, file of a real
-    DIGIT's colours (Taxim) or None; out, folder for weights, log and checkpoint; minutes, time budget; steps, if given
-    the run ends after as many steps instead, and is repeatable with its seed; workers, rendering processes; device,
-    cpu or cuda; resume, folder of an earlier run to go on from, or None; start, network to begin with (a shipped one
-    by name, or an ONNX file), or None; light of the sensors that a depth network is trained for (`SensorModel`).
+    DIGIT's colours (Taxim) or None; out, folder for weights, log and checkpoint; minutes, time budget; steps, if given,
+    number of steps after which the run ends instead, so that the seed makes it repeatable; workers, number of rendering
+    processes; device, cpu or cuda; resume, folder of an earlier run to continue, or None; start, network to begin with
+    (a shipped one by name, or an ONNX file), or None; light of the sensors that a depth network is trained for.
     """
 
     meshes: Path
@@ -102,11 +102,11 @@ class TrainingOptions:
     light: str = "additive"
 
     def network(self, kind: str) -> str:
-        """Name of the network (of kind tdn or tcn) that is trained."""
+        """Return the name of the network (of kind tdn or tcn) that is trained."""
         return f"{kind}_fast" if self.light == "additive" else f"{kind}_fast_{self.light}"
 
     def commands(self, network: str) -> list[str]:
-        """Every command that shaped the weights of `network` (tdn or tcn): those of the run resumed, and this one."""
+        """Return the commands that made the weights of `network` (tdn or tcn), those of its start weights included."""
         bound = f"--steps {self.steps}" if self.steps else f"--minutes {self.minutes:g}"
         table = " --colour-table FILE" if self.colour_table else ""
         start = " --resume DIR" if self.resume else f" --start {Path(self.start).name}" if self.start else ""
@@ -115,7 +115,7 @@ class TrainingOptions:
         card = self.resume and self.resume / f"{self.network(network)}.json"
         if self.start and not self.resume:
             card = network_path(network, self.start).with_suffix(".json")
-        return [*(json.loads(card.read_text())["commands"] if card and card.is_file() else []), this]
+        return [*(json.loads(card.read_text()).get("commands", []) if card and card.is_file() else []), this]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,7 +131,7 @@ class TrainingData:
 
     @classmethod
     def load(cls, options: TrainingOptions) -> TrainingData:
-        """Read what the options name. Raises InputError for folders without meshes or images, or a bad table."""
+        """Read the files that the options name. Raises InputError if meshes, images or a valid table are missing."""
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
         return cls(

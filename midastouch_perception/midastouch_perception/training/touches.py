@@ -1,8 +1,8 @@
-"""Simulated touches for training: an endless, seeded stream of them, and how sensors misread depth.
+"""Simulated touches for training: an endless, seeded stream, and typical errors of the depth that sensors measure.
 
-Real gel differs from what the depth network's own errors in simulation show: the measured depth is off by a factor
-that belongs to the sensor, and gel that sinks in around a contact makes its outline soft. Codes must tell positions
-apart all the same.
+Real sensors have errors that the depth network does not make in simulation: the measured depth is off by a factor that
+depends on the sensor, and gel that sinks in around a contact makes its outline soft. Codes must distinguish positions
+in spite of them.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from ..tdn.inputs import ContactLight, without_drift
 
 _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8
-# wider than the paper's: small presses too, or light touches are missed
+# wider than the paper's: without small presses in training, light touches are missed
 _SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_fraction=0.04)
-_ASIDE_FRACTION = 0.5  # of the touches: an arm also touches lightly, and with the gel's rim
+_ASIDE_FRACTION = 0.5  # of the touches; an arm also touches lightly, and with the gel's rim
 _ASIDE_PRESS = (0.05e-3, 1.5e-3)  # m
 _CALIBRATED_FRACTION = 0.4  # of the sensors whose light is relative
-_BALL_FRACTION = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
+_BALL_FRACTION = 0.2  # of those sensors touch balls: large slopes within a small outline are rare on objects
 _BALL_PRESSES = (5, 15)  # for a calibration
 _BALL_RADIUS = (1.5e-3, 8e-3)  # m
 _WIDEST_CONTACT = 4e-3  # m: radius of a ball's contact
-_MISREAD_FRACTION = 0.5  # of the touches: the others are as the depth network saw them
+_MISREAD_FRACTION = 0.5  # of the touches; the others stay as the depth network measured them
 _DEPTH_FACTORS = 0.7, 1.4
 _MOST_BLUR = 3.0  # pixels
 _MOST_CUT_OFF = 0.1e-3  # m
@@ -44,9 +44,9 @@ _MOST_CUT_OFF = 0.1e-3  # m
 
 @dataclasses.dataclass(frozen=True)
 class TrainingTouch:
-    """One simulated touch at the nets' resolution.
+    """One simulated touch at the networks' resolution.
 
-    Attributes: difference (H, W, 3) float32 grey levels, as the depth network sees it; penetration (H, W) float32 m;
+    Attributes: difference (H, W, 3) float32 grey levels, the depth network's input; penetration (H, W) float32 m;
     sensor, the geometry it was rendered with.
     """
 
@@ -62,7 +62,7 @@ def touches(
     rng: np.random.Generator,
     ranges: RandomisationRange,
 ) -> Iterator[TrainingTouch]:
-    """Touches on random objects with random DIGITs; 96 an object, 12 a DIGIT, in that order (shuffle them)."""
+    """Yield touches on random objects with random DIGITs: 96 per object, 12 of them per DIGIT, unshuffled."""
     renderers: dict[tuple[int, int], PenetrationRenderer] = {}
     while True:
         which = int(rng.integers(len(meshes))), int(rng.integers(len(sensors)))
@@ -93,8 +93,8 @@ def touches(
 def pressed_aside(
     poses: np.ndarray, reachability: Reachability, sensor: SensorModel, rng: np.random.Generator
 ) -> np.ndarray:
-    """Poses T_obj_gel (N, 4, 4), half of them moved in the gel's plane so that what they touch is anywhere in the view,
-    and pressed by 0.05 to 1.5 mm, log-uniform; those with which that comes to nothing stay as they were."""
+    """Return poses T_obj_gel (N, 4, 4), half of them moved in the gel's plane so that the contact is anywhere in view,
+    and pressed by 0.05 to 1.5 mm, log-uniform. A pose that then touches nothing stays as it was."""
     aside = np.flatnonzero(rng.random(len(poses)) < _ASIDE_FRACTION)
     view = 0.5 * sensor.pixel_size * np.array([sensor.width, sensor.height])
     moves = np.zeros((len(aside), 3))
@@ -107,7 +107,7 @@ def pressed_aside(
 
 
 def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Penetration (n, H, W) float32 m of a ball at random positions, negative beside the contact."""
+    """Return the penetration (n, H, W) float32 m of a ball at random positions, negative outside of the contact."""
     presses = []
     for _ in range(n):
         u, v = rng.uniform(0.05, 0.95, 2) * (sensor.width, sensor.height)
@@ -117,7 +117,7 @@ def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Gene
 
 
 def calibrate(imaginary: RandomSensor, rng: np.random.Generator) -> ColourResponse:
-    """What an imaginary sensor's colours say of slopes, from simulated presses of a ball."""
+    """Return the response of an imaginary sensor's colours to slopes, fitted to simulated presses of a ball."""
     sensor, radius = imaginary.sensor, float(rng.uniform(2e-3, 6e-3))
     presses = ball_presses(radius, int(rng.integers(*_BALL_PRESSES)), sensor, rng)
     contacts = np.maximum(presses, 0)
@@ -129,7 +129,7 @@ def calibrate(imaginary: RandomSensor, rng: np.random.Generator) -> ColourRespon
 
 
 def shuffled(stream: Iterator[TrainingTouch], size: int, rng: np.random.Generator) -> Iterator[TrainingTouch]:
-    """The stream in random order, through a reservoir of `size` touches."""
+    """Yield the stream in random order, through a reservoir of `size` touches."""
     reservoir = [next(stream) for _ in range(size)]
     while True:
         slot = int(rng.integers(size))
@@ -138,8 +138,8 @@ def shuffled(stream: Iterator[TrainingTouch], size: int, rng: np.random.Generato
 
 
 def misread(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Penetration maps (N, H, W) float32 m, half of them as a sensor that is off would measure them: depth scaled by
-    0.7 to 1.4, and for half of these the map blurred by up to 3 pixels and cut off below up to 0.1 mm."""
+    """Return penetration maps (N, H, W) float32 m, half of them as an inaccurate sensor measures them: depth scaled by
+    0.7 to 1.4, and half of these also blurred by up to 3 pixels and cut off below a depth of at most 0.1 mm."""
     out = maps.copy()
     for i in np.flatnonzero(rng.random(len(maps)) < _MISREAD_FRACTION):
         out[i] *= np.exp(rng.uniform(*np.log(_DEPTH_FACTORS)))
