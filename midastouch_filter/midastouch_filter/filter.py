@@ -227,7 +227,8 @@ class ParticleFilter:
         if self._track.is_due(gels):
             self._novelty.take(at, touches)
             self._sightings = self._keyframes.begin(touches, gels, in_air)
-            self._groups = grouped(self._belief)
+            with self._watch.stage("align"):
+                self._groups = grouped(self._belief)
             return
         if self._novelty.is_new(at, touches):
             self._sharpen(touches)

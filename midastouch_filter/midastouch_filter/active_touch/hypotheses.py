@@ -44,7 +44,7 @@ def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
     that `converged_probability` leaves. A single hypothesis is then doubted that much: its competitors are its
     look-alikes, whose surface differs in a part only, or poses all over the object if it has no look-alikes.
     """
-    belief, weights = running.belief, _probabilities(running)
+    belief, weights = running.belief, _probabilities(running.belief)
     groups = [(sum(weights[group.members]), group) for group in running.groups]
     groups = sorted(groups, key=lambda each: -each[0])[:_MOST_NARROW]
     modes = modes_of(belief, [group for _, group in groups], {}, REGION_WIDTH, NoiseModel.of(running.config))
@@ -71,10 +71,9 @@ def hypotheses_of(running: ParticleFilter) -> list[Hypothesis]:
     return [replace(each, probability=each.probability / total) for each in [*narrow, *draws]]
 
 
-def _probabilities(running: ParticleFilter) -> np.ndarray:
+def _probabilities(belief: Belief) -> np.ndarray:
     """Return probabilities (P,) of all hypotheses, then of all untested poses; once an object has a hypothesis, poses
     on objects without one have none."""
-    belief = running.belief
     log_weights = [belief.hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
     weights = np.exp(np.concatenate(log_weights) - belief.total())
     known = np.isin(_objects(belief), belief.hypotheses.objects)

@@ -56,8 +56,8 @@ class PoseLookup(NearestEntry):
     """`NearestEntry` with a graph of neighbours, through which particles are followed from step to step.
 
     Attributes: graph, the entries as the kernels take them; neighbours (M, K) int32, the K nearest other entries of
-    each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to the nearest other
-    entry; largest_gap m, which 99 % of these keep below. Raises InputError for fewer than two poses.
+    each entry, nearest first; spacing m, the typical distance to the nearest other entry; largest_gap m, which 99 % of
+    these keep below. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers, graph: tuple[np.ndarray, np.ndarray] | None = None):
@@ -68,8 +68,7 @@ class PoseLookup(NearestEntry):
         self._workers = workers
         self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
         self.graph = kernels.PoseGraph(self.records, links)
-        self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
-        nearest = self.neighbour_distance[:, 0]
+        nearest = kernels.pose_distances(self.records, np.ascontiguousarray(self.neighbours[:, :1]))
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
 
