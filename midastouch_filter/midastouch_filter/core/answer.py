@@ -45,14 +45,14 @@ def grouped(belief: Belief) -> list[Group]:
     for number in np.unique(hypotheses.objects[order]):
         own = order[hypotheses.objects[order] == number]
         symmetry = belief.objects[number].symmetry.exact
-        differ, free = another(symmetry), np.ones(len(own), bool)
+        differ = another(symmetry)
         near = alike(hypotheses.poses[own]) if symmetry.trivial else None
-        for k in range(len(own)):
-            if free[k]:
-                same = near[k] if near is not None else ~differ(hypotheses.poses[own], hypotheses.poses[own[k]])
-                members = own[free & same]
-                free &= ~same
-                groups.append(Group(float(probability[members].sum()), members, int(number)))
+        left = np.arange(len(own))
+        while len(left):
+            poses, first = hypotheses.poses[own[left]], left[0]
+            same = near[first, left] if near is not None else ~differ(poses, poses[0])
+            members, left = own[left[same]], left[~same]
+            groups.append(Group(float(probability[members].sum()), members, int(number)))
     return sorted(groups, key=lambda group: -group.weight)[:_MOST_MODES]
 
 

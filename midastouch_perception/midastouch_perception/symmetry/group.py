@@ -60,6 +60,9 @@ class Symmetry:
 
     def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the equivalents of poses (N, 4, 4) nearest to the truth (4, 4), and their squared distances (N,)."""
+        if self.free == "none":
+            best = self.transforms[self._which(poses, truth)] @ poses
+            return best, _squared_distance(best, truth)
         best, least = poses, np.full(len(poses), np.inf)
         goal = truth[:3, 3] - self.centre
         for transform in self.transforms:
@@ -67,28 +70,36 @@ class Symmetry:
             arm = moved[:, :3, 3] - self.centre
             correlation = arm[:, :, None] * goal + 0.5 * ROTATION_SCALE**2 * moved[:, :3, :3] @ truth[:3, :3].T
             turn = self._best_turn(correlation)
-            if turn is not None:
-                moved = se3.make(turn @ moved[:, :3, :3], np.einsum("nij,nj->ni", turn, arm) + self.centre)
-            difference = moved - truth
-            distance = np.square(difference[:, :3, 3]).sum(axis=1)
-            distance += 0.5 * ROTATION_SCALE**2 * np.square(difference[:, :3, :3]).sum(axis=(1, 2))
+            moved = se3.make(turn @ moved[:, :3, :3], np.einsum("nij,nj->ni", turn, arm) + self.centre)
+            distance = _squared_distance(moved, truth)
             nearer = distance < least
             best, least = np.where(nearer[:, None, None], moved, best), np.where(nearer, distance, least)
         return best, least
 
-    def _best_turn(self, correlation: np.ndarray) -> np.ndarray | None:
-        """Return the free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
+    def _which(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Return for each pose (N, 4, 4) which of the K motions brings it nearest to the truth (4, 4).
+
+        A ball has hundreds of motions. Their squared distances are linear in the pose but for what is the same for all.
+        """
+        back = np.swapaxes(self.transforms[:, :3, :3], 1, 2)
+        offset = self.transforms[:, :3, 3] - truth[:3, 3]
+        position = 2.0 * np.einsum("kij,kj->ki", back, offset)
+        rotation = -(ROTATION_SCALE**2) * (back @ truth[:3, :3])
+        linear = np.concatenate([position, rotation.reshape(-1, 9)], axis=1)
+        columns = np.concatenate([poses[:, :3, 3], poses[:, :3, :3].reshape(-1, 9)], axis=1)
+        return np.argmin(columns @ linear.T + np.square(offset).sum(axis=1), axis=1)
+
+    def _best_turn(self, correlation: np.ndarray) -> np.ndarray:
+        """Return the free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3)."""
         if self.free == "axis":
             u = self.axis
             across = np.einsum("njk,ijk,i->n", correlation, _LEVI_CIVITA, u)
             along = np.trace(correlation, axis1=1, axis2=2) - np.einsum("i,nij,j->n", u, correlation, u)
             return Rotation.from_rotvec(np.arctan2(across, along)[:, None] * u).as_matrix()
-        if self.free == "all":
-            left, _, right = np.linalg.svd(correlation)
-            flip = np.ones((len(correlation), 3))
-            flip[:, 2] = np.linalg.det(left) * np.linalg.det(right)
-            return np.einsum("nji,nj,nkj->nik", right, flip, left)
-        return None
+        left, _, right = np.linalg.svd(correlation)
+        flip = np.ones((len(correlation), 3))
+        flip[:, 2] = np.linalg.det(left) * np.linalg.det(right)
+        return np.einsum("nji,nj,nkj->nik", right, flip, left)
 
     def turned(self, count: int) -> np.ndarray:
         """Return motions (K, 4, 4) of the group, the identity first; of free turns about an axis, `count` steps."""
@@ -120,6 +131,12 @@ class Symmetry:
         if symmetry.free not in ("none", "axis", "all") or not all(np.isfinite(each).all() for each in numbers):
             raise ValueError("not the motions of a group")
         return symmetry
+
+
+def _squared_distance(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Return squared distances (N,) [m^2] of poses (N, 4, 4) from the truth (4, 4), as `Symmetry.nearest` has them."""
+    squared = np.square(poses - truth)
+    return squared[:, :3, 3].sum(axis=1) + 0.5 * ROTATION_SCALE**2 * squared[:, :3, :3].sum(axis=(1, 2))
 
 
 def about(centre: np.ndarray, rotations: np.ndarray) -> np.ndarray:
