@@ -92,7 +92,7 @@ class ParticleFilter:
     ) -> None:
         self.config, self.objects = config, objects
         self._noise, self._watch, self._open_gates = NoiseModel.of(config), Stopwatch(clock), tuple(open_gates)
-        self._track = Track(config.keyframe_spacing, self._noise.touch_correlation)
+        self._track = Track(config.keyframe_spacing)
         kernels.set_threads(config.threads)
         self.reset(seed)
 

@@ -5,9 +5,9 @@
 Slides over random parts with sharp edges, random shapes and, if there is a folder of them, training scans are cut into
 pieces. On each piece a filter starts with nothing known; the modes that its first touch leaves are followed over the
 other touches, and the truth shows which of them are right. The program prints the constants of
-`midastouch_filter/core/noise_model.py` with which these are the most probable: all three, and `map_patches` alone with
-the others unchanged; the result of a fit to one half of the objects on the other half; and how often the surest
-hypothesis is right. The mathematics: docs/internals.md. It uses no test object.
+`midastouch_filter/core/noise_model.py` with which these are the most probable: both, and `map_patches` alone; the
+result of a fit to one half of the objects on the other half; and how often the surest hypothesis is right. The
+mathematics: docs/internals.md. It uses no test object.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .training_scans import cache_of, parser_of, scans_of
 LENGTH = 0.5  # m of a slide
 PIECE = 80  # frames, 0.12 m: some ten keyframes
 DIAGONAL = 0.045, 0.2  # m, of objects made by code
-FREE = ("map_patches", "residual_floor", "touch_correlation")
+FREE = ("map_patches", "residual_floor")
 ALONE = ("map_patches",)
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)  # of the probability of the surest hypothesis
 _MOST = 20.0  # nats, largest surprise: by a truth that was all but excluded
@@ -52,9 +52,8 @@ class Judged:
     right: np.ndarray
 
     def probabilities(self, noise: NoiseModel) -> np.ndarray:
-        """Return probabilities (P,) by the maps alone; `noise` may only shorten the `touch_correlation` of today."""
-        weights = np.minimum(self.weights * NOISE.touch_correlation / noise.touch_correlation, 1.0)
-        nats = noise.residual_evidence(self.residual_ratio) @ weights
+        """Return probabilities (P,) by the maps alone."""
+        nats = noise.residual_evidence(self.residual_ratio) @ self.weights
         return np.exp(nats - np.logaddexp.reduce(nats))
 
     def surprise(self, noise: NoiseModel) -> float:
@@ -96,10 +95,7 @@ def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseMo
     """Return the constants with which the truth surprises least; those not in `names` stay as they are."""
 
     def assumed(parameters: np.ndarray) -> NoiseModel:
-        noise = dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters).tolist(), strict=True)))
-        # weights are cut at one, so their values for a longer correlation are unknown: fold such lengths back
-        longest, length = NOISE.touch_correlation, noise.touch_correlation
-        return dataclasses.replace(noise, touch_correlation=min(length, longest**2 / length))
+        return dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters).tolist(), strict=True)))
 
     start = np.log([getattr(NOISE, name) for name in names])
     simplex = start - np.vstack([np.zeros(len(names)), np.eye(len(names))])
@@ -114,8 +110,7 @@ def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseMo
 
 def described(noise: NoiseModel) -> str:
     """Return the fitted constants as text."""
-    patches, floor, correlation = (getattr(noise, name) for name in FREE)
-    return f"map_patches {patches:.2f}, residual_floor {floor:.3f}, touch_correlation {1e3 * correlation:.1f} mm"
+    return f"map_patches {noise.map_patches:.2f}, residual_floor {noise.residual_floor:.3f}"
 
 
 def reliability(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> Iterator[str]:
@@ -172,7 +167,7 @@ def main() -> None:
     meshes = [*made_by_code(args.parts, args.shapes, args.seed), *scans_of(args)]
     objects = collected(cache_of(args, LENGTH), meshes, args.slides)
     alone = fitted(ALONE, objects)
-    for what, noise in (("all three fitted", fitted(FREE, objects)), ("map_patches fitted", alone), ("today", NOISE)):
+    for what, noise in (("both fitted", fitted(FREE, objects)), ("map_patches fitted", alone), ("today", NOISE)):
         print(f"{what}: {described(noise)}; {surprise(objects, noise):.3f} nats of surprise")
         print(*reliability(objects, noise), sep="\n")
     halves = objects[::2], objects[1::2]

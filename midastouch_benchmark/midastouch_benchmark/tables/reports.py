@@ -43,8 +43,8 @@ def _evenly(command: str) -> str:
 
 _ABLATIONS = {
     "kidnap": "no_lift",
-    "tool_bias": "no_drift no_correlation",
-    "push": "no_push no_drift no_correlation",
+    "tool_bias": "no_drift",
+    "push": "no_drift",
     "rest": "no_rest_gate",
     "slow_camera": "no_repeat_gate",
 }
@@ -74,8 +74,7 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} "
-    "--variant no_maps no_codes no_drift no_correlation",
+    "ablation": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant no_maps no_codes no_drift",
     **{
         f"ablation_{protocol}": f"{_BENCHMARK} --protocol {protocol} {_PAIRED} --variant {variants}"
         for protocol, variants in _ABLATIONS.items()

@@ -99,7 +99,7 @@ def probes_changed(config: FilterConfig | None = None) -> list[str]:
     return differences(without, *(fingerprint.measure(config, seed) for seed in (None, 1001)))[ESTIMATES]
 
 
-@pytest.mark.parametrize("changed", [{"correlation_length": 0.021}, {"converged_probability": 0.985}])
+@pytest.mark.parametrize("changed", [{"keyframe_spacing": 0.0125}, {"converged_probability": 0.985}])
 def test_every_default_is_compared_by_its_value(changed, monkeypatch):
     before = constants.of_filter()
     monkeypatch.setattr(constants, "FilterConfig", lambda: FilterConfig(**changed))
@@ -107,7 +107,7 @@ def test_every_default_is_compared_by_its_value(changed, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("changed", [{"correlation_length": 0.021}, {"penetration_noise": 1.05e-4}])
+@pytest.mark.parametrize("changed", [{"keyframe_spacing": 0.0125}, {"penetration_noise": 1.05e-4}])
 def test_a_setting_that_changes_estimates_is_seen_by_the_probes(changed):
     assert probes_changed(FilterConfig(**changed))
 

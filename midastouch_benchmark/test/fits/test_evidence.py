@@ -15,7 +15,7 @@ from midastouch_benchmark.fits.evidence import (
     surprise,
 )
 
-TRUE = dataclasses.replace(NOISE, map_patches=1.0, residual_floor=0.05, touch_correlation=0.012)
+TRUE = dataclasses.replace(NOISE, map_patches=1.0, residual_floor=0.05)
 
 
 def drawn(count: int, rng: np.random.Generator) -> list[Judged]:
@@ -38,7 +38,6 @@ def test_constants_are_found_again(objects):
     assert fitted(ALONE, objects).residual_floor == NOISE.residual_floor
     found = fitted(FREE, objects)
     assert found.map_patches == pytest.approx(TRUE.map_patches, rel=0.3)
-    assert found.touch_correlation == pytest.approx(TRUE.touch_correlation, rel=0.3)
     assert surprise(objects, found) <= surprise(objects, TRUE) < surprise(objects, fitted(ALONE, objects))
 
 
@@ -54,16 +53,6 @@ def test_a_truth_that_was_excluded_surprises_by_so_much_and_no_more():
     assert excluded.surprise(less_sure) == pytest.approx(3.0 * np.log(1.024 / 0.025), rel=1e-3)
     assert excluded.surprise(sure) == 20.0
     assert surprise([[excluded] * 9, [dataclasses.replace(excluded, right=~excluded.right)]], sure) == 10.0
-
-
-def test_a_shorter_correlation_makes_more_of_a_touch_but_never_more_than_all():
-    near = Judged(np.array([[0.1], [0.2]]), np.array([0.5]), np.array([True, False]))
-    odds = [
-        np.divide(*near.probabilities(dataclasses.replace(NOISE, touch_correlation=length)))
-        for length in (NOISE.touch_correlation, NOISE.touch_correlation / 2, NOISE.touch_correlation / 4)
-    ]
-    assert odds[1] == pytest.approx(odds[0] ** 2)
-    assert odds[2] == pytest.approx(odds[1])
 
 
 def test_calibrated_probabilities_are_right_as_often_as_they_say(objects):

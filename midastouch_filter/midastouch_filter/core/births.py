@@ -6,7 +6,6 @@ A change is modelled as a birth of hypotheses only. The weight of the newborn is
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from .belief import Belief, Hypotheses
 from .noise_model import NoiseModel
 from .pose_hypothesis import Prior
 
-_LEADING = 4  # heaviest hypotheses, of which a push adds wider copies
 _CROWDED = 2  # with more untested poses than this many codebooks hold, no further ones are born
 
 
@@ -73,11 +71,3 @@ class Births:
         belief.scale(math.log1p(-probability) - belief.total())
         self.anywhere(belief, math.log(probability))
         return True
-
-    def after_push(self, belief: Belief) -> None:
-        """Allow for a push, of probability `change_pushed`: add wider copies of the leading hypotheses."""
-        hypotheses = belief.hypotheses
-        leading = np.argsort(-hypotheses.log_weights, kind="stable")[:_LEADING]
-        pushed = hypotheses.some(leading).widened(self._noise.push)
-        pushed = replace(pushed, log_weights=pushed.log_weights + math.log(self._noise.change_pushed))
-        belief.hypotheses = hypotheses.joined(pushed)

@@ -108,19 +108,20 @@ class Comparison:
     # ------------------------------------------------------------------ slices
 
     def work(self, count: int) -> int:
-        """Align up to `count` hypotheses and return how many were. Sets `done` once nothing that matters is left."""
-        aligned = 0
+        """Align up to `count` hypotheses, and return after how many descents. Sets `done` once nothing that matters is
+        left."""
+        aligned = descents = 0
         while aligned < count and not (self.done or self.paused):
             index = self._next(count - aligned)
             if len(index):
-                self._align(index)
+                descents += self._align(index)
                 aligned += len(index)
             else:
                 self.paused = self._left == 0 and self._matter
                 self.done = not self.paused
         if aligned or self.done or self.paused:
             self._weigh()
-        return aligned
+        return descents
 
     def extend(self, count: int) -> None:
         """Test up to `count` further poses, if any matter: while the gel is held still, there is time for it."""
@@ -208,17 +209,19 @@ class Comparison:
 
     # ------------------------------------------------------------------ maps
 
-    def _align(self, index: np.ndarray) -> None:
-        """Align hypotheses of an index (n,) to the maps."""
+    def _align(self, index: np.ndarray) -> int:
+        """Align hypotheses of an index (n,) to the maps; return the number of descents, without maps that of poses."""
         if not self._by_maps:
             self._believe_codes(index)
-            return
+            return len(index)
         hypotheses = self._belief.hypotheses
         poses, covariances, fit = hypotheses.poses.copy(), hypotheses.covariances.copy(), hypotheses.fit.copy()
+        descents = 0
         for number in np.unique(hypotheses.objects[index]):
             some = index[hypotheses.objects[index] == number]
             found = self._aligned(int(number), some, hypotheses)
             self._gain[some] = self._noise.residual_evidence(1.0 - found.fits) @ self._weights
+            descents += int(found.descents.sum())
             poses[some], covariances[some], fit[some] = found.poses, found.covariances, found.fits.min(axis=1)
             if len(self.seen) < _SEEN:
                 self.seen.update(zip(some.tolist(), found.sightings(), strict=True))
@@ -226,6 +229,8 @@ class Comparison:
         if (fresh := index[index >= self._known]).size:
             self._fresh_gain.extend(self._gain[fresh])
             self._fresh_code.extend(self._code[fresh])
+        self._gates.count("descents", descents)
+        return descents
 
     def _aligned(self, number: int, index: np.ndarray, hypotheses: Hypotheses) -> Alignments:
         """Return the alignments of hypotheses on one object, ended early for one that can no longer matter."""
@@ -235,7 +240,7 @@ class Comparison:
             gain = (bound - self._prior[index] - self._most_gain) / least + self._noise.residual_evidence(0.0)
             needed = np.clip(1.0 - self._noise.residual_of(gain), 0.0, 1.0)
         fresh = bool(index[0] >= self._known)
-        found = self._belief.objects[number].alignment.align_each(
+        return self._belief.objects[number].alignment.align_each(
             hypotheses.poses[index],
             hypotheses.covariances[index],
             self._touches,
@@ -243,8 +248,6 @@ class Comparison:
             _DESCENTS if fresh else _DESCENTS_AGAIN,
             fresh,
         )
-        self._gates.count("descents", int(found.descents.sum()))
-        return found
 
     # ------------------------------------------------------------------ weights
 

@@ -35,10 +35,10 @@ class FilterConfig:
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned to every map, heaviest first")
     tested_poses: int = _number(300, 1, 100_000, "", "most poses of the codebook that are compared with a keyframe")
     alignments_per_second: int = _number(
-        1800, 0, 1_000_000, "1/s", "comparisons of hypotheses with maps, what bounds the work of a core; 0: no limit"
+        3600, 0, 1_000_000, "1/s", "descents of hypotheses to maps, what bounds the work of a core; 0: no limit"
     )
     keyframe_spacing: float = _number(
-        0.012, 1e-3, 0.2, "m", "path between two keyframes; 1 rad counts as 10 mm", former="smoothing_spacing"
+        0.012, 1e-3, 0.2, "m", "path from one keyframe to the next; 1 rad counts as 10 mm", former="smoothing_spacing"
     )
 
     # --- motion model (paper equation 1)
@@ -55,9 +55,6 @@ class FilterConfig:
     # --- codes (paper equation 2, made a calibrated likelihood ratio)
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "fraction of touches that match nothing; 0: the codebook's")
-    correlation_length: float = _number(
-        0.02, 1e-5, 0.1, "m", "path over which touches see nearly the same; 1 rad counts as 10 mm"
-    )
 
     # --- penetration maps; jitter as that of the paper's tracker (section 5)
     refinement: bool = _switch(True, "compare hypotheses with penetration maps; off: with codes only")
@@ -77,12 +74,6 @@ class FilterConfig:
 
     # --- changes
     change_lifted: float = _number(0.2, 0.0, 0.9, "", "probability that the object was moved while the gel was lifted")
-    object_jump_translation: float = _number(
-        0.003, 1e-4, 0.05, "m", "how far a push moves the object, each axis, sigma"
-    )
-    object_jump_rotation: float = _number(
-        math.radians(3.0), 1e-3, 0.5, "rad", "how far a push turns the object, each axis, sigma"
-    )
     unknown_prior: float = _number(
         0.5, 0.0, 0.999, "", "probability beforehand that it is none of the known objects; 0: it is one of them"
     )
@@ -126,6 +117,7 @@ class FilterConfig:
 _ONE_RECURSION = "hypotheses are Gaussians now and are not resampled"
 _NO_TEMPERING = "what odometry does not know is drift_translation and drift_rotation"
 _ARM = "errors of mount and clock are part of drift_translation and drift_rotation"
+_PUSH = "a push is within what drift_translation and drift_rotation allow"
 _SURFACE = "maps say where the surface is"
 GONE = {
     "min_particles": _ONE_RECURSION,
@@ -153,7 +145,10 @@ GONE = {
     "smoothing_touches": "nothing is compared twice, so no touches are kept",
     "hindsight_touches": "nothing is compared twice, so no touches are kept",
     "hindsight_spacing": "it is now keyframe_spacing",
-    "object_motion": "a push is one more hypothesis; object_jump_translation says how far it goes",
+    "object_motion": _PUSH,
+    "object_jump_translation": _PUSH,
+    "object_jump_rotation": _PUSH,
+    "correlation_length": "touches a keyframe_spacing apart count in full, nearer ones in part",
     "calibration": _ARM,
     "mount_translation": _ARM,
     "mount_rotation": _ARM,

@@ -11,7 +11,7 @@ GATES = ("at_rest", "no_contact", "unchanged_code")
 at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same image again, and no new
 touch. Also counted: keyframes; descents, alignments to maps; promoted, untested poses that were compared with maps;
 hopeless, hypotheses that were not compared because they could no longer matter; born, how often poses all over the
-object were added; pushed, how often poses near the leading ones were.
+object were added.
 """
 
 

@@ -24,7 +24,7 @@ from .pace import InTime
 from .touch import Measurement
 from .track import Track
 
-_SLICE = 32  # hypotheses aligned in one call
+_SLICE = 32  # most hypotheses aligned in one call
 _LONGEST = 0.05  # s: a longer time between frames counts as this
 _AT_ONCE = 0.25  # fraction of a frame's work that is done even if no time is left: otherwise nothing is ever sure
 _NEGLIGIBLE = 3e-3  # fraction of the weight that untested poses may keep
@@ -110,7 +110,7 @@ class Keyframes:
             self._granted -= max(comparison.work(min(_SLICE, self._granted)), 1)
             if comparison.done or comparison.paused:
                 break
-        self._granted = 0
+        self._granted = min(self._granted, 0)  # what a slice took too much is taken off the next frame
         if comparison.done:
             self._finish()
         return comparison.done
@@ -124,8 +124,6 @@ class Keyframes:
         self._comparison, self._granted = None, 0
         belief.settle(_UNTESTED_BEHIND)
         if len(belief.hypotheses) and noise.change > 0 and self._contradicted():
-            self._births.after_push(belief)
-            self._gates.count("pushed", 1)
             self._gates.count("born", self._births.after_change(belief, noise.change))
 
     def _learn_of_objects(self, comparison: Comparison) -> None:

@@ -32,14 +32,13 @@ class NoiseModel:
 
     jitter: of one measured sensor pose; an arm reports each with an error that does not last.
     finger_error: of a further finger's pose, given the first one's. drift: of the odometry, for every metre of path.
-    push: how far a push moves the object.
     map_noise [m]: error of a penetration map; pixels within map_correlation [m] of each other have the same error.
     between_entries: how far the truth lies from the codebook's best entry.
     map_patches: half the number of independent parts of a map; residual_floor: fraction of a map that is never
     explained; see `residual_evidence`. touch_correlation [m]: path over which touches see nearly the same patch, so
     that the evidence of one counts in part; 1 rad counts as 10 mm.
     change, change_lifted: probability that the object was moved to anywhere between two keyframes, and while the
-    sensor was lifted. change_pushed: that it was pushed, if touches contradict all hypotheses.
+    sensor was lifted.
     prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     explained: a pose explains a map if it explains more than this fraction. code_support, contradiction: see
@@ -49,16 +48,14 @@ class NoiseModel:
     jitter: np.ndarray
     finger_error: np.ndarray
     drift: np.ndarray
-    push: np.ndarray
     map_noise: float
     map_correlation: float
     between_entries: np.ndarray
     map_patches: float = 8.0
     residual_floor: float = 0.03
-    touch_correlation: float = 0.02
+    touch_correlation: float = 0.012
     change: float = 1e-3
     change_lifted: float = 0.2
-    change_pushed: float = 0.01
     prior_floor: float = -12.0
     elsewhere: float = 22.5
     explained: float = 0.6
@@ -94,11 +91,10 @@ class NoiseModel:
             jitter=_diagonal(config.jitter_translation, config.jitter_rotation),
             finger_error=_diagonal(config.finger_translation, config.finger_rotation),
             drift=_diagonal(config.drift_translation, config.drift_rotation),
-            push=_diagonal(config.object_jump_translation, config.object_jump_rotation),
             map_noise=config.penetration_noise,
             map_correlation=config.penetration_correlation,
             between_entries=_BETWEEN_ENTRIES,
             explained=config.penetration_fit,
-            touch_correlation=config.correlation_length,
+            touch_correlation=config.keyframe_spacing,
             change_lifted=config.change_lifted,
         )

@@ -9,7 +9,7 @@ from midastouch_common.errors import InputError
 
 BALANCED, PAPER = "balanced", "paper"
 PRESETS: dict[str, dict[str, int]] = {
-    "fast": {"alignments_per_second": 600, "refined_modes": 1},
+    "fast": {"alignments_per_second": 1200, "refined_modes": 1},
     BALANCED: {},
     PAPER: {},
 }

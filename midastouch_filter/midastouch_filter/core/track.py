@@ -19,14 +19,13 @@ _AIR_SPACING, _AIR_KEPT = 3e-3, 24  # m between poses in the air; number of the 
 class Track:
     """Path of the first finger's gel.
 
-    Args: spacing [m] of keyframes along the path, turns included; correlation [m], path over which touches see nearly
-    the same patch.
+    Args: spacing [m] of keyframes along the path, turns included. Nearer touches see nearly the same patch.
     Attributes: motion (4, 4) since the start; odometer [m], path since the start; path [m] since the last keyframe,
     turns included; lifted, whether the gel was lifted since the last keyframe.
     """
 
-    def __init__(self, spacing: float, correlation: float):
-        self._spacing, self._correlation = spacing, correlation
+    def __init__(self, spacing: float):
+        self._spacing = spacing
         self.restart()
 
     def restart(self) -> None:
@@ -72,7 +71,7 @@ class Track:
         weights = np.ones(len(gels))
         if self._touched_at:
             away = pose_distance(np.stack(self._touched_at)[:, None], here).min(axis=0)
-            weights = np.minimum(away / self._correlation, 1.0)
+            weights = np.minimum(away / self._spacing, 1.0)
         self._touched_at.extend(here)
         self.path, self.lifted, self._keyframe = 0.0, False, here
         return weights

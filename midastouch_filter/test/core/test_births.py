@@ -86,18 +86,6 @@ def test_changes_that_follow_each_other_do_not_add_up_without_end(belief):
     assert mass(belief) == pytest.approx(1.0)
 
 
-def test_after_a_push_the_object_is_near_where_the_leading_hypotheses_have_it(belief):
-    poses = np.stack([se3.translation([0.1 * k, 0, 0]) for k in range(10)])
-    belief.hypotheses = before = hypotheses_at(poses, np.log(np.arange(10, 0, -1.0)))
-    Births(NOISE, ALL).after_push(belief)
-    born = belief.hypotheses.some(np.arange(10, len(belief.hypotheses)))
-    assert 0 < len(born) < 10
-    np.testing.assert_allclose(born.poses, poses[: len(born)])
-    assert (np.diagonal(born.covariances, axis1=1, axis2=2) > np.diag(before.covariances[0])).all()
-    assert (born.log_weights < before.log_weights[: len(born)]).all()
-    np.testing.assert_array_equal(belief.hypotheses.some(np.arange(10)).poses, before.poses)
-
-
 def test_a_search_by_another_finger_begins_where_that_one_touches(belief, model):
     births, gel = Births(NOISE, ALL), se3.translation([0.03, 0, 0]) @ se3.exp([0, 0, 0, 0, 1.0, 0])
     births.anywhere(belief, 0.0)

@@ -12,8 +12,8 @@ TWO = np.stack([np.eye(4)] * 2)
 
 @pytest.fixture
 def track():
-    """Keyframes 10 mm apart, that see nearly the same patch up to 20 mm."""
-    return Track(0.01, 0.02)
+    """Keyframes 10 mm apart."""
+    return Track(0.01)
 
 
 def go(track, *metres, in_contact=True, turn=0.0):
@@ -44,12 +44,12 @@ def test_a_touch_counts_by_its_distance_to_all_earlier_ones(track):
     for x in (0.0, 5e-3, 0.03, -0.025, -5e-3):
         go(track, x)
         weights.extend(track.keep(FIRST))
-    np.testing.assert_allclose(weights, [1.0, 0.25, 1.0, 0.25, 0.0], atol=1e-9)
+    np.testing.assert_allclose(weights, [1.0, 0.5, 1.0, 0.5, 0.0], atol=1e-9)
 
 
 def test_each_finger_counts_for_itself(track):
     track.keep(BOTH)
-    elsewhere = np.stack([np.eye(4), se3.translation([0, 0.06, 0])])
+    elsewhere = np.stack([np.eye(4), se3.translation([0, 0.055, 0])])
     np.testing.assert_allclose(track.keep(elsewhere), [0.0, 0.5])
 
 
