@@ -59,8 +59,8 @@ class NoiseModel:
     prior_floor: float = -12.0
     elsewhere: float = 22.5
     explained: float = 0.6
-    code_support: float = 0.151
-    contradiction: float = 2.74
+    code_support: float = 0.072
+    contradiction: float = 1.35
 
     def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
         """Return the maps' nats, up to a constant, for hypotheses that leave fractions `residual_ratio` unexplained.
