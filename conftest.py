@@ -25,6 +25,7 @@ import midastouch_filter  # noqa: F401
 import midastouch_kernels  # noqa: F401
 import midastouch_motion  # noqa: F401
 import midastouch_perception  # noqa: F401
+import midastouch_simulation  # noqa: F401
 from midastouch_bringup.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ settings.load_profile("workspace")
 
 # what tests of several packages share
 sys.path.insert(0, str(Path(__file__).parent / "tests"))
-pytest_plugins = ["meshes", "sequences", "pictured_run"]
+pytest_plugins = ["meshes", "sensors", "sequences", "pictured_run"]
 
 # Programs that tests start inherit both. Only this machine hears them.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

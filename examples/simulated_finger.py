@@ -23,7 +23,7 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception import ObjectMesh, SensorModel, bundled_objects
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_simulation.slide import simulate_slide
 
 BASE_FROM_OBJECT = se3.translation([0.5, 0.0, 0.2])
 SECOND = 1_000_000_000  # ns

@@ -25,6 +25,7 @@ setup(
         "midastouch_kernels",
         "midastouch_motion",
         "midastouch_perception",
+        "midastouch_simulation",
         "numpy",
         "opencv-contrib-python-headless",
         "pandas",

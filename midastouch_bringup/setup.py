@@ -32,6 +32,7 @@ setup(
         "midastouch_motion",
         "midastouch_kernels",
         "midastouch_perception",
+        "midastouch_simulation",
         "numpy",
         "opencv-contrib-python-headless",
         "pillow",

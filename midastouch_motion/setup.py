@@ -18,7 +18,6 @@ setup(
     ],
     install_requires=[
         "midastouch_common",
-        "midastouch_filter",
         "midastouch_perception",
         "numpy",
         "scipy",

@@ -20,7 +20,6 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=[
-        "matplotlib",
         "midastouch_common",
         "midastouch_kernels",
         "numpy",
@@ -38,7 +37,7 @@ setup(
         "import": ["onnx"],
         "openvino": ["openvino"],
         "test": ["hypothesis", "pytest"],
-        "train": ["onnx", "onnxscript", "safetensors", "torch>=2.6"],
+        "train": ["safetensors", "torch>=2.6"],
     },
     entry_points={
         "console_scripts": [

@@ -7,7 +7,7 @@ import pytest
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.simulation.procedural import box, mesh_from_sdf
+from midastouch_simulation.procedural import box, mesh_from_sdf
 
 
 @pytest.fixture(scope="session")

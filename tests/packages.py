@@ -10,6 +10,7 @@ PYTHON = [
     "midastouch_perception",
     "midastouch_filter",
     "midastouch_motion",
+    "midastouch_simulation",
     "midastouch_bringup",
     "midastouch_benchmark",
 ]

@@ -220,7 +220,7 @@ def test_wheel_build_is_hidden_from_a_system_ros():
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_executables_exist(package):
     scripts = importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
-    assert scripts or package in ("midastouch_common", "midastouch_benchmark")
+    assert scripts or package in ("midastouch_common", "midastouch_simulation", "midastouch_benchmark")
     for script in scripts:
         assert callable(script.load()), script
 

@@ -7,7 +7,7 @@ from midastouch_bringup.datasets import load_sequence
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.optics import TactoOptics
+from midastouch_simulation.optics import TactoOptics
 
 OBJECTS = ["005_tomato_soup_can", "025_mug", "035_power_drill"]
 

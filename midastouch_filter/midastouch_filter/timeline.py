@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_common.transforms.queue import Wait
 from midastouch_perception.sensor_model import SensorModel
 
 from .core.touch import Measurement
 from .loaded_object import LoadedObject
-from .transforms.queue import Wait
 
 # A stamp that is older than the newest by more than this may begin a new run; by less, it is out of order.
 JUMP_NS = 500_000_000

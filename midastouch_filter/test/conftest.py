@@ -25,7 +25,7 @@ from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import measure_poses
+from midastouch_simulation.slide import measure_poses
 
 sys.path.insert(0, str(Path(__file__).parent))
 

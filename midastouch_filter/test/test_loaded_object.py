@@ -17,7 +17,7 @@ from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
 from midastouch_filter.paper_filter import PaperFilter
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import measure_poses
+from midastouch_simulation.slide import measure_poses
 
 EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(threads=1)

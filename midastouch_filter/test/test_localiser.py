@@ -18,7 +18,8 @@ from midastouch_filter.localiser import Localiser, Start, spread_at_lever, sprea
 
 sys.path.insert(0, str(Path(__file__).parent / "nodes"))
 
-from filter_fakes import DIAGONAL, FakeFilter, StubGrowth, translation
+from filter_fakes import DIAGONAL, FakeFilter, StubGrowth
+from tf_messages import translation
 
 TOUCH = Measurement(True, np.array([0.6, 0.8], np.float32), 1e-5, "fake")
 START = Start(translation(0.1), 0.01, 0.2)

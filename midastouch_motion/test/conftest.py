@@ -21,7 +21,7 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import somewhere
+from midastouch_simulation.slide import somewhere
 
 SENSOR = SensorModel.load("digit_tacto").for_maps
 _LEAST_AREA = 1.5e-6  # m^2

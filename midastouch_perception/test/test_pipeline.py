@@ -13,10 +13,10 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
-from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
+from midastouch_simulation.optics import TactoOptics
 
 
 @pytest.fixture(scope="module")

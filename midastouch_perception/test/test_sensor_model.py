@@ -11,8 +11,8 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.gel_light import GelLight
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.gel_light import GelLight
 
 
 def test_tacto_gel_has_the_known_depths(sensor):

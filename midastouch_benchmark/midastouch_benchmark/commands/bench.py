@@ -94,7 +94,7 @@ class TimedSlide:
         """Make it by --object, --frames and the networks' options; InputError for too few frames, or missing files."""
         from midastouch_bringup.datasets import load_sequence
         from midastouch_bringup.datasets.slide_simulation import cached_slide
-        from midastouch_perception.simulation.slide import STEP
+        from midastouch_simulation.slide import STEP
 
         from ..trials.setup import Networks
 

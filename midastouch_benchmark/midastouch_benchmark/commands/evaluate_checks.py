@@ -54,10 +54,10 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_bringup.progress import progress_bar
     from midastouch_bringup.result_file import to_json
     from midastouch_perception.sensor_model import SensorModel
-    from midastouch_perception.simulation.optics import ColourTable
-    from midastouch_perception.simulation.randomisation import RandomisationRange
     from midastouch_perception.tdn import load_tdn
-    from midastouch_perception.training.setting import load_backgrounds
+    from midastouch_simulation.optics import ColourTable
+    from midastouch_simulation.randomisation import RandomisationRange
+    from midastouch_simulation.training.setting import load_backgrounds
 
     from ..perception.check_quality import (
         TOUCHES,

@@ -48,8 +48,8 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
     from midastouch_perception.sensor_model import SensorModel
-    from midastouch_perception.simulation.measured_optics import MeasuredOptics, measured_sensors
     from midastouch_perception.tcn import load_tcn
+    from midastouch_simulation.measured_optics import MeasuredOptics, measured_sensors
 
     from ..perception.soft_gel import THICKNESSES, CommandedPresses, SoftGelTouches, SoftSensor
     from ..trials.object_sets import chosen_meshes

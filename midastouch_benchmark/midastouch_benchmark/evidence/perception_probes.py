@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_simulation.slide import simulate_slide
 
 from .probe import Probe, Probes
 from .scene import Scene

@@ -11,8 +11,8 @@ from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, standard_colours
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 
 from ..trials.real_sensor import calibrate_measured
 from .perception_probes import Nudge, block_means

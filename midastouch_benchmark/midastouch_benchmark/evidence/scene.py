@@ -16,8 +16,8 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.grasp import simulate_grasp
-from midastouch_perception.simulation.slide import measure_poses
+from midastouch_simulation.grasp import simulate_grasp
+from midastouch_simulation.slide import measure_poses
 
 from ..trials.cache import LIGHT
 from ..trials.setup import Networks

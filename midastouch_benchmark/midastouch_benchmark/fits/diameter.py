@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.training.setting import load_backgrounds
+from midastouch_simulation.training.setting import load_backgrounds
 
 from ..perception.check_quality import measured_balls
 

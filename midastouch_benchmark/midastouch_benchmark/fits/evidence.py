@@ -27,8 +27,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.pose_hypothesis import another
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.simulation.procedural import random_shape
-from midastouch_perception.simulation.random_parts import random_part
+from midastouch_simulation.procedural import random_shape
+from midastouch_simulation.random_parts import random_part
 
 from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of

@@ -32,7 +32,7 @@ from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, Nois
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.simulation.random_parts import random_part
+from midastouch_simulation.random_parts import random_part
 
 from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
 from .training_scans import cache_of, parser_of, scans_of

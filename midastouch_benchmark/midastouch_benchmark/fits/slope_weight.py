@@ -20,9 +20,9 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.calibration import plain_slopes
 from midastouch_perception.sensor_calibration.response import height_slopes
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
-from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tdn.inference import TactileDepthNet, load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
+from midastouch_simulation.slide import simulate_slide
 
 from ..trials.object_sets import meshes_to_fit_on
 from ..trials.real_sensor import calibrate_measured

@@ -19,9 +19,6 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_radius
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
-from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import TouchedBackground, shows_contact
 from midastouch_perception.tdn.colour_layout import (
@@ -32,6 +29,9 @@ from midastouch_perception.tdn.colour_layout import (
     turned_since,
 )
 from midastouch_perception.tdn.fit_check import FitCheck
+from midastouch_simulation.procedural import cylinder, mesh_from_sdf
+from midastouch_simulation.randomisation import RandomisationRange, RandomSensor
+from midastouch_simulation.simulated_digit import PressedSensor
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""

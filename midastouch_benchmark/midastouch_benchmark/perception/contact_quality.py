@@ -18,8 +18,8 @@ from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.tdn import DepthNet, load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 
 from ..trials.real_sensor import calibrate_measured
 from .check_quality import LIGHT_TOUCHES, as_bytes, missed_by_depth, wire

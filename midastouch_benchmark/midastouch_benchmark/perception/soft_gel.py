@@ -23,11 +23,11 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor
-from midastouch_perception.simulation.soft_gel import ElasticLayer
-from midastouch_perception.simulation.solids import Layer, rectangle, stacked
 from midastouch_perception.tcn import TactileCodeNet
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
+from midastouch_simulation.soft_gel import ElasticLayer
+from midastouch_simulation.solids import Layer, rectangle, stacked
 
 from ..single_touch.matches import best_matches, single_touch_errors
 from ..trials.real_sensor import calibrate_measured, within_gel

@@ -27,9 +27,9 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import PastExtrapolationError
-from midastouch_filter.transforms.queue import Wait
+from midastouch_common.ros.transform_source import TransformSource
+from midastouch_common.transforms import PastExtrapolationError
+from midastouch_common.transforms.queue import Wait
 
 from ..speed.timing import time_calls
 

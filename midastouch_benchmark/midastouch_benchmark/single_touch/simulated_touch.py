@@ -19,10 +19,10 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.randomisation import RandomSensor
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
-from midastouch_perception.training.setting import load_backgrounds
+from midastouch_simulation.optics import TactoOptics
+from midastouch_simulation.randomisation import RandomSensor
+from midastouch_simulation.training.setting import load_backgrounds
 
 from ..trials.setup import Networks
 

@@ -24,13 +24,13 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.state_dict import random_state
 from midastouch_perception.tcn import load_tcn, minkloc3d_network
 from midastouch_perception.tcn.minkloc3d import save_minkloc3d
 from midastouch_perception.tdn import fcrn, load_tdn
 from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
+from midastouch_simulation.simulated_digit import SimulatedDigit
 
 from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of

@@ -21,8 +21,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.simulation.slide import STEP, Leap
 from midastouch_perception.symmetry.search import ObjectSymmetry
+from midastouch_simulation.slide import STEP, Leap
 
 from .setup import Networks, untouched_of
 from .trial import FRAME_TIME, TrialFrame

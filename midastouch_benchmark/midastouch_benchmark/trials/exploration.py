@@ -34,7 +34,7 @@ from midastouch_motion.mujoco_arm import require_mujoco
 from midastouch_perception.pipeline import Touch
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import STEP, measure_poses
+from midastouch_simulation.slide import STEP, measure_poses
 
 from ..evidence import fingerprint
 from .cache import Cache

@@ -9,7 +9,7 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.training.setting import TEST_OBJECTS
+from midastouch_simulation.training.setting import TEST_OBJECTS
 
 from .cad_parts import CAD_PARTS
 from .known_parts import write_parts

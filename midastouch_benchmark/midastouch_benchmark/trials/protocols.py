@@ -16,7 +16,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
-from midastouch_perception.simulation.slide import Leap
+from midastouch_simulation.slide import Leap
 
 from . import disturbances
 from .cache import Cache, SlideKind

@@ -20,8 +20,8 @@ from midastouch_perception.sensor_calibration.ball import ball_centre, ball_pene
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_calibration.fit import calibrate
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 
 from .cache import Cache, Touches
 from .setup import Networks

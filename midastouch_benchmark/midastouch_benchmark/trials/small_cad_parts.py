@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.solids import (
+from midastouch_simulation.solids import (
     Layer,
     Outline,
     circle,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.procedural import (
+from midastouch_simulation.procedural import (
     Sdf,
     at,
     box,

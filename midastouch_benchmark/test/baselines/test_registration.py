@@ -13,7 +13,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_simulation.slide import simulate_slide
 
 needs_open3d = pytest.mark.skipif(importlib.util.find_spec("open3d") is None, reason="Open3D is an extra")
 

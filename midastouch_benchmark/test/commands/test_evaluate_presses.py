@@ -10,7 +10,7 @@ from midastouch_bringup import cli
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_simulation.simulated_digit import PressedSensor
 
 RADIUS = 3e-3
 

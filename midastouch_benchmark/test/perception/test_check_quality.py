@@ -20,9 +20,9 @@ from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.sensor_calibration.network_checks import RADIUS_RATIO
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.randomisation import RandomisationRange
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.randomisation import RandomisationRange
+from midastouch_simulation.simulated_digit import PressedSensor
 
 
 class SlopeTdn:
@@ -133,7 +133,7 @@ def test_roc_area():
 
 def test_layouts_of_real_sensors(shared):
     """Of the 24 real no-contact images few are refused as they are, and nearly all when they are wrong."""
-    from midastouch_perception.training.setting import load_backgrounds
+    from midastouch_simulation.training.setting import load_backgrounds
 
     images = np.concatenate(load_backgrounds(shared / "data/digit_backgrounds", 80, 60))
     refused = layout_quality(images)

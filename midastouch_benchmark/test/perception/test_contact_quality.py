@@ -15,7 +15,7 @@ from midastouch_benchmark.perception.contact_quality import (
 from midastouch_benchmark.perception.soft_gel import CommandedPresses, SoftSensor
 from midastouch_perception import pipeline
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics
+from midastouch_simulation.measured_optics import MeasuredOptics
 
 
 @pytest.fixture(scope="module")

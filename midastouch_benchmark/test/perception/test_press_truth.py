@@ -8,7 +8,7 @@ from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
 
 RADIUS = 4e-3
 OFF = 0.5e-3  # m

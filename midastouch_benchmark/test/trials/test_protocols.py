@@ -17,7 +17,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.grasp import CONTACTS
+from midastouch_simulation.grasp import CONTACTS
 
 
 def test_help_names_every_protocol(capsys):

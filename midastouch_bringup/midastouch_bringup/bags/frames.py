@@ -12,21 +12,11 @@ import numpy as np
 
 from midastouch_common import images
 from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import rgb_from_msg
-from midastouch_filter.transforms import TransformBuffer, TransformError
+from midastouch_common.transforms import TransformBuffer, TransformError
 
-from .messages import (
-    BASE_FRAME,
-    COMPRESSED_TYPE,
-    GEL_FRAME,
-    IMAGE_TOPIC,
-    IMAGE_TYPE,
-    TRUTH_FRAME,
-    TRUTH_GEL_FRAME,
-    Message,
-    header_stamp_ns,
-    typestore,
-)
+from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, header_stamp_ns, typestore
 from .reader import bag_messages, bag_topics, readable
 from .transforms import recorded_transforms
 

@@ -21,17 +21,12 @@ from rosbags.typesys.store import Typestore
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, OPTICAL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import SECOND
 from midastouch_perception.sensor_model import SensorModel
 
 from ..datasets import Sequence
 from ..datasets.plain_images import PlainImages
-
-BASE_FRAME = "base_link"
-GEL_FRAME = "digit_gel_frame"
-OPTICAL_FRAME = "digit_optical_frame"
-TRUTH_FRAME = "object_ground_truth"
-TRUTH_GEL_FRAME = "digit_gel_ground_truth"
 
 IMAGE_TOPIC = "/image_raw"
 COMPRESSED_TOPIC = f"{IMAGE_TOPIC}/compressed"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
-from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError
+from midastouch_common.transforms import Insertion, TransformBuffer, TransformError
 
 from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
 from .reader import bag_messages, readable

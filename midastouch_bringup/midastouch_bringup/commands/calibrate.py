@@ -191,7 +191,7 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
 
 
 def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
-    from midastouch_perception.simulation.optics_fit import fit_optics
+    from midastouch_simulation.optics_fit import fit_optics
 
     optics = fit_optics(args.optics.stem, args.command_line, images, result)
     optics.save(args.optics)

@@ -18,7 +18,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     options = training_options(args)
-    from midastouch_perception.tcn.train import train
+    from midastouch_simulation.training.tcn import train
 
     print(f"{train(options, args.tdn)}: trained")
     return 0

@@ -22,7 +22,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     options = dataclasses.replace(training_options(args), light=args.light)
-    from midastouch_perception.tdn.train import train
+    from midastouch_simulation.training.tdn import train
 
     print(f"{train(options)}: trained")
     return 0

@@ -15,7 +15,7 @@ from midastouch_common.missing_modules import install_extra
 from . import arguments
 
 if TYPE_CHECKING:
-    from midastouch_perception.training.setting import TrainingOptions
+    from midastouch_simulation.training.setting import TrainingOptions
 
 
 def add_training_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
@@ -68,7 +68,7 @@ def training_options(args: argparse.Namespace) -> TrainingOptions:
         raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
     if resume is not None and resume.is_file():
         resume = resume.parent
-    from midastouch_perception.training.setting import TrainingOptions
+    from midastouch_simulation.training.setting import TrainingOptions
 
     return TrainingOptions(
         meshes=Path(args.meshes),

@@ -12,10 +12,10 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.grasp import simulate_grasp
-from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.simulated_digit import SimulatedCamera
-from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
+from midastouch_simulation.grasp import simulate_grasp
+from midastouch_simulation.optics import TactoOptics
+from midastouch_simulation.simulated_digit import SimulatedCamera
+from midastouch_simulation.slide import Leap, measure_poses, simulate_slide
 
 from ..progress import progress_bar
 from . import write_sequence

@@ -15,9 +15,9 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.fit import Result, calibrate
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.simulated_digit import PressedSensor
 
 from ..bags.run_record import RunRecord, Snapshot
 from ..datasets.slide_simulation import no_contact_image

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_perception.simulation.slide import MIN_PROGRESS
+from midastouch_common.surface_walk import MIN_PROGRESS
 
 from .acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to

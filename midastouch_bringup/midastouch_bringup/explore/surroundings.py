@@ -8,7 +8,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.slide import MIN_PROGRESS, carried, straight_on
+from midastouch_common.surface_walk import MIN_PROGRESS, carried, straight_on
 
 _STEP = 4e-3  # m
 

@@ -10,7 +10,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.finger import Motion, SimulatedFinger
+from midastouch_simulation.finger import Motion, SimulatedFinger
 
 from ..bags.messages import BASE_FROM_OBJECT
 from .acts import Act, Approach, Done, Lift, Plan, Slide, Touch, carried_out

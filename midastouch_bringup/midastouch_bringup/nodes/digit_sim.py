@@ -12,23 +12,23 @@ from std_msgs.msg import Header
 from digit_driver.camera_info import Intrinsics
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
+from midastouch_common.frames import GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import load_mesh, resolve
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
-from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import TransformError
-from midastouch_filter.transforms.queue import Wait
+from midastouch_common.ros.transform_source import TransformSource
+from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.engine import MotionWatch, Shutter, too_deep
-from midastouch_perception.simulation.simulated_digit import SimulatedDigit, SimulatedFrame
 from midastouch_perception.tdn.background_store import read_background
+from midastouch_simulation.engine import MotionWatch, Shutter, too_deep
+from midastouch_simulation.simulated_digit import SimulatedDigit, SimulatedFrame
 
-from ..bags.messages import GEL_FRAME, TRUTH_FRAME
 from ..datasets.slide_simulation import no_contact_image
 
 PARAMETERS = (

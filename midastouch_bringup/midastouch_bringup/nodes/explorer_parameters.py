@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.ros.parameters import Parameter
-
-from ..bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 
 PARAMETERS = (
     Parameter("seed", 0, "Of its motions at random", minimum=0, maximum=2**31 - 1),

@@ -14,8 +14,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import pose_from_msg, poses_from_msgs, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.addresses import load_mesh
-from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import TransformError
+from midastouch_common.ros.transform_source import TransformSource
+from midastouch_common.transforms import TransformError
 from midastouch_msgs.msg import PoseModes
 
 from ..explore.surroundings import Surroundings

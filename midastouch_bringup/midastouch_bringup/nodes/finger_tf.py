@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common.frames import TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 
-from ..bags.messages import TRUTH_GEL_FRAME
 from ..explore.world import World
 
 

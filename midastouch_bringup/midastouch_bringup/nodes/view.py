@@ -18,6 +18,7 @@ from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
+from midastouch_common.frames import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import (
     covariance_from_msg,
     points_from_msg,
@@ -32,8 +33,6 @@ from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_msgs.msg import FilterStatus, PoseModes
-
-from ..bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 
 PARAMETERS = (
     Parameter(

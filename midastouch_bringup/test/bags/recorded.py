@@ -5,8 +5,9 @@ import dataclasses
 import cv2
 import numpy as np
 
-from midastouch_bringup.bags.messages import BASE_FRAME, COMPRESSED_TYPE, GEL_FRAME, Message, typestore
+from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message, typestore
 from midastouch_bringup.bags.writer import BagWriter
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME
 
 SECOND, MS = 1_000_000_000, 1_000_000
 STORE = typestore()

@@ -8,16 +8,12 @@ import pytest
 from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, header, image, tf, write
 
 from midastouch_bringup.bags.frames import GelStream, read_bag
-from midastouch_bringup.bags.messages import (
-    BASE_FROM_OBJECT,
-    COMPRESSED_TYPE,
-    GEL_FRAME,
-    Message,
-)
+from midastouch_bringup.bags.messages import BASE_FROM_OBJECT, COMPRESSED_TYPE, Message
 from midastouch_bringup.bags.reader import bag_metadata
 from midastouch_bringup.bags.writer import write_bag
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.frames import GEL_FRAME
 
 
 @pytest.mark.parametrize("name", ["slide.mcap", "slide"])

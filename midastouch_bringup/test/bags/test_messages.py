@@ -7,7 +7,8 @@ import pytest
 from recorded import SECOND, STORE, header, write
 from rosbags.highlevel import AnyReader
 
-from midastouch_bringup.bags.messages import GEL_FRAME, Message, header_stamp_ns, sequence_messages
+from midastouch_bringup.bags.messages import Message, header_stamp_ns, sequence_messages
+from midastouch_common.frames import GEL_FRAME
 
 
 def test_messages_come_in_order_of_time_and_end_with_the_image(simulated_sequence):

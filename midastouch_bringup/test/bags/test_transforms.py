@@ -5,8 +5,8 @@ import pytest
 from recorded import MOVED, MS, SECOND, STILL, image, tf, write
 
 from midastouch_bringup.bags.frames import read_bag
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME
 from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME
 
 
 def test_a_chain_with_a_static_mount(tmp_path):

@@ -8,11 +8,11 @@ from recorded import SECOND, STILL, tf, write
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from midastouch_bringup.bags.messages import GEL_FRAME
 from midastouch_bringup.bags.reader import bag_messages
 from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.frames import GEL_FRAME
 
 
 def test_rosbags_reads_it_with_types_and_offered_qos(tmp_path, simulated_sequence):

@@ -14,8 +14,8 @@ from midastouch_bringup import cli
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore
+from midastouch_simulation.simulated_digit import PressedSensor
 
 # The camera for the guide is beside the tests of its node.
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))

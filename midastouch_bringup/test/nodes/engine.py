@@ -8,7 +8,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import ENCODINGS
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg

@@ -4,9 +4,9 @@ import numpy as np
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.messages import GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_bringup.nodes.finger import Finger
+from midastouch_common.frames import GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import transform_from_msg
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus

@@ -22,8 +22,8 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
 
-from filter_fakes import tf_msg
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
+from tf_messages import tf_msg
 
 from midastouch_bringup.nodes import all_in_one
 from midastouch_bringup.nodes.all_in_one import main, make_nodes
@@ -41,7 +41,7 @@ from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_simulation.slide import simulate_slide
 
 pytestmark = pytest.mark.dds
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))

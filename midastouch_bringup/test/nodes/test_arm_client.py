@@ -8,12 +8,12 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
 
-from midastouch_bringup.bags.messages import BASE_FRAME
 from midastouch_bringup.explore.acts import Approach, Lift, Slide, Touch
 from midastouch_bringup.nodes import arm_client
 from midastouch_bringup.nodes.arm_actions import KINDS, act_of, done_of, goal_of
 from midastouch_bringup.nodes.arm_client import ArmClient
 from midastouch_common import se3
+from midastouch_common.frames import BASE_FRAME
 from midastouch_common.ros.conversions import stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 

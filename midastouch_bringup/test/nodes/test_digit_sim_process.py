@@ -16,7 +16,7 @@ from midastouch_common.message_arrays import rgb_from_msg, stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import simulate_slide
+from midastouch_simulation.slide import simulate_slide
 
 pytestmark = pytest.mark.dds
 

@@ -6,8 +6,8 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseModes, Suggestion

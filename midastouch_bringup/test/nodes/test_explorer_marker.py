@@ -9,7 +9,7 @@ from marker_viewer import FACTS, FINGER, Viewer
 from std_msgs.msg import Header
 from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerUpdate, MenuEntry
 
-from midastouch_bringup.bags.messages import BASE_FRAME, TRUTH_FRAME
+from midastouch_common.frames import BASE_FRAME, TRUTH_FRAME
 from midastouch_common.ros import qos
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]

@@ -12,9 +12,9 @@ from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common import se3
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg

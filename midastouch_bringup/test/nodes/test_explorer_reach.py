@@ -4,10 +4,10 @@ import pytest
 from explorer_rig import Rig
 from rclpy.node import Node
 
-from midastouch_bringup.bags.messages import BASE_FRAME
 from midastouch_bringup.nodes import explorer_services
 from midastouch_bringup.nodes.explorer import Explorer
 from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME
 from midastouch_msgs.srv import CheckReach
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]

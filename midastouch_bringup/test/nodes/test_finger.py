@@ -9,10 +9,10 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.finger import Finger
 from midastouch_bringup.nodes.finger_parameters import PARAMETERS
 from midastouch_common import se3
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg

@@ -17,8 +17,8 @@ from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
+from midastouch_common.transforms import TransformBuffer
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.msg import TactileCode
 
 pytestmark = pytest.mark.dds

@@ -14,9 +14,9 @@ from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_bringup.bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_bringup.nodes.view import View
 from midastouch_common import se3
+from midastouch_common.frames import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import image_to_msg, points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg

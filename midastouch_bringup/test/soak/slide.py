@@ -10,11 +10,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from filter_fakes import tf_msg
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
@@ -23,9 +23,9 @@ from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tcn import load_tcn
+from midastouch_simulation.optics import TactoOptics
+from midastouch_simulation.slide import simulate_slide
 
 PATIENT = {"input_timeout": 1000.0}
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))

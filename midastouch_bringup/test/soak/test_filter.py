@@ -19,8 +19,8 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.slide import measure_poses
 from midastouch_perception.tcn import load_tcn
+from midastouch_simulation.slide import measure_poses
 
 PARTS = 20
 RELIEF_EVERY = 4  # steps; the others are quick, so that there can be many

@@ -13,8 +13,8 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_common.surface_walk import MIN_PROGRESS
 from midastouch_perception.codebook import PRESS
-from midastouch_perception.simulation.slide import MIN_PROGRESS
 
 from ..core.object_model import ObjectModel
 from ..core.surface import DEAD_DISTANCE

@@ -13,6 +13,9 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
+from midastouch_common.ros.transform_source import TransformSource
+from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.queue import TransformQueue, Wait
 from midastouch_msgs.msg import TactileCode
 
 from ..core.pace import InTime, always, until_next_frame
@@ -20,12 +23,9 @@ from ..core.state import STALE, UNINITIALISED
 from ..core.touch import Measurement, measurement_from_msg
 from ..localiser import Localiser, seconds_between
 from ..timeline import Judgement, Timeline
-from ..transforms import TransformError
-from ..transforms.queue import TransformQueue, Wait
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics, MapSource, fingers_of
 from .status_report import StatusReport
-from .transform_source import TransformSource
 
 
 class CodeProcessor:

@@ -14,6 +14,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import points_from_msg, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.parameters import Parameters
+from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.queue import Wait
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel
@@ -21,8 +23,6 @@ from midastouch_perception.sensor_model import SensorModel
 from ..core.touch import Measurement, measurement_from_msg, reduced_penetration
 from ..loaded_object import LoadedObject
 from ..timeline import CODE_TIMEOUT, FingerMemory
-from ..transforms import TransformError
-from ..transforms.queue import Wait
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # The code is made from the cloud, so the cloud comes first or, if it is overtaken, at once; otherwise it was lost.

@@ -6,7 +6,7 @@ from midastouch_common.errors import InputError
 from midastouch_filter.core.lookup import PoseLookup, space_filling_order
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
-from midastouch_perception.simulation.slide import measure_poses
+from midastouch_simulation.slide import measure_poses
 
 
 def distance(a, b):

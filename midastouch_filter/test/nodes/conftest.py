@@ -19,13 +19,3 @@ def timeout_clock(monkeypatch) -> types.SimpleNamespace:
     clock = types.SimpleNamespace(now=0.0)
     monkeypatch.setattr(NodeClock, "now", lambda self: clock.now)
     return clock
-
-
-@pytest.fixture
-def listening(graph):
-    """A source of transforms."""
-    from transform_rig import Listening
-
-    listening = Listening(graph)
-    yield listening
-    listening.source.close()

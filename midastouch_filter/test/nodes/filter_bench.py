@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from filter_fakes import code_msg, loader_of, tf_msg, translation
+from filter_fakes import code_msg, loader_of
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg, translation
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_filter.core.state import WAITING

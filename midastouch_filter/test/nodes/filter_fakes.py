@@ -7,14 +7,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from tf2_msgs.msg import TFMessage
+from tf_messages import translation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion, Wanted
 from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.state import AMBIGUOUS, Status
@@ -26,10 +26,6 @@ from midastouch_perception.symmetry.search import ObjectSymmetry
 
 DIAGONAL = 0.3
 MAP_SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
-
-
-def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
-    return se3.translation([x, y, z])
 
 
 class FakeFilter:
@@ -136,12 +132,6 @@ def code_msg(stamp: int, network_id: str = "fake", in_contact: bool = True) -> T
     header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_gel_frame")
     code = array.array("f", [0.6, 0.8] if in_contact else [])
     return TactileCode(header=header, in_contact=in_contact, contact_area=1e-5, code=code, network_id=network_id)
-
-
-def tf_msg(stamp: int, pose: np.ndarray, parent: str = "base_link", child: str = "digit_gel_frame") -> TFMessage:
-    header = Header(stamp=stamp_from_ns(stamp), frame_id=parent)
-    transform = transform_to_msg(pose)
-    return TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])
 
 
 def pose_msg(frame: str, pose: np.ndarray, variances=(1e-4,) * 3 + (1e-2,) * 3) -> PoseWithCovarianceStamped:

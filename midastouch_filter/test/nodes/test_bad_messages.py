@@ -7,10 +7,11 @@ import array
 import numpy as np
 import pytest
 from filter_bench import is_answer
-from filter_fakes import all_finite, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import all_finite, code_msg, pose_msg
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg, translation
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filter_bench import REPLAY, is_answer
-from filter_fakes import tf_msg
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 

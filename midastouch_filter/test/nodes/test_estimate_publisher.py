@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
+from tf_messages import translation
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.message_arrays import SECOND, stamp_ns, transform_from_msg

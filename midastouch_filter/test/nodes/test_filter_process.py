@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import trimesh
 from filter_bench import is_answer
-from filter_fakes import code_msg, pose_msg, tf_msg, translation
+from filter_fakes import code_msg, pose_msg
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg, translation
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.mesh import ObjectMesh

@@ -8,16 +8,17 @@ import types
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import DIAGONAL, pose_msg, tf_msg, translation
+from filter_fakes import DIAGONAL, pose_msg
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Empty
+from tf_messages import tf_msg, translation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common import se3
 from midastouch_common.message_arrays import SECOND
+from midastouch_common.transforms import TransformBuffer
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.nodes.filter_services import StartTopics
-from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.srv import SetObject
 
 pytestmark = pytest.mark.dds

@@ -7,8 +7,9 @@ import types
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import cloud_msg, code_msg, loader_of, tf_msg
+from filter_fakes import cloud_msg, code_msg, loader_of
 from sensor_msgs.msg import PointCloud2
+from tf_messages import tf_msg
 
 from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import reduced_penetration

@@ -8,9 +8,10 @@ import math
 import numpy as np
 import pytest
 from filter_bench import OBJECT, Bench, skipped
-from filter_fakes import DIAGONAL, MAP_SENSOR, cloud_msg, code_msg, loader_of, tf_msg, translation
+from filter_fakes import DIAGONAL, MAP_SENSOR, cloud_msg, code_msg, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
+from tf_messages import tf_msg, translation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from filter_fakes import code_msg
 
+from midastouch_common.transforms.queue import Wait
 from midastouch_filter.nodes.finger_topics import FingerTopics
-from midastouch_filter.transforms.queue import Wait
 
 MS = 1_000_000
 PARAMETERS = {

@@ -10,13 +10,14 @@ import sys
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench
-from filter_fakes import code_msg, loader_of, translation
+from filter_fakes import code_msg, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
+from tf_messages import translation
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.errors import InputError

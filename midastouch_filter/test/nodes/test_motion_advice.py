@@ -7,8 +7,9 @@ import math
 import pytest
 from action_msgs.msg import GoalStatus
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import all_finite, translation
+from filter_fakes import all_finite
 from rclpy.action import ActionClient
+from tf_messages import translation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.message_arrays import SECOND, stamp_ns

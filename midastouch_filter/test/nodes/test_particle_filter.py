@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, is_answer, skipped
-from filter_fakes import FakeFilter, loader_of, tf_msg, translation
+from filter_fakes import FakeFilter, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg, translation
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns

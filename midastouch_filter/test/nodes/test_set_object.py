@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import FakeFilter, StubGrowth, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import FakeFilter, StubGrowth, code_msg, pose_msg
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg, translation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError

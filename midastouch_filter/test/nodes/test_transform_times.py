@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
-from filter_fakes import code_msg, tf_msg, translation
+from filter_fakes import code_msg
 from rosgraph_msgs.msg import Clock
+from tf_messages import tf_msg, translation
 
 from midastouch_common.message_arrays import SECOND, stamp_ns
 

@@ -17,9 +17,9 @@ from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
-from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import TransformError
-from midastouch_filter.transforms.queue import Wait
+from midastouch_common.ros.transform_source import TransformSource
+from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.queue import Wait
 from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 

@@ -12,7 +12,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import Parameter
-from midastouch_filter.nodes.transform_source import TransformSource
+from midastouch_common.ros.transform_source import TransformSource
 
 from ..arm import ur_follower
 from ..arm.follower_process import FollowerProcess

@@ -21,8 +21,8 @@ from midastouch_perception.nodes.calibrate import CalibrateNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore
+from midastouch_simulation.simulated_digit import PressedSensor
 
 pytestmark = pytest.mark.dds
 SERIAL, DIAMETER = "D20123", 6e-3

@@ -5,7 +5,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer, sunk_in
-from midastouch_perception.simulation.procedural import box, mesh_from_sdf
+from midastouch_simulation.procedural import box, mesh_from_sdf
 
 REACH = 0.5e-3
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_simulation.simulated_digit import PressedSensor
 
 RADIUS = 3e-3
 

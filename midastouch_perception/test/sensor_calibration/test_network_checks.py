@@ -13,7 +13,7 @@ from midastouch_perception.sensor_calibration.network_checks import (
     measured_radius,
 )
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_simulation.simulated_digit import PressedSensor
 
 RADIUS = 3e-3  # m, of the ball
 

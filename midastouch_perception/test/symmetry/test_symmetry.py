@@ -12,11 +12,11 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.codebook import codebook_poses
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.procedural import Sdf, at, cylinder, difference, mesh_from_sdf, union
-from midastouch_perception.simulation.solids import Layer, circle, rectangle, stacked
 from midastouch_perception.symmetry.bop import symmetry_of_bop
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.symmetry.search import DETECTABLE, ObjectSymmetry, object_symmetry
+from midastouch_simulation.procedural import Sdf, at, cylinder, difference, mesh_from_sdf, union
+from midastouch_simulation.solids import Layer, circle, rectangle, stacked
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(

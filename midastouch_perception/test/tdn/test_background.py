@@ -8,8 +8,6 @@ from midastouch_common.errors import InputError
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import estimate_background, load_tdn
 from midastouch_perception.tdn.background import (
     BackgroundCapture,
@@ -19,6 +17,8 @@ from midastouch_perception.tdn.background import (
     largest_change,
     shows_contact,
 )
+from midastouch_simulation.optics import TactoOptics
+from midastouch_simulation.simulated_digit import PressedSensor
 
 GREY = np.full((320, 240, 3), 100, np.uint8)
 

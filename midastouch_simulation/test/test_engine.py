@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from midastouch_simulation.engine import MotionWatch, Shutter, too_deep
+
+PERIOD = 20_000_000  # ns, at 50 images a second
+MS = 1_000_000  # ns
+
+
+@pytest.fixture
+def shutter():
+    shutter = Shutter(50)
+    assert shutter.due(7 * PERIOD) == 7 * PERIOD
+    return shutter
+
+
+def test_moments_are_evenly_spaced_and_never_ahead_of_the_engine(shutter):
+    taken = [shutter.due(7 * PERIOD + step * 3_000_000) for step in range(100)]
+    moments = [moment for moment in taken if moment is not None]
+    assert moments == [(8 + i) * PERIOD for i in range(14)]
+    assert all(m is None or m <= 7 * PERIOD + i * 3_000_000 for i, m in enumerate(taken))
+
+
+def test_an_engine_slower_than_the_camera_has_images_between_its_states(shutter):
+    newest = 10 * PERIOD
+    assert [shutter.due(newest) for _ in range(4)] == [8 * PERIOD, 9 * PERIOD, newest, None]
+
+
+def test_what_is_far_behind_is_left_out(shutter):
+    assert shutter.due(400 * PERIOD + 5) == 400 * PERIOD
+    assert shutter.due(400 * PERIOD + 5) is None
+
+
+def test_time_that_ran_back_is_followed(shutter):
+    assert shutter.due(2 * PERIOD) == 2 * PERIOD
+    assert shutter.due(3 * PERIOD) == 3 * PERIOD
+
+
+def test_a_restart_forgets_what_was_due(shutter):
+    shutter.restart()
+    assert shutter.due(9 * PERIOD + 1) == 9 * PERIOD + 1
+
+
+def at(x: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+@pytest.fixture
+def watch():
+    return MotionWatch(timeout=0.5)
+
+
+def test_silence_counts_from_the_last_change_and_only_beyond_the_timeout(watch):
+    assert watch.silence(10, now=100.0) == 0
+    assert watch.silence(10, now=100.4) == 0
+    assert watch.silence(10, now=103.0) == pytest.approx(3.0)
+    assert watch.silence(11, now=103.1) == 0
+
+
+def test_what_never_changes_is_not_silent(watch):
+    assert [watch.silence(None, now=t) for t in (0.0, 10.0, 1000.0)] == [0, 0, 0]
+
+
+def test_a_slide_is_motion_and_a_leap_is_not(watch):
+    assert watch.jump(0, at(0.0)) == ""
+    assert watch.jump(17 * MS, at(0.01)) == ""
+    assert "jumped 300 mm within 17 ms" in watch.jump(34 * MS, at(0.31))
+    assert watch.jump(51 * MS, at(0.31)) == ""
+
+
+def test_an_engine_that_began_anew_did_not_leap(watch):
+    watch.jump(500 * MS, at(0.0))
+    watch.restart()
+    assert watch.jump(17 * MS, at(0.5)) == ""
+    assert watch.jump(16 * MS, at(0.0)) == ""  # it ran back: no time has passed in which to move
+
+
+def test_only_what_no_gel_gives_way_to_is_too_deep():
+    assert too_deep(0.002) == ""
+    assert "12 mm in the gel" in too_deep(0.012)

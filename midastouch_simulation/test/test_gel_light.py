@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from midastouch_simulation.gel_light import GelLight, LampDesign
+
+
+def test_flat_gel_is_as_without_contact(real):
+    light = GelLight(real, np.random.default_rng(0))
+    np.testing.assert_allclose(light.ratio(np.zeros((160, 120), np.float32)), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_each_colour_is_brighter_where_the_ball_faces_its_light(real, cap, seed):
+    ratio = GelLight(real, np.random.default_rng(seed)).ratio(cap)
+    assert np.isfinite(ratio).all()
+    assert ratio.min() > 0
+    v, u = np.mgrid[:160, :120] - np.array([80, 60])[:, None, None]
+    inside = np.where(cap > 0, 1.0, 0.0)
+    right = [(ratio[..., c] * u * inside).sum() for c in range(3)]
+    up = [(ratio[..., c] * -v * inside).sum() for c in range(3)]
+    assert right[0] > right[1], "red comes from the right, green from the left"
+    assert up[2] < min(up[:2]), "blue from below"
+
+
+def test_higher_gel_shades_the_gel_behind_it(real, cap):
+    far = (cap == 0) & (np.hypot(*(np.mgrid[:160, :120] - np.array([80, 60])[:, None, None])) > 22)
+    dark = [GelLight(real, np.random.default_rng(seed)).ratio(cap)[far].min() for seed in range(10)]
+    assert min(dark) < 0.85
+    assert max(dark) <= 1.0
+
+
+def test_sensors_differ_and_seeds_repeat(real, cap):
+    first, again, other = (GelLight(real, np.random.default_rng(s)).ratio(cap) for s in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 0.1
+
+
+def test_lamps_of_another_design_shine_from_where_it_has_them(real, cap):
+    """A design turned by half a turn darkens where the DIGIT's brightens; both leave flat gel alone."""
+    turned = LampDesign(np.radians([210.0, 330.0, 90.0]), np.arange(3))
+    digit, other = (GelLight(real, np.random.default_rng(3), *design).ratio(cap) - 1 for design in ((), (turned,)))
+    inside = cap > 0
+    for colour in range(3):
+        assert np.corrcoef(digit[inside, colour], other[inside, colour])[0, 1] < -0.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_random_design_has_every_colour(real, cap, seed):
+    rng = np.random.default_rng(seed)
+    design = LampDesign.random(rng)
+    assert set(design.colours) == {0, 1, 2}
+    assert 3 <= len(design.angles) <= 5
+    light = GelLight(real, rng, design)
+    np.testing.assert_allclose(light.ratio(np.zeros((160, 120), np.float32)), 1, atol=1e-5)
+    assert light.ratio(cap).std() > 0.02
