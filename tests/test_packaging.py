@@ -123,6 +123,7 @@ def test_a_release_is_stamped_wherever_it_is_named(load_tool):
     after = '<?xml version="1.0"?>\n<version>1.2.0</version>\n<maintainer email="a@b.org">Tip &amp; Go</maintainer>\n'
     stamped = load_tool("stamp_release").stamped
     assert stamped(before, project) == after
+    assert stamped("cff-version: 1.2.0\nversion: 0.1.0\n", project) == "cff-version: 1.2.0\nversion: 1.2.0\n"
     assert stamped("image: midastouch:0.1.0-cpu\n", project) == "image: midastouch:1.2.0-cpu\n"
 
 

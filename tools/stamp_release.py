@@ -1,4 +1,5 @@
-"""Write the version and the maintainer that pyproject.toml names into every package.xml and the tags of the images.
+"""Write the version and the maintainer that pyproject.toml names into every file that repeats them: package.xml, the
+citation and the tags of the images.
 
 ROS tools want both in each package.xml; pip and `midastouch --version` read the version from there.
 
@@ -10,11 +11,8 @@ from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 ROOT = Path(__file__).resolve().parent.parent
-STAMPED = [
-    path
-    for pattern in ("*/package.xml", "tools/ros_wheels/*/package.xml", "docker/*.yaml", "docker/Dockerfile")
-    for path in sorted(ROOT.glob(pattern))
-]
+_PATTERNS = "*/package.xml", "tools/ros_wheels/*/package.xml", "docker/*.yaml", "docker/Dockerfile", "CITATION.cff"
+STAMPED = [path for pattern in _PATTERNS for path in sorted(ROOT.glob(pattern))]
 
 
 def stamped(text: str, project: str) -> str:
@@ -25,6 +23,7 @@ def stamped(text: str, project: str) -> str:
     for pattern, new in (
         (r"<version>.*</version>", f"<version>{version}</version>"),
         (r"<maintainer .*</maintainer>", maintainer),
+        (r"(?m)^version: [\d.]+$", f"version: {version}"),
         (r"\bmidastouch:[\d.]+-", f"midastouch:{version}-"),
     ):
         text = re.sub(pattern, lambda _, new=new: new, text)

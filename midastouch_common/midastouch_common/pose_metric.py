@@ -29,6 +29,14 @@ def geodesic_distances(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.hypot(distance, ROTATION_SCALE * angle)
 
 
+def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return distances (...) [m] of position and chord combined, 1 rad counting as alpha metres; poses broadcast."""
+    squared = np.square(a - b)
+    # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
+    turned = 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
+    return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
+
+
 def six_vectors(poses: np.ndarray) -> np.ndarray:
     """Return the paper's 6-vectors (N, 6) of poses (N, 4, 4): translation [m] and alpha times the log of rotation.
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midastouch_benchmark.trials.trial import TrialFrame, with_odometry
+from midastouch_common.pose_metric import pose_distance
 from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.belief import Hypotheses
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.pose_hypothesis import pose_distance
 from midastouch_filter.filter import ParticleFilter
 
 CONFIG = FilterConfig(threads=1, alignments_per_second=1_000_000)

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from midastouch_common.pose_metric import pose_distance
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.pose_hypothesis import pose_distance
 from midastouch_filter.filter import ParticleFilter
 
 from .timing import CallTimer, time_calls

@@ -134,7 +134,7 @@ VARIANTS = {
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
     **_each(
-        "alignments_per_second", "{:,} alignments a second", {"work_360": 360, "work_1200": 1200, "work_12000": 12_000}
+        "alignments_per_second", "{:,} descents a second", {"work_360": 360, "work_1200": 1200, "work_12000": 12_000}
     ),
     **_each(
         "tested_poses",

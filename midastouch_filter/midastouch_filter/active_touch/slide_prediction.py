@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_common.pose_metric import pose_distance
 from midastouch_common.surface_walk import MIN_PROGRESS
 from midastouch_perception.codebook import PRESS
 
@@ -120,9 +120,6 @@ def independence_on_the_way(tracks: np.ndarray, measured: np.ndarray, correlatio
     before = tracks[:, :, 0, None] @ measured
     for t in range(out.shape[2]):
         older = np.concatenate([before, tracks[:, :, : t + 1]], axis=2)
-        squared = np.square(older - tracks[:, :, t + 1, None])
-        distance = np.sqrt(
-            squared[..., :3, 3].sum(axis=-1) + 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
-        )
+        distance = pose_distance(older, tracks[:, :, t + 1, None])
         out[:, :, t] = np.minimum(distance.min(axis=2) / correlation, 1.0)
     return out

@@ -51,14 +51,14 @@ class NoiseModel:
     map_noise: float
     map_correlation: float
     between_entries: np.ndarray
+    touch_correlation: float
+    change_lifted: float
+    explained: float
     map_patches: float = 8.0
     residual_floor: float = 0.03
-    touch_correlation: float = 0.012
     change: float = 1e-3
-    change_lifted: float = 0.2
     prior_floor: float = -12.0
     elsewhere: float = 22.5
-    explained: float = 0.6
     code_support: float = 0.072
     contradiction: float = 1.35
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_common.pose_metric import ROTATION_SCALE, pose_distance
 from midastouch_perception.symmetry.group import Symmetry
 
 ANOTHER, ANOTHER_TURN = 0.01, np.radians(20.0)
@@ -41,14 +41,6 @@ class Prior:
         error = se3.log(se3.inverse(self.pose) @ symmetry.nearest(poses, self.pose))
         squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
         return np.maximum(-0.5 * squared, floor)
-
-
-def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return pose distances (...) [m], as the look-up defines them, of (..., 4, 4) and (..., 4, 4), broadcast."""
-    squared = np.square(a - b)
-    # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
-    turned = 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
-    return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
 
 
 Differ = Callable[[np.ndarray, np.ndarray], np.ndarray]

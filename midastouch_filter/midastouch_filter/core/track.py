@@ -7,9 +7,9 @@ from collections import deque
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_common.pose_metric import pose_distance
 
 from .motion_model import Odometry
-from .pose_hypothesis import pose_distance
 
 _LIFT = 0.01  # m of path without contact; less is a gap in a slide
 _KEPT = 256  # last touches since a lift whose poses are kept

@@ -5,11 +5,12 @@ import pytest
 from filter_runs import hypotheses_at, model_of
 
 from midastouch_common import se3
+from midastouch_common.pose_metric import pose_distance
 from midastouch_filter.core.belief import Belief
 from midastouch_filter.core.births import Births
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
+from midastouch_filter.core.pose_hypothesis import Prior
 
 NOISE = NoiseModel.of(FilterConfig())
 ALL = 10_000

@@ -63,6 +63,7 @@ def test_the_object_and_the_pose_on_it_are_found(shelf, run, k):
     found = run if k == 1 else Run(shelf.catalogue).slide(truth, frames)
     name, last = f"bumpy_{k + 1}", found.estimates[-1]
     assert found.led[-1] == found.localiser.object.name == found.localiser.identity.answer == name
+    assert last.status.mode_mass > CONFIG.converged_probability
     assert CONVERGED in [each.status.state for each in found.estimates if each is not None]
     assert last.status.reason.endswith(found.told[-1].in_words())
     for pose in (last.pose, found.localiser.identity.leading.hypotheses[0].pose):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
-from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_common.pose_metric import ROTATION_SCALE, pose_distance
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,16 @@ class Symmetry:
         poses = np.asarray(poses, float)
         if self.trivial or not np.isfinite(truth).all():
             return poses
-        return self._nearest(poses, truth)[0]
+        return self._nearest(poses, truth)
 
     def distance(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Return the distance (N,) [m] of `nearest` between the truth (4, 4) and the equivalents of poses (N, 4, 4)."""
-        return np.sqrt(self._nearest(np.asarray(poses, float), truth)[1])
+        return pose_distance(self._nearest(np.asarray(poses, float), truth), truth)
 
-    def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the equivalents of poses (N, 4, 4) nearest to the truth (4, 4), and their squared distances (N,)."""
+    def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Return the equivalents of poses (N, 4, 4) nearest to the truth (4, 4)."""
         if self.free == "none":
-            best = self.transforms[self._which(poses, truth)] @ poses
-            return best, _squared_distance(best, truth)
+            return self.transforms[self._which(poses, truth)] @ poses
         best, least = poses, np.full(len(poses), np.inf)
         goal = truth[:3, 3] - self.centre
         for transform in self.transforms:
@@ -71,10 +70,10 @@ class Symmetry:
             correlation = arm[:, :, None] * goal + 0.5 * ROTATION_SCALE**2 * moved[:, :3, :3] @ truth[:3, :3].T
             turn = self._best_turn(correlation)
             moved = se3.make(turn @ moved[:, :3, :3], np.einsum("nij,nj->ni", turn, arm) + self.centre)
-            distance = _squared_distance(moved, truth)
+            distance = pose_distance(moved, truth)
             nearer = distance < least
             best, least = np.where(nearer[:, None, None], moved, best), np.where(nearer, distance, least)
-        return best, least
+        return best
 
     def _which(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Return for each pose (N, 4, 4) which of the K motions brings it nearest to the truth (4, 4).
@@ -131,12 +130,6 @@ class Symmetry:
         if symmetry.free not in ("none", "axis", "all") or not all(np.isfinite(each).all() for each in numbers):
             raise ValueError("not the motions of a group")
         return symmetry
-
-
-def _squared_distance(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Return squared distances (N,) [m^2] of poses (N, 4, 4) from the truth (4, 4), as `Symmetry.nearest` has them."""
-    squared = np.square(poses - truth)
-    return squared[:, :3, 3].sum(axis=1) + 0.5 * ROTATION_SCALE**2 * squared[:, :3, :3].sum(axis=(1, 2))
 
 
 def about(centre: np.ndarray, rotations: np.ndarray) -> np.ndarray:
