@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
+for folder in ("tests", "midastouch_filter/test/nodes", "midastouch_perception/test/nodes"):
+    sys.path.insert(0, str(Path(__file__).parents[3] / folder))
 
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 from tf_messages import tf_msg
