@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parents[3] / folder) for folder in ("tests", "midastouch_filter/test/nodes")]
+sys.path.extend(str(Path(__file__).parents[3] / folder) for folder in ("tests", "midastouch_filter/test/nodes"))
 
 from filter_fakes import DIAGONAL, MAP_SENSOR, FakeFilter
 

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
-for folder in ("tests", "midastouch_filter/test/nodes", "midastouch_perception/test/nodes"):
-    sys.path.insert(0, str(Path(__file__).parents[3] / folder))
+sys.path.append(str(Path(__file__).parents[3] / "tests"))
+sys.path.extend(str(Path(__file__).parents[3] / f"midastouch_{name}/test/nodes") for name in ("filter", "perception"))
 
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 from tf_messages import tf_msg
