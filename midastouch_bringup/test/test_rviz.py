@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from midastouch_bringup import cli
 from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.frames import TRUTH_FRAME
+from midastouch_tools import cli
 
 PACKAGE = Path(__file__).parents[1]
 VIEWS = {
