@@ -22,8 +22,8 @@ VIEW = VIEWS["midastouch"]
 LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
 EXPLORER = "".join(
     path.read_text().replace('"~/', '"explorer/')
-    for part in ("explorer", "finger")
-    for path in (PACKAGE / "midastouch_bringup" / "nodes").glob(f"{part}*.py")
+    for package, part in (("midastouch_motion", "explorer"), ("midastouch_simulation", "finger"))
+    for path in (PACKAGE.parent / package / package / "nodes").glob(f"{part}*.py")
 )
 SOURCES = EXPLORER + "".join(
     path.read_text()

@@ -77,14 +77,6 @@ def test_an_existing_folder_is_refused(slide, capsys):
     assert "exists already" in capsys.readouterr().err
 
 
-def test_no_contact_images_differ_between_sensors():
-    sensor, rng = SensorModel.load("digit_tacto"), np.random.default_rng(0)
-    one, other = (slide_simulation.no_contact_image(sensor, rng).astype(int) for _ in range(2))
-    assert np.abs(one - other).mean() > 3
-    assert one[160, 30, 0] > one[160, 30, 1]  # red from the left
-    assert one[160, 210, 1] > one[160, 210, 0]  # green from the right
-
-
 def test_a_cached_slide_is_not_simulated_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sensor, mesh = SensorModel.load("digit_tacto"), ObjectMesh.load(bundled_objects()["ball"])

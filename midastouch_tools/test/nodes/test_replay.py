@@ -109,7 +109,7 @@ def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simul
     assert not node.finished.is_set()
 
 
-@pytest.mark.usefixtures("hasty")
+@pytest.mark.usefixtures("brisk_health")
 def test_a_gap_in_the_recording_is_said_and_can_be_skipped(graph, tmp_path, simulated_sequence):
     """As of a computer whose clock was set while it recorded."""
     first, *others = (m for m in sequence_messages(simulated_sequence(n=3)) if m.topic == "/image_raw")
