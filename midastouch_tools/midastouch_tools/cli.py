@@ -19,7 +19,6 @@ from .commands import (
     export,
     foxglove,
     import_weights,
-    inspect,
     replay,
     run,
     simulate,
@@ -37,7 +36,7 @@ _SECTIONS = {
     "use": (demo, run, replay, view, doctor),
     "object": (download, build_codebook),
     "sensor and arm": (capture_background, calibrate, time_offset),
-    "recordings": (inspect, export, to_bag, simulate, foxglove),
+    "recordings": (export, to_bag, simulate, foxglove),
     "networks": (train_tdn, train_tcn, import_weights),
 }
 _OF_OTHERS = "measure, and what other packages bring"

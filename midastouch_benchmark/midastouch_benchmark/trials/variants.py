@@ -15,7 +15,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.paper_filter import PaperConfig, PaperFilter
 from midastouch_perception.codebook import Codebook
-from midastouch_tools.inspection import require_open3d
+from midastouch_tools.view import require_open3d
 
 from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame

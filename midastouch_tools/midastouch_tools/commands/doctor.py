@@ -46,7 +46,7 @@ MODULES = (
     ("mujoco", "mujoco", "an arm in MuJoCo", False, install_extra("mujoco")),
     ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, install_extra("export")),
     ("h5py", "h5py", "midastouch export --format hdf5", False, install_extra("export")),
-    ("midastouch_tools.inspection.library", "open3d-cpu", "midastouch inspect", False, _OPEN3D),
+    ("midastouch_tools.view.open3d_library", "open3d-cpu", "midastouch view --export", False, _OPEN3D),
 )
 _PROGRAMS = (
     ("digit_driver", _SET_UP),

@@ -1,7 +1,8 @@
-"""The scene of the live view: everything in the object's frame, drawn by Rerun."""
+"""A run in the object's frame, drawn by Rerun: live, or moment by moment when it is finished."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -42,7 +43,7 @@ class Scene:
 
     def __init__(self, recording) -> None:
         self._rr, self._recording = require_rerun(), recording
-        self._trails = {"estimate": Trail(), "truth": Trail()}
+        self._trails: dict[str, Trail] = defaultdict(Trail)
         self._guiding = False
         self._state, self._objects = ("", ""), {}
         recording.send_blueprint(self._blueprint())
@@ -73,7 +74,7 @@ class Scene:
     def _clear(self) -> None:
         for trail in self._trails.values():
             trail.clear()
-        for name in ("particles", "modes", "axes", "gel", "estimate", "truth"):
+        for name in ("particles", "modes", "axes", "gel", *self._trails):
             self._log(name, self._rr.Clear(recursive=True))
 
     def image(self, pixels: np.ndarray) -> None:
@@ -107,10 +108,10 @@ class Scene:
         axes = [(230, 50, 50), (50, 200, 50), (50, 100, 240)] * len(poses)
         self._log("axes", self._rr.Arrows3D(origins=origins, vectors=vectors, colors=axes, radii=0.0004))
 
-    def estimate(self, pose: np.ndarray) -> None:
-        """Draw the published pose (4, 4) `T_obj_gel`."""
+    def estimate(self, pose: np.ndarray, trial: str = "") -> None:
+        """Draw the published pose (4, 4) `T_obj_gel`, of one trial if there are several."""
         self._log("gel", self._rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
-        self._trail("estimate", pose, _ESTIMATE)
+        self._trail(f"estimate{trial}", pose, _ESTIMATE)
 
     def truth(self, pose: np.ndarray) -> None:
         """Draw the true pose (4, 4) `T_obj_gel`, which some recordings have."""

@@ -1,9 +1,8 @@
-"""Geometry of a run to draw and to export: points, lines and meshes in the object's frame, and the viewpoint."""
+"""A finished run as files for other programs: mesh, clouds and lines in the object's frame, written by Open3D."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,29 +13,10 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
 
 from ..bags.run_record import RecordedMode
-from ..drawing.object_view import ANGLE_COLOURS, ObjectView
-from ..view.appearance import Trail, ellipsoids
+from ..drawing.object_view import ANGLE_COLOURS
 from . import require_open3d
-from .run import Moment, Run
-
-
-@dataclasses.dataclass(frozen=True)
-class Viewpoint:
-    """View of the point `centre` (3,) m; right, up and towards_viewer (3,): unit directions in the object's frame."""
-
-    centre: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
-    towards_viewer: np.ndarray
-
-    @classmethod
-    def of(cls, run: Run, mesh: ObjectMesh) -> Viewpoint:
-        """Return the view of the side that the run touches, as in the demo's pictures: by the true poses if they are
-        known, otherwise by the estimates."""
-        true = [m.truth for m in run.moments if m.truth is not None]
-        poses = true or [e for m in run.moments for e in m.estimates if e is not None] or [np.eye(4)]
-        return cls(mesh.bounds.mean(axis=0), *ObjectView(mesh, np.array(poses), 100).camera.rotation)
-
+from .appearance import Trail, ellipsoids
+from .finished_run import Moment, Run
 
 MESH_COLOUR = (0.78, 0.78, 0.82)
 
@@ -55,7 +35,7 @@ def geometry_of(shape: Shape):
 
 
 def mesh_geometry(mesh: ObjectMesh):
-    """Return a TriangleMesh with vertex normals and face normals: Open3D shades no mesh that lacks either."""
+    """Return a TriangleMesh with vertex normals and face normals."""
     o3d = require_open3d()
     out = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces))
     out.vertex_normals = o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.vertex_normals))
@@ -64,23 +44,20 @@ def mesh_geometry(mesh: ObjectMesh):
     return out
 
 
-def export(run: Run, mesh: ObjectMesh, indices: Sequence[int], folder: Path, clouds: str) -> int:
-    """Write `mesh.ply` and, for each of some moments, a folder named after it with its layers; returns the file count.
+def export(run: Run, mesh: ObjectMesh, folder: Path) -> int:
+    """Write `mesh.ply` and, for each moment, a folder named after it with its layers as PLY; returns the file count.
 
-    clouds: "ply" or "pcd", the format of points; lines are PLY, as PCD has none. Raises InputError if a file cannot be
-    written.
+    Raises InputError if a file cannot be written.
     """
     o3d = require_open3d()
     _written(o3d.io.write_triangle_mesh, folder / "mesh.ply", mesh_geometry(mesh))
     count = 1
-    for index in indices:
+    for index in range(len(run.moments)):
         at = folder / f"{index:04d}"
         at.mkdir()
         for name, shape in shapes(run.moments, index).items():
-            if shape.lines is None:
-                _written(o3d.io.write_point_cloud, at / f"{name}.{clouds}", geometry_of(shape))
-            else:
-                _written(o3d.io.write_line_set, at / f"{name}.ply", geometry_of(shape))
+            write = o3d.io.write_point_cloud if shape.lines is None else o3d.io.write_line_set
+            _written(write, at / f"{name}.ply", geometry_of(shape))
             count += 1
     return count
 

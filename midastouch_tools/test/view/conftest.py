@@ -11,8 +11,8 @@ import trimesh
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_tools.bags.run_record import RecordedMode
-from midastouch_tools.inspection import require_open3d
-from midastouch_tools.inspection.run import Moment, Run
+from midastouch_tools.view import require_open3d
+from midastouch_tools.view.finished_run import Moment, Run
 
 MOMENTS = 4
 

@@ -9,7 +9,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_tools.bags.messages import sequence_messages
 from midastouch_tools.bags.writer import BagWriter
-from midastouch_tools.inspection.run import load
+from midastouch_tools.view.finished_run import load
 
 POSES = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_tools.inspection.geometry import LAYERS, shapes
+from midastouch_tools.view.clouds import LAYERS, shapes
 
 from .conftest import MOMENTS
 
