@@ -18,8 +18,6 @@ from . import require_open3d
 from .appearance import Trail, ellipsoids
 from .finished_run import Moment, Run
 
-MESH_COLOUR = (0.78, 0.78, 0.82)
-
 
 def geometry_of(shape: Shape):
     """Return a PointCloud, or a LineSet whose lines have the colour of their first point."""
@@ -34,23 +32,14 @@ def geometry_of(shape: Shape):
     return lines
 
 
-def mesh_geometry(mesh: ObjectMesh):
-    """Return a TriangleMesh with vertex normals and face normals."""
-    o3d = require_open3d()
-    out = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces))
-    out.vertex_normals = o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.vertex_normals))
-    out.triangle_normals = o3d.utility.Vector3dVector(np.ascontiguousarray(mesh.face_normals))
-    out.paint_uniform_color(MESH_COLOUR)
-    return out
-
-
 def export(run: Run, mesh: ObjectMesh, folder: Path) -> int:
     """Write `mesh.ply` and, for each moment, a folder named after it with its layers as PLY; returns the file count.
 
     Raises InputError if a file cannot be written.
     """
     o3d = require_open3d()
-    _written(o3d.io.write_triangle_mesh, folder / "mesh.ply", mesh_geometry(mesh))
+    vertices, faces = o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces)
+    _written(o3d.io.write_triangle_mesh, folder / "mesh.ply", o3d.geometry.TriangleMesh(vertices, faces))
     count = 1
     for index in range(len(run.moments)):
         at = folder / f"{index:04d}"

@@ -13,7 +13,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import install_extra
 from midastouch_tools import cli
 from midastouch_tools.view import require_open3d
-from midastouch_tools.view.clouds import export, mesh_geometry, shapes
+from midastouch_tools.view.clouds import export, shapes
 
 
 def test_without_open3d_it_names_the_command_that_installs_it_once_the_input_is_right(
@@ -106,9 +106,3 @@ def test_the_command_says_what_is_wrong(result, options, reason, capsys):
 def test_an_export_needs_a_finished_run(tmp_path, capsys):
     assert cli.main(["view", "--export", str(tmp_path / "exported")]) == 2
     assert "name its bag" in capsys.readouterr().err
-
-
-def test_a_mesh_has_the_normals_that_shading_needs(open3d, mesh):
-    geometry = mesh_geometry(mesh)
-    assert geometry.has_vertex_normals()
-    assert geometry.has_triangle_normals()
