@@ -52,7 +52,7 @@ evidence-check: setup
 
 # MINUTES of images at 60 Hz over the eyebolt, or over MESH, and as much of everything else; takes some times as long.
 soak: setup
-	SOAK_MINUTES=$(MINUTES) SOAK_MESH=$(MESH) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_bringup/test/soak
+	SOAK_MINUTES=$(MINUTES) SOAK_MESH=$(MESH) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_tools/test/soak
 
 # What is known against the pinned packages; asks the internet, from an environment of its own.
 audit:

@@ -26,7 +26,8 @@ import midastouch_kernels  # noqa: F401
 import midastouch_motion  # noqa: F401
 import midastouch_perception  # noqa: F401
 import midastouch_simulation  # noqa: F401
-from midastouch_bringup.processes.local_domain import claimed_domain
+import midastouch_tools  # noqa: F401
+from midastouch_tools.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
     from midastouch_common.ros.testing import RosGraph

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets import Sequence, load_sequence
 from midastouch_common.errors import InputError
 from midastouch_filter import Estimate, ParticleFilter, measurement_of
 from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
+from midastouch_tools.datasets import Sequence, load_sequence
 
 HANDLE_TOOL = bundled_objects()["handle_tool"]
 

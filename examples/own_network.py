@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from localise_offline import localise, run
 
-from midastouch_bringup.datasets import load_sequence
 from midastouch_filter import ParticleFilter
 from midastouch_perception import ObjectMesh, SensorModel, TouchPipeline, build_codebook, bundled_objects, load_tdn
+from midastouch_tools.datasets import load_sequence
 
 
 class ThumbnailNet:

@@ -26,6 +26,7 @@ setup(
         "midastouch_motion",
         "midastouch_perception",
         "midastouch_simulation",
+        "midastouch_tools",
         "numpy",
         "opencv-contrib-python-headless",
         "pandas",
@@ -40,7 +41,7 @@ setup(
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
     extras_require={"test": ["hypothesis", "pytest"]},
-    # found by the `midastouch` command of midastouch_bringup
+    # found by the `midastouch` command of midastouch_tools
     entry_points={
         "midastouch.commands": [
             "bench = midastouch_benchmark.commands.bench",

@@ -33,6 +33,7 @@ setup(
     extras_require={"test": ["hypothesis", "pytest"]},
     entry_points={
         "console_scripts": [
+            "detection_prior = midastouch_filter.executables:detection_prior",
             "particle_filter = midastouch_filter.executables:particle_filter",
         ]
     },

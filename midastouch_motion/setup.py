@@ -18,6 +18,7 @@ setup(
     ],
     install_requires=[
         "midastouch_common",
+        "midastouch_filter",
         "midastouch_perception",
         "numpy",
         "scipy",
@@ -27,12 +28,14 @@ setup(
     maintainer_email=manifest.find("maintainer").get("email"),
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
-    extras_require={"mujoco": ["mujoco>=3.2"], "test": ["pytest"], "ur": ["ur-rtde"]},
+    extras_require={"test": ["pytest"], "ur": ["ur-rtde"]},
     entry_points={
         "console_scripts": [
-            "mujoco_arm = midastouch_motion.executables:mujoco_arm",
+            "explorer = midastouch_motion.executables:explorer",
+            "mount_tf = midastouch_motion.executables:mount_tf",
             "slider = midastouch_motion.executables:slider",
             "ur_speed = midastouch_motion.executables:ur_speed",
+            "ur_tf = midastouch_motion.executables:ur_tf",
         ]
     },
 )

@@ -18,9 +18,11 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=[
+        "digit_driver",
         "matplotlib",
         "midastouch_common",
         "midastouch_kernels",
+        "midastouch_motion",
         "midastouch_perception",
         "numpy",
         "opencv-contrib-python-headless",
@@ -32,7 +34,15 @@ setup(
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
     extras_require={
+        "mujoco": ["mujoco>=3.2"],
         "test": ["hypothesis", "pytest"],
         "train": ["onnx", "onnxscript", "safetensors", "torch>=2.6"],
+    },
+    entry_points={
+        "console_scripts": [
+            "digit_sim = midastouch_simulation.executables:digit_sim",
+            "finger = midastouch_simulation.executables:finger",
+            "mujoco_arm = midastouch_simulation.executables:mujoco_arm",
+        ]
     },
 )

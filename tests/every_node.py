@@ -11,10 +11,10 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from midastouch_bringup.datasets import write_sequence
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
+from midastouch_tools.datasets import write_sequence
 
 
 class FakeNet:
@@ -27,25 +27,26 @@ def _no_arm(robot_ip, rate):
     raise ConnectionError("no arm")
 
 
-_BRINGUP, _PERCEPTION = "midastouch_bringup.nodes", "midastouch_perception.nodes"
+_PERCEPTION, _MOTION = "midastouch_perception.nodes", "midastouch_motion.nodes"
+_SIMULATION, _TOOLS = "midastouch_simulation.nodes", "midastouch_tools.nodes"
 _NODES = {
     "digit_driver": ("digit_driver.nodes.digit_driver", "DigitDriver", {}),
-    "digit_sim": (f"{_BRINGUP}.digit_sim", "DigitSim", {}),
-    "explorer": (f"{_BRINGUP}.explorer", "Explorer", {}),
-    "finger": (f"{_BRINGUP}.finger", "Finger", {}),
+    "digit_sim": (f"{_SIMULATION}.digit_sim", "DigitSim", {}),
+    "explorer": (f"{_MOTION}.explorer", "Explorer", {}),
+    "finger": (f"{_SIMULATION}.finger", "Finger", {}),
     "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
-    "slider": ("midastouch_motion.nodes.slider", "Slider", {}),
-    "mujoco_arm": ("midastouch_motion.nodes.mujoco_arm", "MujocoArmNode", {}),
-    "ur_speed": ("midastouch_motion.nodes.ur_speed", "UrSpeed", {"make_follower": MagicMock()}),
-    "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
-    "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
-    "mount_tf": (f"{_BRINGUP}.mount_tf", "MountTf", {}),
-    "view": (f"{_BRINGUP}.view", "View", {"scene": MagicMock()}),
+    "slider": (f"{_MOTION}.slider", "Slider", {}),
+    "mujoco_arm": (f"{_SIMULATION}.mujoco_arm", "MujocoArmNode", {}),
+    "ur_speed": (f"{_MOTION}.ur_speed", "UrSpeed", {"make_follower": MagicMock()}),
+    "ur_tf": (f"{_MOTION}.ur_tf", "UrTf", {"connect": _no_arm}),
+    "detection_prior": ("midastouch_filter.nodes.detection_prior", "DetectionPrior", {}),
+    "mount_tf": (f"{_MOTION}.mount_tf", "MountTf", {}),
+    "view": (f"{_TOOLS}.view", "View", {"scene": MagicMock()}),
     "calibrate": (f"{_PERCEPTION}.calibrate", "CalibrateNode", {}),
-    "recorder": (f"{_BRINGUP}.recorder", "Recorder", {}),
-    "replay": (f"{_BRINGUP}.replay", "Replay", {}),
+    "recorder": (f"{_TOOLS}.recorder", "Recorder", {}),
+    "replay": (f"{_TOOLS}.replay", "Replay", {}),
 }
 """Module and class of each node, and what stands for hardware and networks."""
 

@@ -10,7 +10,8 @@ PYTHON = [
     "midastouch_perception",
     "midastouch_filter",
     "midastouch_motion",
-    "midastouch_simulation",
     "midastouch_bringup",
+    "midastouch_simulation",
+    "midastouch_tools",
     "midastouch_benchmark",
 ]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.bags.run_record import RecordedMode, Snapshot
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
+from midastouch_tools.bags.run_record import RecordedMode, Snapshot
 
 RADIUS = 0.03
 

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.datasets import Sequence, load_sequence, write_sequence
 
 
 def smooth_poses(n: int, rng: np.random.Generator) -> np.ndarray:

@@ -7,9 +7,9 @@ import shlex
 import pytest
 from documents import ALL, LINES, ROOT, SPANS, commands, table
 
-from midastouch_bringup.cli import add_commands, build_parser
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
-from midastouch_bringup.ros.run import values
+from midastouch_tools.cli import add_commands, build_parser
+from midastouch_tools.ros.run import values
 
 
 def test_every_midastouch_command_parses():

@@ -10,7 +10,7 @@ from midastouch_benchmark.tables import documents as tables
 from midastouch_benchmark.tables import trust_plots
 from midastouch_benchmark.tables.reports import stale
 from midastouch_benchmark.tables.table import UNMEASURED
-from midastouch_bringup.ros.parameter_tables import markdown
+from midastouch_tools.ros.parameter_tables import markdown
 
 
 @pytest.mark.parametrize("document", tables.DOCUMENTS)
@@ -56,5 +56,5 @@ def test_pictures_of_trust_show_the_newest_reports(tmp_path):
 
 
 def test_parameter_tables_are_those_of_the_nodes():
-    fix = "run: python -m midastouch_bringup.ros.parameter_tables > docs/parameters.md"
+    fix = "run: python -m midastouch_tools.ros.parameter_tables > docs/parameters.md"
     assert (ROOT / "docs" / "parameters.md").read_text() == markdown(), fix

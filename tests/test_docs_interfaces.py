@@ -8,9 +8,9 @@ from documents import ROOT, blocks, section, table
 from every_node import make_node
 from rclpy.action import get_action_server_names_and_types_by_node
 
-from midastouch_bringup.export.recording import FILTER_STATES
-from midastouch_bringup.ros.parameter_tables import TABLES
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_tools.export.recording import FILTER_STATES
+from midastouch_tools.ros.parameter_tables import TABLES
 
 NODES = {row[0].strip("`"): row[1:] for row in table("docs/interfaces.md", "## Topics and services")}
 

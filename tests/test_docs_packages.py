@@ -6,7 +6,7 @@ import sys
 
 from documents import DOCUMENTS, ROOT, table
 
-from midastouch_bringup.ros_distribution import KNOWN
+from midastouch_tools.ros_distribution import KNOWN
 
 
 def test_every_package_is_in_the_table():
@@ -38,5 +38,5 @@ def test_distributions_are_what_doctor_calls_them():
 
 def test_python_versions_are_those_of_the_packages():
     assert "Python 3.10 to 3.13" in " ".join(DOCUMENTS["README.md"].split())
-    assert importlib.metadata.metadata("midastouch_bringup")["Requires-Python"] == ">=3.10"
+    assert importlib.metadata.metadata("midastouch_tools")["Requires-Python"] == ">=3.10"
     assert sys.version_info >= (3, 10)

@@ -8,7 +8,7 @@ import pytest
 from every_node import make_node
 from rclpy.node import Node
 
-from midastouch_bringup.ros.parameter_tables import TABLES
+from midastouch_tools.ros.parameter_tables import TABLES
 
 pytestmark = pytest.mark.dds
 

@@ -4,9 +4,9 @@ import pytest
 from every_node import make_node
 from rclpy.parameter import Parameter
 
-from midastouch_bringup.ros.parameter_tables import TABLES
 from midastouch_common.errors import InputError
 from midastouch_common.errors import InputError as DriverInputError
+from midastouch_tools.ros.parameter_tables import TABLES
 
 pytestmark = pytest.mark.dds
 

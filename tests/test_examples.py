@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.cli import main
-from midastouch_bringup.processes.process import find_executable
+from midastouch_tools.cli import main
+from midastouch_tools.processes.process import find_executable
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 POSES = "4000"

@@ -9,8 +9,8 @@ import sys
 import packages
 import pytest
 
-from midastouch_bringup.cli import add_commands, build_parser
 from midastouch_common.missing_modules import EXTRAS, install_extra
+from midastouch_tools.cli import add_commands, build_parser
 
 FOLDERS = [*packages.PYTHON, "midastouch_kernels"]
 SOURCES = sorted(

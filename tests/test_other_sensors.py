@@ -9,9 +9,9 @@ from documents import DOCUMENTS, blocks, lines
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.nodes.parameters import PARAMETERS
-from midastouch_bringup.cli import build_parser
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.cli import build_parser
 
 PAGE = DOCUMENTS["docs/other_sensors.md"]
 LINES = lines(PAGE)

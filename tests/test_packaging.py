@@ -221,7 +221,7 @@ def test_wheel_build_is_hidden_from_a_system_ros():
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_executables_exist(package):
     scripts = importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
-    assert scripts or package in ("midastouch_common", "midastouch_simulation", "midastouch_benchmark")
+    assert scripts or package in ("midastouch_common", "midastouch_benchmark")
     for script in scripts:
         assert callable(script.load()), script
 
@@ -238,12 +238,12 @@ def test_midastouch_is_a_command_in_an_install(root, tmp_path, linked):
     """Installed as colcon does it: entry points lie where `ros2 run` looks, only bin/ comes to be on PATH."""
     facts = yaml.safe_load((root / "tests" / "facts" / "install.yaml").read_text())
     source, prefix = tmp_path / "source", tmp_path / "install"
-    shutil.copytree(root / "midastouch_bringup", source, ignore=shutil.ignore_patterns("test", "*.egg-info", "build"))
+    shutil.copytree(root / "midastouch_tools", source, ignore=shutil.ignore_patterns("test", "*.egg-info", "build"))
     command = [sys.executable, "setup.py", "-q", "install", "--prefix", str(prefix), "--record", str(tmp_path / "log")]
     command += ["--single-version-externally-managed"]
     subprocess.run(command, cwd=source, check=True, capture_output=True)
-    scripts = prefix / facts["scripts"].format(package="midastouch_bringup")
-    assert {"replay", "ur_tf", "midastouch"} <= {path.name for path in scripts.iterdir()}
+    scripts = prefix / facts["scripts"].format(package="midastouch_tools")
+    assert {"replay", "recorder", "midastouch"} <= {path.name for path in scripts.iterdir()}
     on_path = prefix / facts["path"]
     assert [path.name for path in on_path.iterdir()] == ["midastouch"]
     if linked:

@@ -82,7 +82,7 @@ def test_the_notebook_draws_how_it_is_found(empty, root):
 
 
 def test_the_wheel_says_what_it_is_and_what_it_lacks(empty):
-    version = importlib.metadata.version("midastouch_bringup")
+    version = importlib.metadata.version("midastouch_tools")
     assert empty.text("midastouch", "--version") == f"midastouch {version}\n"
     done = empty.run("midastouch", "run", "demo")
     assert done.returncode == 2

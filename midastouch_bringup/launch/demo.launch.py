@@ -6,7 +6,6 @@ The first run makes the slide and the codebook under out/ of the current folder;
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import OpaqueFunction, SetLaunchConfiguration
 
-from midastouch_bringup.output_paths import demo_slide
 from midastouch_bringup.ros.launch_parts import (
     check_arguments,
     check_rviz,
@@ -17,6 +16,7 @@ from midastouch_bringup.ros.launch_parts import (
     wanted,
 )
 from midastouch_bringup.ros.setups import SETUPS
+from midastouch_common.output_paths import demo_slide
 
 ARGUMENTS = declared(SETUPS["demo"].values())
 

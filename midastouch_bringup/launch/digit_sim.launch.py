@@ -17,7 +17,7 @@ def generate_launch_description() -> LaunchDescription:
             OpaqueFunction(function=check_arguments),
             # seed: an argument of explore.launch.py, which includes this file
             lifecycle_node(
-                "midastouch_bringup",
+                "midastouch_simulation",
                 "digit_sim",
                 ["autostart", "use_sim_time", "object", "mesh", "sensor_model", "sensor_prefix", "seed"],
             ),

@@ -42,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
                 "slider",
                 ["autostart", "use_sim_time", "sensor_model", "tf_prefix", "sensor_prefix"],
             ),
-            lasting_node("midastouch_bringup", "recorder", ["record"]),
-            ending_node("midastouch_bringup", "explorer", OF_EXPLORER),
+            lasting_node("midastouch_tools", "recorder", ["record"]),
+            ending_node("midastouch_motion", "explorer", OF_EXPLORER),
         ]
     )

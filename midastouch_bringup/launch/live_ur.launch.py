@@ -39,7 +39,7 @@ def generate_launch_description() -> LaunchDescription:
                 condition=arm_is("ur_driver"),
             ),
             OpaqueFunction(function=ur_driver, condition=arm_is("ur_driver")),
-            lasting_node("midastouch_bringup", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_is("rtde")),
+            lasting_node("midastouch_motion", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_is("rtde")),
             included("mount"),
             included("driver"),
             included("localization"),

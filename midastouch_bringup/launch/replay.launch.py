@@ -18,6 +18,6 @@ def generate_launch_description() -> LaunchDescription:
             OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
             included("localization"),
             included("rviz", condition=wanted("use_rviz")),
-            ending_node("midastouch_bringup", "replay", ["bag", "rate", "loop"]),
+            ending_node("midastouch_tools", "replay", ["bag", "rate", "loop"]),
         ]
     )

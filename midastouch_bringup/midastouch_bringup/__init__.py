@@ -1,1 +1,1 @@
-"""Launch, configuration, recordings, exploration and the midastouch command."""
+"""Starts what the other packages offer: launch files, parameters, and all nodes in one process."""

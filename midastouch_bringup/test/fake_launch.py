@@ -16,7 +16,7 @@ FACTS = yaml.safe_load((ROOT / "tests" / "facts" / "launch.yaml").read_text())
 FILES = sorted(path.name.removesuffix(".launch.py") for path in (PACKAGE / "launch").glob("*.launch.py"))
 OURS = (
     *("midastouch_common", "digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_motion"),
-    "midastouch_bringup",
+    *("midastouch_bringup", "midastouch_simulation", "midastouch_tools"),
 )
 # holds, once imported, what was imported on top of the stand-ins
 DEPENDENT = "midastouch_bringup.ros.launch_parts"

@@ -12,8 +12,8 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from midastouch_bringup.cli import build_parser
 from midastouch_bringup.ros.setups import SETUPS, executables
+from midastouch_tools.cli import build_parser
 
 ROOT = Path(__file__).parents[2]
 DOCKER = ROOT / "docker"

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.processes.parameter_files import merged, read_parameters
-from midastouch_bringup.ros.parameter_tables import TABLES
+from midastouch_bringup.parameter_files import merged, read_parameters
 from midastouch_filter.core.presets import PRESETS
+from midastouch_tools.ros.parameter_tables import TABLES
 
 CONFIG = Path(__file__).parents[1] / "config"
 

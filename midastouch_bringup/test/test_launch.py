@@ -186,7 +186,7 @@ def test_a_sequence_brings_its_background(tmp_path, inside, used):
 
 @pytest.mark.usefixtures("stand_ins")
 def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
-    from midastouch_bringup.cli import build_parser
+    from midastouch_tools.cli import build_parser
 
     launched = Launched()
     launched.carry_out("demo", object="eyebolt", use_rviz="false")
@@ -258,7 +258,7 @@ def test_respawn_and_log_level():
     assert kwargs["arguments"] == ["--ros-args", "--log-level", "debug"]
     assert carry_out("driver")["digit_driver", "digit_driver"]["respawn"] is False
     # a recording that has ended has not died
-    assert carry_out("replay", use_respawn="true")["midastouch_bringup", "replay"]["respawn"] is False
+    assert carry_out("replay", use_respawn="true")["midastouch_tools", "replay"]["respawn"] is False
 
 
 @pytest.mark.usefixtures("stand_ins")

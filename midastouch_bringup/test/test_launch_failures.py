@@ -188,7 +188,7 @@ def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
 
 @pytest.mark.usefixtures("stand_ins")
 def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
-    on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
+    on_exit = carry_out("replay")["midastouch_tools", "replay"]["on_exit"]
     said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
     assert "replay-4" in said.kwargs["msg"]
     assert "Ctrl-C" in said.kwargs["msg"]

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from midastouch_bringup import cli
 from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.frames import TRUTH_FRAME
+from midastouch_tools import cli
 
 PACKAGE = Path(__file__).parents[1]
 VIEWS = {
@@ -22,8 +22,8 @@ VIEW = VIEWS["midastouch"]
 LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
 EXPLORER = "".join(
     path.read_text().replace('"~/', '"explorer/')
-    for part in ("explorer", "finger")
-    for path in (PACKAGE / "midastouch_bringup" / "nodes").glob(f"{part}*.py")
+    for package, part in (("midastouch_motion", "explorer"), ("midastouch_simulation", "finger"))
+    for path in (PACKAGE.parent / package / package / "nodes").glob(f"{part}*.py")
 )
 SOURCES = EXPLORER + "".join(
     path.read_text()

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -109,3 +110,14 @@ def _handled() -> list[signal.Signals]:
     to one is meant for it.
     """
     return [n for n in _NUMBERS if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
+
+
+def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+    """Return a command whose process gets SIGTERM when the thread that started it, and so this process, is gone.
+
+    This holds even after SIGKILL, which leaves a parent no time to end its children: they would keep running unseen,
+    and keep sensor and topics. Without `setpriv` (util-linux, part of every Debian and Ubuntu), it returns the command
+    unchanged.
+    """
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "TERM", "--", *command] if setpriv else [*command]

@@ -2,6 +2,8 @@
 
 from midastouch_common.executables import executable
 
-mujoco_arm = executable("midastouch_motion.nodes.mujoco_arm")
+explorer = executable("midastouch_motion.nodes.explorer")
+mount_tf = executable("midastouch_motion.nodes.mount_tf")
 slider = executable("midastouch_motion.nodes.slider")
 ur_speed = executable("midastouch_motion.nodes.ur_speed")
+ur_tf = executable("midastouch_motion.nodes.ur_tf")

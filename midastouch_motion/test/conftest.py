@@ -13,7 +13,6 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard
-from midastouch_motion.rehearsal import Rehearsal, SimulatedArm
 from midastouch_motion.skills import Ended, Skill
 from midastouch_perception.contact import Contact
 from midastouch_perception.objects import bundled_objects
@@ -21,6 +20,7 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
 from midastouch_simulation.slide import somewhere
 
 SENSOR = SensorModel.load("digit_tacto").for_maps

@@ -7,8 +7,8 @@ from midastouch_common import se3
 from midastouch_motion.contact_servo import ContactServo, Limits
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard
-from midastouch_motion.rehearsal import Rehearsal, SimulatedArm
 from midastouch_motion.skills import Approach, Lift, Slide, Touch
+from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
 
 from .conftest import above
 

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.gel_texture import GelCheck, gel_texture, likeness, worn_gel
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.optics import TactoOptics
+from midastouch_tools.datasets.ball_presses import load_ball_presses
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 NOTHING = np.zeros((160, 120), np.float32)

@@ -6,6 +6,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.simulated_digit import SimulatedDigit
 
 AWAY = np.eye(4)
@@ -79,3 +80,11 @@ def test_inside_of_the_object_everything_is_still_finite(tool, model, grey, touc
         frame = digit.look(deep)
         assert np.isfinite(frame.truth.penetration).all()
         assert np.isfinite(frame.deepest)
+
+
+def test_no_contact_images_differ_between_sensors():
+    sensor, rng = SensorModel.load("digit_tacto"), np.random.default_rng(0)
+    one, other = (no_contact_image(sensor, rng).astype(int) for _ in range(2))
+    assert np.abs(one - other).mean() > 3
+    assert one[160, 30, 0] > one[160, 30, 1]  # red from the left
+    assert one[160, 210, 1] > one[160, 210, 0]  # green from the right

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midastouch_bringup.inspection import require_open3d
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
@@ -23,6 +22,7 @@ from midastouch_filter.core.touch import MAP_SCALE
 from midastouch_filter.paper_filter import gaussian_poses, uniform_entries
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.view import require_open3d
 
 if TYPE_CHECKING:
     from midastouch_filter.core.touch import Measurement

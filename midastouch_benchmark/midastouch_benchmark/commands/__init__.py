@@ -1,1 +1,1 @@
-"""The sub-commands of `midastouch` that measure, one module each, like those of `midastouch_bringup.commands`."""
+"""The sub-commands of `midastouch` that measure, one module each, like those of `midastouch_tools.commands`."""

@@ -6,14 +6,14 @@ import argparse
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands import arguments
 from midastouch_common.errors import InputError
+from midastouch_tools.commands import arguments
 
 from . import options
 
 if TYPE_CHECKING:
-    from midastouch_bringup.datasets import Sequence
     from midastouch_common.mesh import ObjectMesh
+    from midastouch_tools.datasets import Sequence
 
     from ..trials.setup import Networks
 
@@ -43,10 +43,10 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.codebooks import cached_codebook
-    from midastouch_bringup.output_paths import cached_codebook_path
-    from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.result_file import to_json
+    from midastouch_common.output_paths import cached_codebook_path
+    from midastouch_tools.codebooks import cached_codebook
+    from midastouch_tools.progress import progress_bar
+    from midastouch_tools.result_file import to_json
 
     from ..ros.pose_age import pose_age
     from ..speed.stages import SpeedMeasurement
@@ -92,9 +92,9 @@ class TimedSlide:
     @classmethod
     def of(cls, args: argparse.Namespace) -> TimedSlide:
         """Make it by --object, --frames and the networks' options; InputError for too few frames, or missing files."""
-        from midastouch_bringup.datasets import load_sequence
-        from midastouch_bringup.datasets.slide_simulation import cached_slide
         from midastouch_simulation.slide import STEP
+        from midastouch_tools.datasets import load_sequence
+        from midastouch_tools.datasets.slide_simulation import cached_slide
 
         from ..trials.setup import Networks
 
@@ -106,7 +106,7 @@ class TimedSlide:
 
     def result(self, **measured: object) -> dict:
         """Return the measurements on it, with machine, object and networks."""
-        from midastouch_bringup.machine import machine_info
+        from midastouch_tools.machine import machine_info
 
         machine = machine_info()
         about = {"machine": machine, "object": self.mesh.name, "networks": self.networks.describe()}

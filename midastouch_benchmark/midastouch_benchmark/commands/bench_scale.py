@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 from .bench import TimedSlide
@@ -35,9 +35,9 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.codebooks import cached_codebook
-    from midastouch_bringup.output_paths import cached_codebook_path
-    from midastouch_bringup.progress import progress_bar
+    from midastouch_common.output_paths import cached_codebook_path
+    from midastouch_tools.codebooks import cached_codebook
+    from midastouch_tools.progress import progress_bar
 
     from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
     from ..tables.speed import scaling_table

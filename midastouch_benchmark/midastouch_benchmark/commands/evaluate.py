@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
 if TYPE_CHECKING:
-    from midastouch_bringup.datasets import Sequence
     from midastouch_filter.core.config import FilterConfig
+    from midastouch_tools.datasets import Sequence
 
     from ..trials.sequence_trials import TrialPlan
     from ..trials.setup import Networks, Untouched
@@ -66,10 +66,10 @@ def run(args: argparse.Namespace) -> int:
     import dataclasses
     import sys
 
-    from midastouch_bringup.datasets import load_sequence
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
     from midastouch_common.errors import InputError
+    from midastouch_tools.datasets import load_sequence
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
 
     from ..statistics.accuracy import summarise_trials
     from ..tables.accuracy import objects, real_row
@@ -143,9 +143,9 @@ def _identify(
     """Identify the object of each sequence, and return the exit status."""
     from pathlib import Path
 
-    from midastouch_bringup.machine import machine_info
     from midastouch_common.errors import InputError
     from midastouch_filter.identification.catalogue import read_catalogue
+    from midastouch_tools.machine import machine_info
 
     from ..tables.table import listed, terminal
     from ..trials.identification import identify, right_answer

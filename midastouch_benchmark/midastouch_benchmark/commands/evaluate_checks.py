@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -49,15 +49,15 @@ def _measured(args: argparse.Namespace) -> dict:
 
     import numpy as np
 
-    from midastouch_bringup.datasets.ball_presses import load_ball_presses
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.result_file import to_json
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
     from midastouch_simulation.optics import ColourTable
     from midastouch_simulation.randomisation import RandomisationRange
     from midastouch_simulation.training.setting import load_backgrounds
+    from midastouch_tools.datasets.ball_presses import load_ball_presses
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
+    from midastouch_tools.result_file import to_json
 
     from ..perception.check_quality import (
         TOUCHES,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -32,7 +32,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.result_file import to_json
+    from midastouch_tools.result_file import to_json
 
     from ..tables.soft_gel import commanded_depth, soft_gel
     from ..tables.table import terminal
@@ -45,11 +45,11 @@ def run(args: argparse.Namespace) -> int:
 def _measured(args: argparse.Namespace) -> dict:
     import numpy as np
 
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import load_tcn
     from midastouch_simulation.measured_optics import MeasuredOptics, measured_sensors
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
 
     from ..perception.soft_gel import THICKNESSES, CommandedPresses, SoftGelTouches, SoftSensor
     from ..trials.object_sets import chosen_meshes

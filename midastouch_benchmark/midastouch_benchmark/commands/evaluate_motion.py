@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -33,8 +33,8 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from pathlib import Path
 
-    from midastouch_bringup.machine import machine_info
-    from midastouch_motion.mujoco_arm import require_mujoco
+    from midastouch_simulation.mujoco_arm import require_mujoco
+    from midastouch_tools.machine import machine_info
 
     from ..tables.motion import fault_table, motion_table
     from ..tables.table import terminal

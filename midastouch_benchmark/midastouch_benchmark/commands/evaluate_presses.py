@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -54,13 +54,13 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from pathlib import Path
 
-    from midastouch_bringup.datasets.ball_presses import load_ball_presses
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.result_file import to_json
     from midastouch_perception.sensor_calibration.calibration import SensorCalibration
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
+    from midastouch_tools.datasets.ball_presses import load_ball_presses
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
+    from midastouch_tools.result_file import to_json
 
     from ..perception.depth_quality import brightness_effect
     from ..perception.press_quality import measure_presses

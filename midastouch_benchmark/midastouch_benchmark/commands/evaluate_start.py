@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -27,9 +27,9 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
     from midastouch_filter.loaded_object import SIZE
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
 
     from ..speed.start import first_poses, summarise_first_poses
     from ..trials.cache import Cache, SlideKind

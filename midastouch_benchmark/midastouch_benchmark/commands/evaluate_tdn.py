@@ -6,15 +6,15 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from midastouch_bringup.datasets import Sequence
     from midastouch_perception.tdn import DepthNet
+    from midastouch_tools.datasets import Sequence
 
     from ..perception.depth_quality import DepthQuality
 
@@ -40,13 +40,13 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import numpy as np
 
-    from midastouch_bringup.datasets import load_sequence
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
     from midastouch_common.errors import InputError
     from midastouch_perception.sensor_calibration.calibration import SensorCalibration
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
+    from midastouch_tools.datasets import load_sequence
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
 
     from ..perception.depth_quality import DepthQuality
     from ..tables.perception import depth_table

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 
-from midastouch_bringup.commands import arguments
 from midastouch_common.errors import InputError
+from midastouch_tools.commands import arguments
 
 
 def add_parser(subparsers) -> None:

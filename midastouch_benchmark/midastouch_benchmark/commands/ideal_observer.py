@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
 
-    from midastouch_bringup.machine import machine_info
+    from midastouch_tools.machine import machine_info
 
     from ..statistics.observing import summarise_observing
     from ..tables.observing import observing_table

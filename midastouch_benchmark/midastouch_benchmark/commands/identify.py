@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_bringup.commands import arguments
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -31,7 +31,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.machine import machine_info
+    from midastouch_tools.machine import machine_info
 
     from ..statistics.exploring import summarise_identification
     from ..tables.results import of_identification, shown

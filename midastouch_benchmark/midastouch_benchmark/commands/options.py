@@ -10,10 +10,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands import arguments
-from midastouch_bringup.output_paths import SIMULATED, codebook_path
 from midastouch_common.errors import InputError
+from midastouch_common.output_paths import SIMULATED, codebook_path
 from midastouch_filter.core.presets import PRESETS_IN_WORDS
+from midastouch_tools.commands import arguments
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
@@ -115,7 +115,7 @@ def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequenc
 
     parts: of the fingerprint, on which the result depends. Returns the exit status.
     """
-    from midastouch_bringup.result_file import write_compact_json
+    from midastouch_tools.result_file import write_compact_json
 
     if args.json:
         from ..evidence.fingerprint import today
@@ -172,8 +172,8 @@ def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
 @contextmanager
 def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
     """Open the workers that run the trials, by the options of a campaign."""
-    from midastouch_bringup.cluster import open_cluster
-    from midastouch_bringup.progress import progress_bar
+    from midastouch_tools.cluster import open_cluster
+    from midastouch_tools.progress import progress_bar
 
     from ..trials.trial_log import Workforce
 

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_bringup.commands import arguments
-from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
+from midastouch_common.output_paths import codebook_path
+from midastouch_tools.commands import arguments
 
 from . import options
 
@@ -73,10 +73,10 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import numpy as np
 
-    from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.progress import progress_bar
     from midastouch_common.files import require_file
     from midastouch_perception.tcn import load_tcn
+    from midastouch_tools.machine import machine_info
+    from midastouch_tools.progress import progress_bar
 
     from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
     from ..single_touch.simulated_touch import Lighting

@@ -15,8 +15,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from midastouch_bringup.result_file import read_json
 from midastouch_common.errors import InputError
+from midastouch_tools.result_file import read_json
 
 from ..tables.reports import ROOT
 from .plan import KEPT, Step, remember_seconds
@@ -75,7 +75,7 @@ def _make(step: Step, jobs: int, minutes: float | None) -> bool:
 
 def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> str:
     """Return the shell command that writes the report to a file."""
-    words = _OURS.sub(f"{sys.executable} -m midastouch_bringup.cli ", step.command)
+    words = _OURS.sub(f"{sys.executable} -m midastouch_tools.cli ", step.command)
     if step.shared_out:
         words += f" --jobs {jobs}" + (f" --minutes {minutes:.1f}" if minutes else "")
     return f"{words} --json {made}"

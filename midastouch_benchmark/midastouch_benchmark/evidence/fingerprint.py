@@ -26,10 +26,10 @@ import midastouch_common
 import midastouch_filter
 import midastouch_kernels
 import midastouch_perception
-from midastouch_bringup import datasets
-from midastouch_bringup.result_file import read_json
 from midastouch_common.files import atomic_path
 from midastouch_filter.core.config import FilterConfig
+from midastouch_tools import datasets
+from midastouch_tools.result_file import read_json
 
 from ..trials import disturbances, protocols
 from . import constants

@@ -9,15 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_simulation.camera import TactoCamera
 from midastouch_simulation.grasp import simulate_grasp
 from midastouch_simulation.slide import measure_poses
+from midastouch_tools.datasets.slide_simulation import NOISE_R, NOISE_T
 
 from ..trials.cache import LIGHT
 from ..trials.setup import Networks

@@ -11,9 +11,9 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from midastouch_bringup.datasets.ball_presses import load_ball_presses
 from midastouch_perception.sensor_calibration.fit import calibrate, fitted
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.datasets.ball_presses import load_ball_presses
 
 
 def main() -> None:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
@@ -32,6 +31,7 @@ from midastouch_perception.tdn.fit_check import FitCheck
 from midastouch_simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_simulation.simulated_digit import PressedSensor
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_perception.contact import TOUCHED
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.tdn import DepthNet
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 
 class DepthQuality:

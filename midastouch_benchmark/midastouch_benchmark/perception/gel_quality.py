@@ -11,11 +11,11 @@ from itertools import combinations
 import cv2
 import numpy as np
 
-from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_perception.gel_texture import GelCheck, gel_texture, likeness
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 from .check_quality import as_bytes
 

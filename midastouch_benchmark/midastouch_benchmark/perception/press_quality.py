@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterator, Mapping
 import cv2
 import numpy as np
 
-from midastouch_bringup.datasets.ball_presses import LABELS, BallPresses, Circle
 from midastouch_common.errors import InputError
 from midastouch_perception.contact import TOUCHED, ContactDetector
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
+from midastouch_tools.datasets.ball_presses import LABELS, BallPresses, Circle
 
 from .ball_cap import cap_penetration, circle_outline, fit_sphere, mask_outline, nearest_cap, principal_curvatures
 

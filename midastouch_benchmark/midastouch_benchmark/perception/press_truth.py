@@ -11,7 +11,6 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_bringup.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration import presses as ball_presses
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
@@ -20,6 +19,7 @@ from midastouch_perception.sensor_calibration.presses import Press
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import colour_layout
 from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
+from midastouch_tools.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses
 
 from .press_quality import visible_contact
 

@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from midastouch_bringup.drawing.figures import (
+from midastouch_tools.drawing.figures import (
     ESTIMATE_COLOUR,
     MODE_COLOUR,
     PARTICLE_COLOUR,
     save,
     style_error_axes,
 )
-from midastouch_bringup.drawing.page import Page
+from midastouch_tools.drawing.page import Page
 
 from ..statistics.comparison import pareto_front, rows_by_init
 from ..statistics.coverage import observed_fractions

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_bringup.drawing.figures import PENETRATION_COLOURS, save
-from midastouch_bringup.drawing.page import Page
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_tools.datasets.ball_presses import load_ball_presses
+from midastouch_tools.drawing.figures import PENETRATION_COLOURS, save
+from midastouch_tools.drawing.page import Page
 
 from ..perception.press_quality import MeasuredPress, as_measured
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth

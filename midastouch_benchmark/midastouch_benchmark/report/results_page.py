@@ -11,13 +11,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from midastouch_bringup.drawing.figures import MODE_COLOUR, save, style_error_axes
-from midastouch_bringup.drawing.object_view import ObjectView
-from midastouch_bringup.drawing.page import Page
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
+from midastouch_tools.drawing.figures import MODE_COLOUR, save, style_error_axes
+from midastouch_tools.drawing.object_view import ObjectView
+from midastouch_tools.drawing.page import Page
 
 from ..speed.scaling import USUAL
 from ..tables.accuracy import objects, real_row

@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from sklearn.manifold import TSNE
 
-from midastouch_bringup.drawing.figures import PARTICLE_COLOUR, save
-from midastouch_bringup.drawing.object_view import ObjectView
-from midastouch_bringup.drawing.page import Page
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
+from midastouch_tools.drawing.figures import PARTICLE_COLOUR, save
+from midastouch_tools.drawing.object_view import ObjectView
+from midastouch_tools.drawing.page import Page
 
 from ..single_touch.per_object import BASELINES, OURS
 from ..tables.perception import single_touch_notes, single_touch_table

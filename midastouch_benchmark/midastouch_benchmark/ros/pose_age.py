@@ -21,8 +21,6 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.processes.local_domain import local_environment, own_domain
-from midastouch_bringup.ros.local_context import local_context
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
@@ -30,6 +28,8 @@ from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_common.ros.transform_source import TransformSource
 from midastouch_common.transforms import PastExtrapolationError
 from midastouch_common.transforms.queue import Wait
+from midastouch_tools.processes.local_domain import local_environment, own_domain
+from midastouch_tools.ros.local_context import local_context
 
 from ..speed.timing import time_calls
 

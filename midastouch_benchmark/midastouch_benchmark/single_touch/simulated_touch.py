@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.optics import TactoOptics
 from midastouch_simulation.randomisation import RandomSensor
 from midastouch_simulation.training.setting import load_backgrounds

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets import Sequence
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -30,7 +28,9 @@ from midastouch_perception.tcn.minkloc3d import save_minkloc3d
 from midastouch_perception.tdn import fcrn, load_tdn
 from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.simulated_digit import SimulatedDigit
+from midastouch_tools.datasets import Sequence
 
 from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.processes.local_domain import local_environment, own_domain
-from midastouch_bringup.processes.parameter_files import written
-from midastouch_bringup.processes.process import node_program, resident_mb
-from midastouch_bringup.processes.supervisor import Supervisor
+from midastouch_bringup.parameter_files import written
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.loaded_object import build_object
 from midastouch_filter.localiser import Localiser
+from midastouch_tools.processes.local_domain import local_environment, own_domain
+from midastouch_tools.processes.process import node_program, resident_mb
+from midastouch_tools.processes.supervisor import Supervisor
 
 from ..statistics.intervals import ENOUGH, bootstrap_interval
 from ..trials.cache import Cache

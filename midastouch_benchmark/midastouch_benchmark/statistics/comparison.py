@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_bringup.text_table import number
 from midastouch_filter.core.state import CONVERGED
+from midastouch_tools.text_table import number
 
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 from tabulate import tabulate
 
-from midastouch_bringup.drawing.page import Page
+from midastouch_tools.drawing.page import Page
 
 from ..statistics.intervals import ENOUGH
 

@@ -11,13 +11,13 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
 from midastouch_motion.controller import Controller
-from midastouch_motion.gel_layer import Gel
 from midastouch_motion.guard import Guard
-from midastouch_motion.mujoco_arm import MujocoArm, Setting
-from midastouch_motion.rehearsal import Rehearsal
 from midastouch_perception.contact import Contact
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.gel_layer import Gel
+from midastouch_simulation.mujoco_arm import MujocoArm, Setting
+from midastouch_simulation.rehearsal import Rehearsal
 
 DEPTH = 5e-4
 """Depth [m] that the controller keeps."""

@@ -7,19 +7,19 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from midastouch_bringup.explore.acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
-from midastouch_bringup.explore.reach import Reach
-from midastouch_bringup.processes.parameter_files import read_parameters
+from midastouch_bringup.parameter_files import read_parameters
 from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion import skills
+from midastouch_motion.exploration.acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
+from midastouch_motion.exploration.reach import Reach
 from midastouch_motion.guard import Guard
-from midastouch_motion.mujoco_arm import NOT_REACHED, over
-from midastouch_motion.rehearsal import Moment
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import Touch as Touched
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.mujoco_arm import NOT_REACHED, over
+from midastouch_simulation.rehearsal import Moment
 
 from .arm_rig import AT, DEPTH, ArmRig
 

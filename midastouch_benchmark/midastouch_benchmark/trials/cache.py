@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.codebooks import cached_codebook
-from midastouch_bringup.datasets import Sequence, load_sequence
-from midastouch_bringup.datasets.slide_simulation import simulate_sequence
-from midastouch_bringup.output_paths import cached_codebook_path
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.output_paths import cached_codebook_path
 from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.symmetry.search import ObjectSymmetry
 from midastouch_simulation.slide import STEP, Leap
+from midastouch_tools.codebooks import cached_codebook
+from midastouch_tools.datasets import Sequence, load_sequence
+from midastouch_tools.datasets.slide_simulation import simulate_sequence
 
 from .setup import Networks, untouched_of
 from .trial import FRAME_TIME, TrialFrame

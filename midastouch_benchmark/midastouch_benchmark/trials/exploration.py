@@ -14,12 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
-from midastouch_bringup.explore.acts import Plan
-from midastouch_bringup.explore.exploration import Exploration
-from midastouch_bringup.explore.reach import EVERYWHERE
-from midastouch_bringup.explore.surroundings import Surroundings
-from midastouch_bringup.explore.world import World
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -30,11 +24,18 @@ from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED, UNINITIALISED
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
-from midastouch_motion.mujoco_arm import require_mujoco
+from midastouch_motion.exploration.acts import Plan
+from midastouch_motion.exploration.exploration import Exploration
+from midastouch_motion.exploration.reach import EVERYWHERE
+from midastouch_motion.exploration.surroundings import Surroundings
 from midastouch_perception.pipeline import Touch
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.camera import TactoCamera
+from midastouch_simulation.mujoco_arm import require_mujoco
 from midastouch_simulation.slide import STEP, measure_poses
+from midastouch_simulation.world import World
+from midastouch_tools.datasets.slide_simulation import NOISE_R, NOISE_T
 
 from ..evidence import fingerprint
 from .cache import Cache

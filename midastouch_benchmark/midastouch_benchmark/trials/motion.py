@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 
 import midastouch_motion
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.surface_walk import MIN_PROGRESS, Ahead, straight_on
 from midastouch_motion.contact_servo import Limits
 from midastouch_motion.guard import Guard
-from midastouch_motion.rehearsal import PERIOD, Moment, Rehearsal
 from midastouch_motion.skills import Slide, Touch
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.camera import no_contact_image
+from midastouch_simulation.rehearsal import PERIOD, Moment, Rehearsal
 from midastouch_simulation.simulated_digit import SimulatedDigit
 from midastouch_simulation.slide import somewhere
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
 from midastouch_simulation.slide import Leap
+from midastouch_tools.datasets.slide_simulation import simulate_grasp_sequence
 
 from . import disturbances
 from .cache import Cache, SlideKind

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from midastouch_bringup.datasets import Sequence
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.rendering.renderer import PenetrationRenderer
@@ -22,6 +21,7 @@ from midastouch_perception.sensor_calibration.fit import calibrate
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
+from midastouch_tools.datasets import Sequence
 
 from .cache import Cache, Touches
 from .setup import Networks

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from midastouch_bringup.datasets import Sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -17,6 +16,7 @@ from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
+from midastouch_tools.datasets import Sequence
 
 from .setup import Networks, Untouched, untouched_of
 from .trial import AnyFilter, TrialFrame, run_trial

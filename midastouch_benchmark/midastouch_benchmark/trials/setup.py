@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.datasets import Sequence
-from midastouch_bringup.processes.parameter_files import of_node, read_parameters
+from midastouch_bringup.parameter_files import of_node, read_parameters
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 from midastouch_filter.core.config import FilterConfig, by_present_names
@@ -22,6 +21,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
+from midastouch_tools.datasets import Sequence
 
 _BACKGROUND_FRAMES = 60
 _ALIKE = 0.8  # similarity of two names; no other parameter of the node is as similar to a setting's

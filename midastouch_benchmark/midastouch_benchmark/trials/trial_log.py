@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from midastouch_bringup.cluster import Cluster
-from midastouch_bringup.result_file import to_json
 from midastouch_common.mesh import ObjectMesh
+from midastouch_tools.cluster import Cluster
+from midastouch_tools.result_file import to_json
 
 from .cache import Cache
 

@@ -7,7 +7,6 @@ import time
 
 import numpy as np
 
-from midastouch_bringup.inspection import require_open3d
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -16,6 +15,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.paper_filter import PaperConfig, PaperFilter
 from midastouch_perception.codebook import Codebook
+from midastouch_tools.view import require_open3d
 
 from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame

@@ -42,7 +42,7 @@ def test_a_slide_over_a_tool_is_laid_onto_it(tool):
 
 def test_where_open3d_is_missing_it_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
-    monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
+    monkeypatch.delitem(sys.modules, "midastouch_tools.inspection.library", raising=False)
     assert install_extra("open3d") in VARIANTS["registration"].missing
     assert VARIANTS["odometry"].missing == ""
 

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from midastouch_bringup import cli
+from midastouch_tools import cli
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from midastouch_benchmark.tables.soft_gel import commanded_depth, soft_gel
-from midastouch_bringup import cli
+from midastouch_tools import cli
 
 
 @pytest.fixture(scope="module")

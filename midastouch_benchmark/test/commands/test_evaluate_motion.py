@@ -3,7 +3,7 @@ import json
 import pytest
 
 from midastouch_benchmark.tables.motion import fault_table, motion_table
-from midastouch_bringup import cli
+from midastouch_tools import cli
 
 pytest.importorskip("mujoco", reason="not installed: tools/requirements/mujoco.txt")
 

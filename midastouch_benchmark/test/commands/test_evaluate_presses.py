@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup import cli
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.simulated_digit import PressedSensor
+from midastouch_tools import cli
 
 RADIUS = 3e-3
 

@@ -11,11 +11,11 @@ import trimesh
 
 from midastouch_benchmark.commands import options
 from midastouch_benchmark.evidence import fingerprint
-from midastouch_bringup.cli import build_parser
-from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.output_paths import codebook_path
 from midastouch_perception.codebook import FORMAT, Codebook
+from midastouch_tools.cli import build_parser
 
 NETWORKS = SimpleNamespace(
     tcn=SimpleNamespace(network_id="net-1"), sensor=SimpleNamespace(content_id="id-1", name="digit_tacto")

@@ -1,6 +1,6 @@
 import pytest
 
-from midastouch_bringup import cli
+from midastouch_tools import cli
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.speed import scaling
-from midastouch_bringup import cli
-from midastouch_bringup.commands.arguments import load_mesh
-from midastouch_bringup.datasets.sequence import read_image
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import LIGHTS, SensorModel
+from midastouch_tools import cli
+from midastouch_tools.commands.arguments import load_mesh
+from midastouch_tools.datasets.sequence import read_image
 
 TIMES = {"p50", "p95", "cpu"}
 

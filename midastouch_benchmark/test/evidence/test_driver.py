@@ -68,7 +68,7 @@ def test_campaigns_are_shared_out_and_bounded(tmp_path):
     prepared = driver.command_line(
         step("c", "", "midastouch simulate a && midastouch evaluate-tdn a"), tmp_path, 1, None
     )
-    assert prepared.count(" -m midastouch_bringup.cli ") == 2
+    assert prepared.count(" -m midastouch_tools.cli ") == 2
     assert (shared.takes(2), alone.takes(2)) == (300, 600)
 
 

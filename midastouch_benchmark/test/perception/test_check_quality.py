@@ -16,13 +16,13 @@ from midastouch_benchmark.perception.check_quality import (
     roc_area,
     wire,
 )
-from midastouch_bringup.datasets.ball_presses import BallPresses
-from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception.sensor_calibration.network_checks import RADIUS_RATIO
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.randomisation import RandomisationRange
 from midastouch_simulation.simulated_digit import PressedSensor
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 
 class SlopeTdn:

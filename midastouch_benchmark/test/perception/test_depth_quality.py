@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.perception.depth_quality import DepthQuality, brightness_effect
-from midastouch_bringup.datasets.ball_presses import BallPresses
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 
 def halves(left: float, right: float) -> np.ndarray:

@@ -4,10 +4,10 @@ import pytest
 
 from midastouch_benchmark.perception.ball_cap import cap_penetration
 from midastouch_benchmark.perception.press_quality import measure_presses, visible_contact
-from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_tools.datasets.ball_presses import BallPresses, load_ball_presses
 
 RADIUS = 4e-3
 FREE = np.full((320, 240, 3), 100, np.uint8)

@@ -4,11 +4,11 @@ import pytest
 from midastouch_benchmark.perception import press_truth
 from midastouch_benchmark.perception.press_quality import measure_presses
 from midastouch_benchmark.perception.press_truth import FittedBall, calibrations_of, held_out_calibrations
-from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
+from midastouch_tools.datasets.ball_presses import BallPresses
 
 RADIUS = 4e-3
 OFF = 0.5e-3  # m

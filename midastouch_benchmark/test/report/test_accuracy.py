@@ -10,7 +10,7 @@ from midastouch_benchmark.statistics.comparison import compare_variants
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
 from midastouch_benchmark.trials.trial import ERROR_KEYS
 from midastouch_benchmark.trials.variants import VARIANTS
-from midastouch_bringup.result_file import to_json
+from midastouch_tools.result_file import to_json
 
 
 @pytest.fixture(scope="module")

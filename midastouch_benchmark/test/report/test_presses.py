@@ -4,11 +4,11 @@ import pytest
 
 from midastouch_benchmark.perception.press_quality import measure_presses
 from midastouch_benchmark.report.presses import press_section
-from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_bringup.drawing.page import Page
-from midastouch_bringup.result_file import to_json
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
+from midastouch_tools.datasets.ball_presses import load_ball_presses
+from midastouch_tools.drawing.page import Page
+from midastouch_tools.result_file import to_json
 
 
 @pytest.fixture

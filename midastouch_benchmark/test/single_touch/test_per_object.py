@@ -15,9 +15,9 @@ from midastouch_benchmark.single_touch.per_object import (
 )
 from midastouch_benchmark.single_touch.simulated_touch import Lighting
 from midastouch_benchmark.tables.perception import single_touch_limits, single_touch_notes, single_touch_table
-from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.result_file import to_json
 
 MISSED = 7
 

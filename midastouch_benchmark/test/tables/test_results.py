@@ -8,7 +8,7 @@ from midastouch_benchmark.tables.accuracy import objects, real_row
 from midastouch_benchmark.tables.results import of_start, of_variants, shown
 from midastouch_benchmark.trials.sequence_trials import PAPER_REAL
 from midastouch_benchmark.trials.variants import DEFAULT, VARIANTS
-from midastouch_bringup.result_file import write_compact_json
+from midastouch_tools.result_file import write_compact_json
 
 
 @pytest.fixture

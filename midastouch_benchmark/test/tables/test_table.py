@@ -20,7 +20,7 @@ from midastouch_benchmark.tables.table import (
     value,
     written,
 )
-from midastouch_bringup.drawing.page import Page
+from midastouch_tools.drawing.page import Page
 
 ROW = {"name": "mug", "trials": 120, "right": 60, "nested": {"share": 0.25, "interval": [0.2, 0.3]}, "wrong": None}
 

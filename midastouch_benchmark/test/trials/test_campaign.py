@@ -14,12 +14,12 @@ from midastouch_benchmark.trials.campaign import Plan, run_campaign
 from midastouch_benchmark.trials.likelihood import likelihood_counts, likelihood_levels
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
-from midastouch_bringup.cluster import open_cluster
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.symmetry.search import ObjectSymmetry
+from midastouch_tools.cluster import open_cluster
 
 
 @dataclass(frozen=True)

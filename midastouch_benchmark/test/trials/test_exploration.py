@@ -7,11 +7,11 @@ from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS
 from midastouch_benchmark.trials.exploration import ExplorationPlan, run_exploration
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
-from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.cluster import open_cluster
 
 
 @pytest.fixture(scope="module")

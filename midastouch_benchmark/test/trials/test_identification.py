@@ -9,12 +9,12 @@ from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, identify, run_identification
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
-from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import read_catalogue
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.cluster import open_cluster
 
 
 @pytest.fixture(scope="module")

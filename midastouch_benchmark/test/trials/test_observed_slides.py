@@ -15,11 +15,11 @@ from midastouch_benchmark.trials.observed_slides import (
 )
 from midastouch_benchmark.trials.trial import Event
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
-from midastouch_bringup.cluster import open_cluster
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.cluster import open_cluster
 
 
 def answers(*rows: tuple[int, float, bool]) -> list[Answer]:

@@ -7,9 +7,6 @@ from midastouch_benchmark.trials.protocols import PROTOCOLS, GraspRecord, chosen
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import DEFAULT, SETS, VARIANTS
 from midastouch_benchmark.trials.yardstick import Yardstick
-from midastouch_bringup.cli import build_parser
-from midastouch_bringup.datasets import load_sequence
-from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.pose_metric import pose_errors
@@ -18,6 +15,9 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.grasp import CONTACTS
+from midastouch_tools.cli import build_parser
+from midastouch_tools.datasets import load_sequence
+from midastouch_tools.datasets.slide_simulation import simulate_grasp_sequence
 
 
 def test_help_names_every_protocol(capsys):

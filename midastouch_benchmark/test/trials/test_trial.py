@@ -7,13 +7,13 @@ from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_benchmark.trials.sequence_trials import TrialPlan, run_sequence
 from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, run_trial
 from midastouch_benchmark.trials.yardstick import Yardstick
-from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED, Status
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.symmetry.group import Symmetry
+from midastouch_tools.result_file import to_json
 
 CONFIG = FilterConfig(max_particles=3000)
 KEYS = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce, key_of, run_open, source_digest
-from midastouch_bringup.cluster import open_cluster
+from midastouch_tools.cluster import open_cluster
 
 
 def test_trials_are_found_again(tmp_path):

@@ -1,1 +1,1 @@
-"""ROS 2 nodes of midastouch_bringup: thin, no maths."""
+"""All nodes of the pipeline in one process."""

@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from midastouch_common.errors import InputError
+from midastouch_common.output_paths import codebook_path, quick_codebook
 from midastouch_perception.objects import bundled_objects
 
-from ..output_paths import codebook_path, quick_codebook
-from ..processes.parameter_files import EVERY_NODE, merged, read_parameters
+from ..parameter_files import EVERY_NODE, merged, read_parameters
 from .launch_arguments import ARGUMENTS, OF_FILES, SHARE, SIMULATED_ARMS, STREAM_NODES
 
 FILES = ("params_file", "setup_file", "params_overlay")

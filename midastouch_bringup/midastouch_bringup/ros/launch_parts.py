@@ -35,9 +35,9 @@ from launch_ros.actions import LifecycleNode, Node
 from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_common.errors import EXIT_BAD_INPUT, InputError
+from midastouch_common.stop_signals import bound_to_us
 
-from ..processes.parameter_files import written
-from ..processes.process import bound_to_us
+from ..parameter_files import written
 from .launch_arguments import ARGUMENTS, SHARE
 from .launch_parameters import FILES, OWN_TIME, object_to_come, parameters
 
@@ -234,7 +234,7 @@ def prepared(
 ) -> ExecuteProcess:
     """Make the files that a set-up needs, then start the actions of `following`; takes: names of launch arguments."""
     # a process of its own: the libraries for it may be missing in the Python of launch
-    midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")
+    midastouch = ExecutableInPackage("midastouch", "midastouch_tools")
     given = [[f"{name}:=", LaunchConfiguration(name)] for name in takes]
     return ExecuteProcess(
         cmd=[midastouch, "run", setup, *given, "--prepare"], output="screen", on_exit=once_done(following)

@@ -73,7 +73,7 @@ SETUPS = {
     "digit_sim": Setup(
         "a simulated DIGIT, moved by TF, in place of the driver",
         (*OF_NODES, "object", "mesh", "sensor_model", "sensor_prefix"),
-        (Executable("midastouch_bringup", "digit_sim"),),
+        (Executable("midastouch_simulation", "digit_sim"),),
     ),
     "perception": Setup(
         "from tactile images to codes",
@@ -99,12 +99,12 @@ SETUPS = {
     "mount": Setup(
         "static TF from the arm's tool to the DIGIT's frames",
         ("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix"),
-        (Executable("midastouch_bringup", "mount_tf"),),
+        (Executable("midastouch_motion", "mount_tf"),),
     ),
     "live_ur": Setup(
         "a DIGIT on a UR arm: driver, mount, localisation",
         _LIVE,
-        (Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")), "mount", "driver", "localization"),
+        (Executable("midastouch_motion", "ur_tf", when=("arm", "rtde")), "mount", "driver", "localization"),
         {"sensor_model": "digit_real"},
         _REAL_ARMS,
     ),
@@ -115,8 +115,8 @@ SETUPS = {
             "live_ur",
             Executable("midastouch_motion", "ur_speed", when=("arm", "rtde")),
             Executable("midastouch_motion", "slider"),
-            Executable("midastouch_bringup", "recorder"),
-            Executable("midastouch_bringup", "explorer", ends=True),
+            Executable("midastouch_tools", "recorder"),
+            Executable("midastouch_motion", "explorer", ends=True),
         ),
         {"sensor_model": "digit_real", "setup_file": str(SHARE / "config" / "explore_ur.yaml")},
         _REAL_ARMS,
@@ -124,7 +124,7 @@ SETUPS = {
     "replay": Setup(
         "a recording through perception and filter, in its own time, without losing a frame",
         _RECORDING,
-        ("localization", Executable("midastouch_bringup", "replay", ends=True)),
+        ("localization", Executable("midastouch_tools", "replay", ends=True)),
         _OF_RECORDINGS,
     ),
     "explore": Setup(
@@ -133,10 +133,10 @@ SETUPS = {
         (
             "digit_sim",
             "localization",
-            Executable("midastouch_bringup", "finger", when=("arm", "finger")),
-            Executable("midastouch_motion", "mujoco_arm", when=("arm", "mujoco")),
+            Executable("midastouch_simulation", "finger", when=("arm", "finger")),
+            Executable("midastouch_simulation", "mujoco_arm", when=("arm", "mujoco")),
             Executable("midastouch_motion", "slider", when=("arm", "mujoco")),
-            Executable("midastouch_bringup", "explorer", ends=True),
+            Executable("midastouch_motion", "explorer", ends=True),
         ),
         # with this seed it knows the pose soon; with others it may give up
         {

@@ -1,1 +1,0 @@
-"""The sensor's mount on a robot arm, without ROS."""

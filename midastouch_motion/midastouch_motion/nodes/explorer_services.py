@@ -1,0 +1,177 @@
+"""Clients of the services that an explorer calls: where to touch next, and changes to a simulated object."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from midastouch_common.errors import InputError
+from midastouch_filter.active_touch.suggestion import Advice, Suggestion
+from midastouch_msgs.msg import Suggestion as SuggestionMsg
+from midastouch_msgs.srv import SetObject, SuggestMotion
+
+from ..exploration.acts import Plan
+from ..exploration.motions import Motion
+
+TIMEOUT_S = 10.0
+"""s until an answer, which takes a tenth of a second, is given up."""
+OBJECT_TIMEOUT_S = 120.0
+"""s until a change of the object is given up; a codebook may have to be built for it."""
+_SUGGESTIONS = 24  # asked for: all that are offered
+_LONGEST_M = 1.0  # m, of a motion that is asked for
+
+
+def motion_of(message: SuggestionMsg) -> Motion:
+    """Return the motion of a suggestion or an order; InputError for numbers that make no motion."""
+    numbers = message.heading, message.length
+    if not (np.isfinite(numbers).all() and 0 <= message.length <= _LONGEST_M):
+        raise InputError(f"heading and length are {numbers}; give rad, and 0 to {_LONGEST_M:g} m")
+    return Motion(message.heading, message.length, message.lift)
+
+
+def advice_of(response: SuggestMotion.Response) -> Advice:
+    """Return the advice of a `suggest_motion` response, without paths; InputError for none, and for invalid motions."""
+    if not response.success:
+        raise InputError(response.message)
+    names = "heading", "length", "lift", "information", "cost", "reason"
+    for each in response.suggestions:
+        motion_of(each)
+        if not np.isfinite(each.information):
+            raise InputError(f"a suggestion's information is {each.information}")
+    suggestions = [
+        Suggestion(**{name: getattr(each, name) for name in names}, path=np.zeros((0, 4, 4)))
+        for each in response.suggestions
+    ]
+    return Advice(suggestions, response.indistinguishable, response.message)
+
+
+class QuestionClient:
+    """Client that asks a service one question at a time. on_answer: called with each response; if none comes within
+    timeout() [s], with an empty one whose `message` says so. Attribute: name: of the service."""
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        on_answer: Callable[[Any], None],
+        timeout: Callable[[], float] = lambda: TIMEOUT_S,
+    ):
+        self.name, self._client, self._kind = name, node.create_client(kind, name), kind
+        self._on_answer, self._timeout = on_answer, timeout
+        self._asked_at, self._future = 0.0, None
+
+    @property
+    def ready(self) -> bool:
+        """True while the service is offered."""
+        return self._client.service_is_ready()
+
+    @property
+    def pending(self) -> bool:
+        """True while an answer is still to come."""
+        return self._future is not None
+
+    def ask(self, request: Any) -> None:
+        """Send the question."""
+        self._asked_at = time.monotonic()
+        self._future = self._client.call_async(request)
+        self._future.add_done_callback(self._on_done)
+
+    def look(self) -> None:
+        """Give up waiting for an answer that is overdue; call this regularly."""
+        if self.pending and time.monotonic() - self._asked_at > self._timeout():
+            self._client.remove_pending_request(self._future)
+            self._future = None
+            self._on_answer(self._kind.Response(message=f"no answer for {self._timeout():g} s"))
+
+    def _on_done(self, future: Future) -> None:
+        if future is self._future:  # else it comes too late
+            self._future = None
+            self._on_answer(future.result())
+
+
+class AdviceClient(QuestionClient):
+    """Client of `suggest_motion`. longest [m]: of a motion; on_advice(advice, why_not): called with each answer, with
+    None and the reason if there is no advice."""
+
+    def __init__(self, node: Node, longest: float, on_advice: Callable[[Advice | None, str], None]):
+        super().__init__(node, SuggestMotion, "suggest_motion", self._on_response)
+        self._longest, self._on_advice = longest, on_advice
+
+    def ask_where(self) -> None:
+        """Ask where to touch next."""
+        self.ask(SuggestMotion.Request(max_length=self._longest, lifts=True, count=_SUGGESTIONS))
+
+    def _on_response(self, response: SuggestMotion.Response) -> None:
+        try:
+            advice, why_not = advice_of(response), ""
+        except InputError as error:
+            advice, why_not = None, str(error)
+        self._on_advice(advice, why_not)
+
+
+class ObjectChange:
+    """Client of `set_object` of finger, sensor and filter, called one after the other while the node is spun.
+
+    on_end(mesh_path, why_not) is called after each change, with an empty text if all have taken the object. `pending`:
+    True while a change is under way.
+    """
+
+    def __init__(self, node: Node, on_end: Callable[[str, str], None]):
+        self._on_end, self.pending = on_end, False
+        # the filter last: it starts again with images of the new object
+        names = "finger/set_object", "digit_sim/set_object", "set_object"
+        self._services = [
+            QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in names
+        ]
+
+    def __call__(self, request: SetObject.Request) -> Plan[None]:
+        """Change the object to the mesh of a request."""
+        self.pending, self._request, self._number = True, request, -1
+        self._next()
+        yield from ()
+
+    def look(self) -> None:
+        """Give up waiting, as `QuestionClient` does; call this regularly."""
+        for service in self._services:
+            service.look()
+
+    def _next(self) -> None:
+        self._number += 1
+        if self._number == len(self._services):
+            self._end("")
+        elif self._services[self._number].ready:
+            self._services[self._number].ask(self._request)
+        else:
+            self._end(f"nobody offers {self._services[self._number].name}")
+
+    def _on_answer(self, response: SetObject.Response) -> None:
+        if response.success:
+            self._next()
+        else:
+            self._end(f"{self._services[self._number].name}: {response.message}")
+
+    def _end(self, why_not: str) -> None:
+        self.pending = False
+        self._on_end(self._request.mesh_path, why_not)
+
+
+class Push:
+    """Client of `finger/push`, which moves a simulated object. problem(kind, words): called if that is not possible."""
+
+    def __init__(self, node: Node, problem: Callable[[str, str], None]):
+        self._client, self._problem = node.create_client(Trigger, "finger/push"), problem
+
+    def __call__(self) -> Plan[None]:
+        """Ask for the push, which the finger makes before its next motion."""
+        if self._client.service_is_ready():
+            self._client.call_async(Trigger.Request())
+        else:
+            self._problem("refused_pushes", "nobody offers finger/push: the object is none of a simulation")
+        yield from ()

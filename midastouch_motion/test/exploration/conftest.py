@@ -1,0 +1,34 @@
+"""A finger over the ball, and stand-ins that can be imported."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.world import World
+
+sys.path.insert(0, str(Path(__file__).parent))
+STEP = 1.5e-3
+
+
+@pytest.fixture
+def make_world():
+    """Makes a finger over a bundled object."""
+
+    def make(name: str, seed: int = 3) -> World:
+        mesh = ObjectMesh.load(bundled_objects()[name])
+        return World(mesh, SensorModel.load("digit_tacto"), np.random.default_rng(seed), STEP)
+
+    return make
+
+
+@pytest.fixture
+def world(make_world):
+    """A finger over the ball."""
+    return make_world("ball")

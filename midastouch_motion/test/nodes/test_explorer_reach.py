@@ -1,0 +1,101 @@
+"""Somebody who knows the arm is asked what it reaches."""
+
+import pytest
+from explorer_rig import Rig
+from rclpy.node import Node
+
+from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME
+from midastouch_motion.nodes import explorer_services
+from midastouch_motion.nodes.explorer import Explorer
+from midastouch_msgs.srv import CheckReach
+
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
+
+
+def offer(graph, answer):
+    """Offer the service; the requests that come."""
+    asked = []
+
+    def on_request(request, response):
+        asked.append(request)
+        return answer(request, response)
+
+    service = graph.companion.create_service(CheckReach, "what_it_reaches", on_request)
+    return asked, service
+
+
+def everything(request, response):
+    response.reachable = [True] * len(request.poses.poses)
+    return response
+
+
+def nothing(request, response):
+    response.reachable, response.message = [False] * len(request.poses.poses), "joint 3 is at its limit"
+    return response
+
+
+def too_few(request, response):
+    response.reachable = [True]
+    return response
+
+
+def test_it_is_asked_before_each_motion(graph):
+    asked, _ = offer(graph, everything)
+    rig = Rig(graph, reach_service="what_it_reaches")
+    rig.until("exploring", "somewhere")
+    rig.state = "converged"
+    status = rig.until("known")
+    assert status.slides >= 1
+    assert len(asked) >= status.slides
+    assert {request.poses.header.frame_id for request in asked} == {BASE_FRAME}
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (nothing, "the arm does not reach it: joint 3 is at its limit"),
+        (too_few, "reach_service what_it_reaches: 1 answers for"),
+    ],
+)
+def test_without_a_yes_nothing_moves_and_the_reason_is_said(graph, answer, why):
+    offer(graph, answer)
+    rig = Rig(graph, reach_service="what_it_reaches")
+    status = rig.until("gave_up", "the finger is stuck")
+    assert why in status.reason
+    assert (status.slides, status.lifts) == (0, 1), "the first touch, which is straight below"
+    assert rig.node.gave_up
+
+
+def test_one_that_does_not_answer_is_given_up(graph, monkeypatch):
+    monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
+    mute = Node("mute")  # which nobody spins
+    mute.create_service(CheckReach, "what_it_reaches", everything)
+    rig = Rig(graph, reach_service="what_it_reaches")
+    assert "reach_service what_it_reaches: no answer for 0 s" in rig.until("gave_up", "stuck").reason
+    mute.destroy_node()
+
+
+def test_one_that_goes_is_missed(graph):
+    asked, service = offer(graph, everything)
+    rig = Rig(graph, reach_service="what_it_reaches")
+    graph.spin_until(lambda: asked, "a question")
+    graph.companion.destroy_service(service)
+    assert "reach_service what_it_reaches: nobody offers it" in rig.until("gave_up").reason
+
+
+def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
+    rig = Rig(graph, patience=1.0, reach_service="what_it_reaches")
+
+    def goes_on():
+        patience_clock.now = 0.05 * len(rig.poses)
+        return rig.statuses and rig.statuses[-1].state == "gave_up"
+
+    graph.spin_until(goes_on, "an end")
+    assert {status.state for status in rig.statuses} == {"waiting", "gave_up"}
+    assert "reach_service what_it_reaches: nobody offers it" in rig.statuses[-1].reason
+
+
+def test_what_is_no_name_of_a_service_is_refused(graph):
+    with pytest.raises(InputError, match=r"parameter reach_service: .*what is it"):
+        graph.add(Explorer, {"reach_service": "what is it"})

@@ -1,0 +1,202 @@
+"""The finger as an arm that offers actions, with a stand-in for the filter that answers its images."""
+
+import numpy as np
+import pytest
+from explorer_rig import BALL, TOOL, TOUCHING
+from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3
+from rclpy.action import ActionClient
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from midastouch_common import se3
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns, transform_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg
+from midastouch_msgs.action import Approach, Lift, Slide, Touch
+from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.nodes import tdn
+from midastouch_simulation.nodes.finger import Finger
+from midastouch_simulation.nodes.finger_parameters import PARAMETERS
+
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
+
+
+def default(parameters, name):
+    return next(one.default for one in parameters if one.name == name)
+
+
+class Rig:
+    """Attributes: gels T_base_gel and objects T_base_obj, of each image; stamps [ns]; silent, whether the filter is;
+    state, which it says, by default that of where the finger is; handle of the newest goal, once it is accepted."""
+
+    def __init__(self, graph, **parameters):
+        self.graph, self.silent, self.state = graph, False, ""
+        self.gels, self.objects, self.stamps = [], [], []
+        self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
+        graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
+        self.node = graph.add(Finger, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
+
+    def _on_tf(self, message):
+        frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
+        stamp = message.transforms[0].header.stamp
+        self.gels.append(frames[GEL_FRAME])
+        self.objects.append(frames[TRUTH_FRAME])
+        self.stamps.append(stamp_ns(stamp))
+        if not self.silent:
+            state = self.state or ("ambiguous" if self.touches else "no_contact")
+            self._answers.publish(FilterStatus(state=state, header=Header(stamp=stamp)))
+
+    @property
+    def touches(self):
+        on_object = se3.inverse(self.objects[-1]) @ self.gels[-1]
+        return np.linalg.norm(on_object[:3, 3]) < TOUCHING
+
+    def ask(self, kind, **goal):
+        """The results of a goal, one once it has ended, and the feedback so far."""
+        client, feedback, results = ActionClient(self.graph.companion, kind, kind.__name__.lower()), [], []
+        self.graph.spin_until(client.server_is_ready, f"the action {kind.__name__}")
+
+        self.handle = None
+
+        def on_accepted(future):
+            self.handle = future.result()
+            self.handle.get_result_async().add_done_callback(lambda done: results.append(done.result().result))
+
+        client.send_goal_async(kind.Goal(**goal), feedback.append).add_done_callback(on_accepted)
+        return results, feedback
+
+    def do(self, kind, **goal):
+        """The result of a goal."""
+        results, _ = self.ask(kind, **goal)
+        self.graph.spin_until(lambda: results, f"the end of {kind.__name__}")
+        return results[0]
+
+
+@pytest.fixture
+def rig(graph):
+    return Rig(graph)
+
+
+def posed(pose, frame=BASE_FRAME):
+    return PoseStamped(header=Header(frame_id=frame), pose=pose_to_msg(pose))
+
+
+def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
+    touch = rig.do(Touch, distance=0.05)
+    assert touch.success, touch.message
+    assert 4e-4 < touch.depth < 1.1e-3
+    assert rig.touches
+    slide = rig.do(Slide, heading=1.0, length=0.02)
+    assert slide.success
+    assert slide.path == pytest.approx(0.02, abs=2e-3)
+    lift = rig.do(Lift, height=0.02)
+    assert (lift.success, lift.depth) == (True, 0.0)
+    goal = rig.gels[-1] @ se3.exp(np.array([0.03, 0, 0.02, 0.3, 0, 0]))
+    approach = rig.do(Approach, pose=posed(goal))
+    assert approach.success
+    ended = rig.stamps.index(stamp_ns(approach.pose.header.stamp))
+    for gel in rig.gels[ended:]:  # images at rest may have followed
+        np.testing.assert_allclose(gel, goal, atol=1e-6)
+    np.testing.assert_allclose(pose_from_msg(approach.pose.pose), goal, atol=1e-6)
+    assert approach.pose.header.frame_id == BASE_FRAME
+
+
+def test_it_moves_only_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):
+    """Else a contact becomes part of the background, and is felt to the end in images without one."""
+    needed = default(tdn.PARAMETERS, "background_frames")
+    assert default(PARAMETERS, "untouched_frames") >= needed
+    rig = Rig(graph, untouched_frames=needed)
+    rig.do(Touch, distance=0.05)
+    assert np.ptp([gel[:3, 3] for gel in rig.gels[:needed]], axis=0).max() == 0
+
+
+def test_while_the_filter_lags_behind_it_does_not_begin(rig):
+    rig.state = "stale"
+    results, _ = rig.ask(Touch, distance=0.05)
+    seen = len(rig.gels)
+    rig.graph.spin_until(lambda: len(rig.gels) > seen + 5, "images at rest")
+    assert not results
+    assert np.ptp([gel[:3, 3] for gel in rig.gels], axis=0).max() == 0
+    rig.state = ""
+    rig.graph.spin_until(lambda: results, "the end")
+
+
+def test_a_goal_ends_only_once_the_filter_has_answered_its_images(rig):
+    rig.do(Touch, distance=0.05)
+    results, feedback = rig.ask(Slide, heading=0.0, length=3e-3)
+    rig.silent = True
+    rig.graph.spin_until(lambda: feedback, "feedback")
+    seen = len(rig.gels)
+    rig.graph.spin_until(lambda: len(rig.gels) > seen + 3, "more images while no answer comes")
+    assert not results
+    rig.silent = False
+    rig.graph.spin_until(lambda: results, "the end")
+    assert stamp_ns(feedback[-1].feedback.header.stamp) in rig.stamps
+    assert feedback[-1].feedback.path == pytest.approx(results[0].path)
+
+
+def test_stamps_are_evenly_spaced_and_the_steps_as_fast_as_it_is_said(rig):
+    rig.do(Touch, distance=0.05)
+    rig.do(Slide, heading=0.0, length=0.03)
+    rig.do(Lift, height=0.02)
+    assert set(np.diff(rig.stamps)) == {round(1e9 / 30)}
+    steps = np.linalg.norm(np.diff([gel[:3, 3] for gel in rig.gels], axis=0), axis=1)
+    assert steps.max() < 4 * 1.5 * 0.05 / 30  # in the air it is four times as fast
+
+
+def test_one_motion_at_a_time_and_a_cancelled_one_ends(rig):
+    rig.do(Touch, distance=0.05)
+    results, feedback = rig.ask(Slide, heading=0.0, length=2.0)
+    rig.graph.spin_until(lambda: feedback and rig.handle, "a motion, and its handle")
+    rig.silent = True  # so that it does not come to its end
+    slide = rig.handle
+    assert rig.do(Lift, height=0.01).message == "the finger is carrying out a slide; cancel it first"
+    slide.cancel_goal_async()
+    rig.graph.spin_until(lambda: results, "the end")
+    assert results[0].message == "cancelled"
+    assert results[0].path > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "goal", "reason"),
+    [
+        (Touch, {"distance": 0.0}, "distance 0 is not between"),
+        (Touch, {"distance": 0.01, "direction": Vector3(x=float("nan"))}, "direction: not finite"),
+        (Slide, {"length": -1.0}, "length -1 is not between"),
+        (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
+        (Lift, {"height": float("nan")}, "height nan is not between"),
+        (Approach, {"pose": posed(np.eye(4), "map")}, "it is in 'map'; give it in 'base_link'"),
+        (Approach, {"pose": PoseStamped(header=Header(frame_id=BASE_FRAME), pose=Pose(position=Point(x=float("nan"))))},
+         "non-finite"),
+    ],
+)  # fmt: skip
+def test_a_goal_that_makes_no_sense_is_refused(rig, kind, goal, reason):
+    assert reason in rig.do(kind, **goal).message
+
+
+def test_it_touches_in_another_direction_if_it_is_told_one(rig):
+    ended = rig.do(Touch, distance=0.03, direction=Vector3(z=1.0))
+    assert not ended.success
+    assert "nothing on which it fits touched within 30 mm" in ended.message
+
+
+def test_the_object_is_pushed_and_the_finger_stays(rig):
+    rig.do(Touch, distance=0.05)
+    before, gel = rig.objects[-1], rig.gels[-1]
+    assert rig.graph.call(Trigger, "finger/push", Trigger.Request()).success
+    turned = lambda: np.linalg.norm(rig.objects[-1][:3, :3] - before[:3, :3])  # noqa: E731
+    rig.graph.spin_until(lambda: turned() > 0.1, "the object to move")
+    assert np.linalg.norm(rig.gels[-1][:3, 3] - gel[:3, 3]) < 1e-3
+
+
+def test_another_object_is_put_there(rig):
+    def put(path):
+        return rig.graph.call(SetObject, "finger/set_object", SetObject.Request(mesh_path=path))
+
+    assert "/nowhere/cup.ply" in put("/nowhere/cup.ply").message
+    rig.do(Touch, distance=0.05)
+    assert put(TOOL).success
+    assert rig.do(Touch, distance=0.05).success, "it begins over the new one"

@@ -1,0 +1,242 @@
+"""The node against a fake receiver; RTDE itself is tested in test_rtde_protocol.py."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from midastouch_common.clock_offset import ClockOffset
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns, transform_from_msg
+from midastouch_motion.arm.rtde import BASE_LINK_FROM_BASE, JOINT_NAMES, ArmState, transform_from_rtde
+from midastouch_motion.nodes import ur_tf
+from midastouch_motion.nodes.ur_tf import UrTf
+
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
+POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
+
+
+class FakeArm:
+    """Counts up its clock at each read, or shows a fault: is silent, has lost the connection (and does not close, where
+    it is stuck), fails, hangs."""
+
+    def __init__(self):
+        self.now, self.silent, self.lost, self.closed, self.pose = 10.0, False, False, False, POSE
+        self.failing, self.stuck, self.free = False, False, threading.Event()
+        self.free.set()
+
+    def read(self):
+        self.free.wait()
+        if self.failing:
+            raise RuntimeError("unable to get state data for specified key: timestamp")
+        if self.lost or self.stuck:
+            return None
+        if not self.silent:
+            self.now += 0.008
+        return ArmState(self.now, self.pose, np.arange(6.0), -np.arange(6.0))
+
+    def close(self):
+        self.closed = True
+        if self.stuck:
+            raise OSError("bad file descriptor")
+
+
+class Arms:
+    """A `connect` that hands out one arm per attempt, once `heard` is set, and refuses while `refuse` is set."""
+
+    def __init__(self):
+        self.made, self.refuse, self.attempts, self.heard = [], False, 0, threading.Event()
+
+    def __call__(self, robot_ip, rate):
+        self.heard.wait()
+        self.attempts += 1
+        if self.refuse:
+            raise ConnectionError(f"no RTDE at {robot_ip}: refused")
+        self.made.append(FakeArm())
+        return self.made[-1]
+
+
+class Bench:
+    """The node and a listener in one executor of their own context."""
+
+    def __init__(self, **parameters):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.arms = Arms()
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.listener = rclpy.create_node("listener", context=self.context)
+        self.tf, self.static, self.joints, self.diagnostics = [], [], [], []
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for kind, topic, received, profile in (
+            (TFMessage, "/tf", self.tf, 100),
+            (TFMessage, "/tf_static", self.static, latched),
+            (JointState, "joint_states", self.joints, 100),
+            (DiagnosticArray, "/diagnostics", self.diagnostics, 10),
+        ):
+            self.listener.create_subscription(kind, topic, received.append, profile)
+        settings = {"robot_ip": "the.arm", "timeout": 0.2, "reconnect_period": 0.1, **parameters}
+        overrides = [Parameter(name, value=value) for name, value in settings.items()]
+        self.node = UrTf(self.arms, context=self.context, parameter_overrides=overrides)
+        self.executor.add_node(self.listener)
+        self.executor.add_node(self.node)
+        moving = [p for p in self.node.publishers if p.topic_name in ("/tf", "/joint_states")]
+        try:
+            self.until(lambda: all(publisher.get_subscription_count() for publisher in moving))
+        finally:
+            self.arms.heard.set()
+
+    def until(self, condition):
+        end = time.monotonic() + 120.0  # bounds a failing test only
+        while not condition():
+            assert time.monotonic() < end, "the awaited event did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def status(self, text):
+        return any(text in status.message for array in self.diagnostics for status in array.status)
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.listener.destroy_node()
+        self.context.shutdown()
+
+
+@pytest.fixture
+def bench():
+    benches = []
+
+    def make(**parameters):
+        benches.append(Bench(**parameters))
+        return benches[-1]
+
+    yield make
+    for made in benches:
+        made.close()
+
+
+def test_publishes_tool_base_and_joints(bench):
+    b = bench(tf_prefix="left_", tcp_offset=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+    b.until(lambda: b.tf and b.static and b.joints)
+    tool = b.tf[0].transforms[0]
+    assert (tool.header.frame_id, tool.child_frame_id) == ("left_base", "left_tool0")
+    expected = transform_from_rtde(POSE)
+    expected[:3, 3] -= 0.1 * expected[:3, 2]
+    np.testing.assert_allclose(transform_from_msg(tool.transform), expected, atol=1e-12)
+    base = b.static[0].transforms[0]
+    assert (base.header.frame_id, base.child_frame_id) == ("left_base_link", "left_base")
+    np.testing.assert_allclose(transform_from_msg(base.transform), BASE_LINK_FROM_BASE, atol=1e-12)
+    assert list(b.joints[0].name) == ["left_" + name for name in JOINT_NAMES]
+    assert list(b.joints[0].position) == list(range(6))
+    assert list(b.joints[0].velocity) == [-v for v in range(6)]
+
+
+def test_stamps_advance_with_the_arm_and_lie_in_the_past(bench):
+    b = bench()
+    b.until(lambda: len(b.tf) > 20)
+    stamps = np.array([stamp_ns(m.transforms[0].header.stamp) for m in b.tf])
+    # the fake arm's clock runs at 8 ms a read, slower or faster than ours: stamps need only be ordered
+    assert (np.diff(stamps) > 0).all()
+    assert stamps[-1] <= b.node.get_clock().now().nanoseconds
+
+
+def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):
+    base, ms = 1_000_000_000_000, 1_000_000
+    monkeypatch.setattr(ur_tf.ClockOffset, "to_wall_ns", lambda _, monotonic_ns: monotonic_ns)
+    told = iter([base, base - 50 * ms, base, base + 10 * ms, base - 2000 * ms, *range(base, base + 9000 * ms, ms)])
+    monkeypatch.setattr(ur_tf.RobotClock, "stamp", lambda *_: next(told))
+    b = bench()
+    b.until(lambda: len(b.tf) >= 4)
+    stamps = [stamp_ns(m.transforms[0].header.stamp) - base for m in b.tf[:4]]
+    assert stamps == [0, 10 * ms, -2000 * ms, 0]
+
+
+def test_a_step_of_our_clock_is_one_of_the_stamps_at_once(bench, monkeypatch):
+    step = 3600 * 10**9
+    ahead = [0]
+    monkeypatch.setattr(ur_tf, "ClockOffset", lambda: ClockOffset(wall_ns=lambda: time.time_ns() + ahead[0]))
+    b = bench()
+    b.until(lambda: len(b.tf) > 5)
+    ahead[0] = step
+    b.until(lambda: stamp_ns(b.tf[-1].transforms[0].header.stamp) > time.time_ns() + step // 2)
+    seen = len(b.tf)
+    b.until(lambda: len(b.tf) > seen + 5)
+    stamps = np.array([stamp_ns(m.transforms[0].header.stamp) for m in b.tf])
+    before, after = stamps[stamps < time.time_ns() + step // 2], stamps[stamps >= time.time_ns() + step // 2]
+    assert len(before) + len(after) == len(stamps)
+    assert after[0] - before[-1] == pytest.approx(step, abs=60 * 10**9)
+
+
+def test_a_call_that_hangs_is_told(bench):
+    b = bench()
+    b.until(lambda: b.tf)
+    b.arms.made[0].free.clear()
+    b.until(lambda: b.status("no sample for"))
+    b.arms.made[0].free.set()
+    b.tf.clear()
+    b.until(lambda: b.tf)
+
+
+@pytest.mark.parametrize("fault", ["silent", "lost", "failing", "stuck"])
+def test_connects_again_after(bench, fault):
+    b = bench()
+    b.until(lambda: b.tf)
+    setattr(b.arms.made[0], fault, True)
+    b.until(lambda: len(b.arms.made) > 1)
+    assert b.arms.made[0].closed
+    b.tf.clear()
+    b.until(lambda: b.tf)
+
+
+def test_keeps_trying_while_the_arm_is_off_and_says_so(bench):
+    b = bench()
+    b.until(lambda: b.status("connected"))
+    b.arms.refuse = True
+    b.arms.made[-1].lost = True
+    b.until(lambda: b.arms.attempts >= 3 and b.status("refused"))
+    b.arms.refuse = False
+    b.tf.clear()
+    b.until(lambda: b.tf)
+
+
+def test_a_sample_that_is_not_finite_is_not_published(bench):
+    b = bench()
+    b.until(lambda: b.tf)
+    b.arms.made[0].pose = np.full(6, np.nan)
+    b.until(lambda: b.status("non-finite"))
+    b.arms.made[0].pose = POSE
+    b.tf.clear()
+    b.until(lambda: b.tf)
+    poses = [transform_from_msg(t.transform) for message in b.tf for t in message.transforms]
+    assert np.isfinite(poses).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [({"use_sim_time": True, "robot_ip": "the.arm"}, "use_sim_time"), ({}, "parameter 'robot_ip' is empty")],
+)
+def test_refuses_simulated_time_and_an_arm_without_address(settings, reason):
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    overrides = [Parameter(name, value=value) for name, value in settings.items()]
+    arms = Arms()
+    with pytest.raises(InputError, match=reason):
+        UrTf(arms, context=context, parameter_overrides=overrides)
+    assert arms.attempts == 0
+    context.shutdown()
+
+
+def test_destroying_the_node_ends_its_thread(bench):
+    b = bench()
+    b.until(lambda: b.tf)
+    b.executor.remove_node(b.node)
+    b.node.destroy_node()
+    assert not any(thread.name == "rtde" for thread in threading.enumerate())
+    assert b.arms.made[0].closed

@@ -1,0 +1,109 @@
+"""The node over ur-rtde and a real connection, to a controller with each fault that a network or an arm can show."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_motion.arm.rtde import RTDE_PORT, rtde_connector
+from midastouch_motion.nodes.ur_tf import UrTf
+
+pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
+# of this run of the tests, as its domain is: the port is the controller's own
+ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
+SERVER = Path(__file__).parents[3] / "midastouch_motion" / "test" / "arm" / "rtde_server.py"
+
+
+@pytest.fixture
+def controller():
+    """Starts a server with a fault."""
+    running = []
+
+    def start(fault: str = "") -> subprocess.Popen:
+        command = [sys.executable, SERVER, ADDRESS, str(RTDE_PORT), fault]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        running.append(process)
+        if process.stdout.readline() != "ready\n":
+            pytest.skip(f"port {RTDE_PORT} is taken: {process.communicate()[1].splitlines()[-1]}")
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+class Arm:
+    """The node and what it says."""
+
+    def __init__(self, graph, timeout: float = 0.3):
+        settings = {"robot_ip": ADDRESS, "timeout": timeout, "reconnect_period": 0.1}
+        self.node = graph.add(lambda **options: UrTf(rtde_connector(), **options), settings)
+        self.tf = graph.listen(TFMessage, "/tf")
+        self.joints = graph.listen(JointState, "joint_states")
+        self.reports = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def said(self, words: str) -> bool:
+        return any(words in s.message for report in self.reports for s in report.status)
+
+    def connections(self) -> int:
+        return max(
+            (int(v.value) for r in self.reports for s in r.status for v in s.values if v.key == "connections"),
+            default=0,
+        )
+
+    def stamps(self) -> np.ndarray:
+        return np.array([stamp_ns(m.transforms[0].header.stamp) for m in self.tf])
+
+
+@pytest.mark.parametrize("fault", ["drop", "cut", "stall"])
+def test_a_connection_that_fails_is_made_again(graph, controller, fault):
+    controller(fault)
+    arm = Arm(graph)
+    graph.spin_until(lambda: arm.connections() >= 2, "the second connection")
+    seen = len(arm.tf)
+    graph.spin_until(lambda: len(arm.tf) > seen, "more transforms")
+    assert (np.diff(arm.stamps()) > 0).all()
+    assert arm.stamps()[-1] <= arm.node.get_clock().now().nanoseconds
+
+
+def test_a_controller_that_is_switched_off_and_on(graph, controller):
+    first = controller()
+    arm = Arm(graph)
+    graph.spin_until(lambda: arm.tf, "transforms")
+    first.kill()
+    first.wait()
+    graph.spin_until(lambda: arm.said(f"no RTDE at {ADDRESS}"), "the error")
+    controller()
+    arm.tf.clear()
+    graph.spin_until(lambda: arm.tf, "transforms again")
+
+
+def test_late_packages_are_stamped_with_the_time_they_were_measured(graph, controller):
+    """The network holds some back for 200 ms and delivers them at once; their stamps do not show it."""
+    controller("bursts")
+    arm = Arm(graph, timeout=10.0)
+    graph.spin_until(lambda: len(arm.joints) > 150, "some bursts")
+    stamps = np.array([stamp_ns(joint.header.stamp) for joint in arm.joints])
+    measured = np.array([joint.position[0] for joint in arm.joints])
+    assert (np.diff(stamps) > 0).all()
+    assert (np.diff(measured) > 0).all()
+    # time of arrival would never be as far apart as the measurements, to the microsecond
+    same = np.abs(1e-9 * np.diff(stamps) - np.diff(measured)) < 2e-6
+    assert same[20:].mean() > 0.5
+
+
+@pytest.mark.parametrize("fault", ["old protocol", "unknown output", "refused start"])
+def test_a_controller_that_does_not_speak_this_rtde_is_an_error(graph, controller, fault):
+    controller(fault)
+    arm = Arm(graph)
+    graph.spin_until(lambda: arm.said("no RTDE at") or arm.said("no new sample"), "the error")
+    assert arm.tf == []

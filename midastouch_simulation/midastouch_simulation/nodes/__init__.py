@@ -1,0 +1,1 @@
+"""Nodes that stand for hardware: a simulated sensor, and what carries it."""

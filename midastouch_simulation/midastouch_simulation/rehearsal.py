@@ -1,0 +1,148 @@
+"""Rehearsal of motions in simulated time: an arm, the late images of its sensor and the controller form a loop."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_motion.contact_servo import Measured
+from midastouch_motion.controller import Controller
+from midastouch_motion.guard import Seen
+from midastouch_motion.skills import Ended, Skill
+
+PERIOD = 0.01
+"""Time between two twists [s], as in the node `slider`."""
+
+_T = TypeVar("_T")
+
+
+class Late(Generic[_T]):
+    """Queue of items under way, which arrive in the order in which they were sent."""
+
+    def __init__(self) -> None:
+        self._coming: deque[tuple[float, _T]] = deque()
+
+    def send(self, arrival: float, what: _T) -> None:
+        """Send an item that arrives at a time [s]."""
+        self._coming.append((arrival, what))
+
+    def arrived(self, now: float) -> Iterator[tuple[float, _T]]:
+        """Yield each item that has arrived by `now` [s], once, with its time of arrival."""
+        while self._coming and self._coming[0][0] <= now:
+            yield self._coming.popleft()
+
+
+class Arm(Protocol):
+    """Arm that follows twists (6,) in the gel's frame; `advance` returns its pose T_base_gel (4, 4) at a time [s]."""
+
+    def command(self, now: float, twist: np.ndarray) -> None: ...
+
+    def advance(self, now: float) -> np.ndarray: ...
+
+
+class SimulatedArm:
+    """An arm without joints: its gel follows twists, some time later, and stops when they stop coming. So does MoveIt
+    Servo (`incoming_command_timeout`), and a UR after `speedL` (its argument `t`).
+
+    Args: pose (4, 4) of the gel in the base frame at first; latency [s] from a command to the motion; timeout [s]
+    after which it stops without a further command. Attribute: pose (4, 4).
+    """
+
+    def __init__(self, pose: np.ndarray, latency: float = 0.05, timeout: float = 0.1):
+        self.pose, self._latency, self._timeout = pose.copy(), latency, timeout
+        self._twists: Late[np.ndarray] = Late()
+        self._twist, self._until, self._now = np.zeros(6), -math.inf, -math.inf
+
+    def command(self, now: float, twist: np.ndarray) -> None:
+        """Take a twist (6,) in the gel's frame that arrives at `now` [s]."""
+        self._twists.send(now + self._latency, twist.copy())
+
+    def advance(self, now: float) -> np.ndarray:
+        """Simulate until `now` [s] and return the pose (4, 4)."""
+        for begins, twist in self._twists.arrived(now):
+            self._move(begins)
+            self._twist, self._until = twist, begins + self._timeout
+        self._move(now)
+        return self.pose
+
+    def _move(self, now: float) -> None:
+        moving = min(now, self._until) - self._now
+        if moving > 0 and math.isfinite(self._now):
+            self.pose = self.pose @ se3.exp(moving * self._twist)
+        self._now = max(now, self._now)
+
+
+class Moment(NamedTuple):
+    """State after a period: time [s]; twist (6,) that was commanded; where, the gel's T_obj_gel (4, 4); image, whether
+    one was taken."""
+
+    time: float
+    twist: np.ndarray
+    where: np.ndarray
+    image: bool
+
+
+class Rehearsal:
+    """Rehearsal of one motion after the other.
+
+    Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns depth [m], slope (2,) and centre
+    (2,) [m] in an image there; controller; fps, images per second; delay(): returns the seconds until an image is
+    understood. Attributes: now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`
+    and `gel` of inputs that are not updated: set both to inject a fault.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        where: Callable[[], np.ndarray],
+        look: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
+        controller: Controller,
+        fps: float,
+        delay: Callable[[], float],
+    ):
+        self._arm, self._where, self._look, self._controller = arm, where, look, controller
+        self._fps, self._delay = fps, delay
+        self._images: Late[Measured] = Late()
+        self._due = self.now = 0.0
+        self.seen, self.frozen = Seen(listeners=1, commanders=1), set()
+        while controller.servo.stamp < 0:  # the first image
+            self._pass()
+
+    def carry_out(self, skill: Skill, seconds: float, after: Callable[[Moment], None] = lambda _: None) -> Ended | None:
+        """Carry out a motion and return its result, None after `seconds` without one. after: called each period."""
+        self._controller.begin(skill)
+        until = self.now + seconds
+        while self.now < until:
+            image = self._pass()
+            twist, ended = self._controller.step(self.now, self.seen)
+            self._arm.command(self.now, twist)
+            after(Moment(self.now, twist, self._where(), image))
+            if ended is not None:
+                return ended
+        return None
+
+    def _pass(self) -> bool:
+        """Simulate one period; return whether an image was taken in it."""
+        self.now += PERIOD
+        pose = self._arm.advance(self.now)
+        taken = self.now >= self._due
+        if taken:
+            self._due += 1 / self._fps
+            self._images.send(self.now + self._delay(), Measured(self.now, *self._look(self._where())))
+        for _, measured in self._images.arrived(self.now):
+            self._controller.servo.measure(self.now, measured)
+        news = {
+            "enabled": self.now,
+            "image": self._controller.servo.stamp,
+            "pose": self.now,
+            "wrench": self.now,
+            "gel": pose,
+        }
+        for name in news.keys() - self.frozen:
+            setattr(self.seen, name, news[name])
+        return taken

@@ -1,0 +1,201 @@
+import cv2
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from engine import PERIOD, Engine, penetration
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from digit_driver.nodes.image_publisher import IMAGE_QOS
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_msgs.msg import TactileContact
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.nodes.digit_sim import DigitSim
+
+pytestmark = pytest.mark.dds
+BALL = str(bundled_objects()["ball"])
+RADIUS = 0.03  # m
+
+
+def above(height: float) -> np.ndarray:
+    """The gel over the ball's pole, its apex so far above the surface [m]."""
+    pose = np.eye(4)
+    pose[2, 3] = RADIUS + height
+    return pose
+
+
+@pytest.fixture
+def engine(graph):
+    """Moves a `digit_sim` over a ball, in one process."""
+    graph.add(DigitSim, {"mesh": BALL, "transform_timeout": 0.3})
+    return Engine(graph)
+
+
+def health(graph):
+    """Gives level, message and values of the node's newest status."""
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def newest():
+        mine = [s for m in statuses for s in m.status if s.name.startswith("digit_sim")]
+        return (mine[-1].level, mine[-1].message, {v.key: v.value for v in mine[-1].values}) if mine else None
+
+    return newest
+
+
+def await_health(graph, newest, word: str):
+    graph.spin_until(lambda: (found := newest()) is not None and word in found[1], f"a status about '{word}'")
+    return newest()
+
+
+def test_topics_look_like_those_of_the_driver(graph, engine):
+    images, infos, jpegs = (
+        graph.listen(kind, topic)
+        for kind, topic in (
+            (Image, "image_raw"),
+            (CameraInfo, "camera_info"),
+            (CompressedImage, "image_raw/compressed"),
+        )
+    )
+    engine.place(above(-1e-3))
+    graph.spin_until(lambda: images and infos and jpegs, "an image on each topic")
+    image, info = images[0], infos[0]
+    assert {stamp_ns(m.header.stamp) for m in (image, info, jpegs[0])} == {engine.stamp}
+    assert {m.header.frame_id for m in (image, info, jpegs[0])} == {"digit_optical_frame"}
+    assert (image.encoding, image.height, image.width, image.step) == ("rgb8", 320, 240, 720)
+    assert (info.height, info.width) == (320, 240)
+    sensor = SensorModel.load("digit_tacto")
+    np.testing.assert_allclose(np.reshape(info.k, (3, 3)) @ (0, 0, 1), (120, 160, 1))
+    assert info.k[0] == pytest.approx(sensor.focal)
+    for topic in ("image_raw", "image_raw/compressed", "camera_info"):
+        (offered,) = graph.companion.get_publishers_info_by_topic(f"/{topic}")
+        assert offered.qos_profile.reliability == IMAGE_QOS.reliability
+        assert offered.qos_profile.durability == IMAGE_QOS.durability
+
+
+def test_truth_says_what_touches(graph, engine):
+    contacts = graph.listen(TactileContact, "ground_truth/contact")
+    maps = graph.listen(Image, "ground_truth/penetration")
+    for i, height in enumerate((2e-3, -1e-3)):
+        engine.place(above(height), PERIOD)
+        graph.spin_until(lambda count=i + 1: len(contacts) >= count and len(maps) >= count, "the truth of an image")
+    assert [one.in_contact for one in contacts] == [False, True]
+    # two caps of 30 mm and of the gel's radius that overlap by 1 mm share a circle
+    gel = 0.0327684
+    expected = 2 * np.pi * 1e-3 / (1 / RADIUS + 1 / gel)
+    assert contacts[1].area == pytest.approx(expected, rel=0.1)
+    assert penetration(maps[0]).max() == 0
+    assert penetration(maps[1]).max() == pytest.approx(1e-3, abs=5e-5)
+    assert maps[1].header.frame_id == contacts[1].header.frame_id == "digit_gel_frame"
+
+
+def test_images_are_as_even_as_a_cameras_whatever_the_engines_rate(graph, engine):
+    images = graph.listen(Image, "image_raw")
+    engine.place(above(-1e-3))
+    graph.spin_until(lambda: images, "a first image")
+    for wanted in (3, 6):
+        engine.place(above(-1e-3), 3 * PERIOD + 1e-4)
+        graph.spin_until(lambda wanted=wanted: len(images) > wanted, "the images between two states of the engine")
+    steps = np.diff([stamp_ns(m.header.stamp) for m in images])
+    assert set(steps) == {round(1e9 * PERIOD)}
+
+
+@pytest.mark.usefixtures("brisk_health")
+class TestTheEngine:
+    """What goes wrong with it is said, and ends by itself."""
+
+    def test_is_waited_for(self, graph):
+        graph.add(DigitSim, {"mesh": BALL})
+        level, message, _ = await_health(graph, health(graph), "waiting for TF")
+        assert level == b"\x02"
+        assert "object_ground_truth" in message
+
+    def test_stops_and_goes_on(self, graph, engine):
+        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        engine.place(above(0))
+        level, *_ = await_health(graph, newest, "TF has stopped")
+        assert level == b"\x02"
+        before = len(images)
+        engine.place(above(0), 0.5)
+        graph.spin_until(lambda: len(images) > before, "an image after the pause")
+
+    def test_jumps_back_in_time(self, graph, engine):
+        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        engine.place(above(0), 60.0)
+        graph.spin_until(lambda: images, "an image")
+        engine.place(above(0), -50.0)
+        _, _, values = await_health(graph, newest, "jumped back in time")
+        assert values["time_jumps"] == "1"
+        graph.spin_until(lambda: stamp_ns(images[-1].header.stamp) == engine.stamp, "an image of the new time")
+
+    def test_jumps_in_space(self, graph, engine):
+        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        engine.place(above(0))
+        graph.spin_until(lambda: images, "an image")
+        engine.place(above(0.4), PERIOD)
+        await_health(graph, newest, "jumped 400 mm within 17 ms")
+
+    def test_pushes_the_sensor_into_the_object(self, graph, engine):
+        newest = health(graph)
+        engine.place(above(-8e-3))
+        level, _, values = await_health(graph, newest, "8 mm in the gel")
+        assert level == b"\x01"
+        assert float(values["deepest_mm"]) == pytest.approx(8, abs=0.1)
+
+    def test_sends_nonsense(self, graph, engine):
+        newest, nowhere = health(graph), above(0)
+        nowhere[0, 3] = np.nan
+        engine.place(nowhere)
+        await_health(graph, newest, "/tf: transform")
+
+
+@pytest.mark.parametrize(
+    ("scale", "complaint"), [(1e3, "looks like millimetres"), (1e-3, "0.06 mm.*in metres")], ids=["large", "small"]
+)
+def test_an_object_of_impossible_size_is_refused(graph, tmp_path, scale, complaint):
+    ball = ObjectMesh.load(BALL)
+    lines = [f"v {x} {y} {z}" for x, y, z in scale * ball.vertices]
+    path = tmp_path / "ball.obj"
+    path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in ball.faces + 1)]))
+    with pytest.raises(InputError, match=f"ball.obj.*{complaint}"):
+        graph.add(DigitSim, {"mesh": str(path)})
+
+
+def test_no_mesh_and_a_background_of_another_size_are_refused(graph, tmp_path):
+    with pytest.raises(InputError, match="no mesh given"):
+        graph.add(DigitSim, {})
+    cv2.imwrite(str(tmp_path / "small.png"), np.zeros((10, 10, 3), np.uint8))
+    with pytest.raises(InputError, match=r"small.png: 10 x 10"):
+        graph.add(DigitSim, {"mesh": BALL, "background": str(tmp_path / "small.png")})
+
+
+def test_a_mesh_is_mended_and_configured_again(graph):
+    node = graph.add(DigitSim, {"autostart": False})
+    assert not graph.change_state("digit_sim", "configure")
+    assert "no mesh given" in node.failure
+    assert node.set_parameters([Parameter("mesh", value=BALL)])[0].successful
+    assert graph.change_state("digit_sim", "configure")
+    assert graph.change_state("digit_sim", "activate")
+    assert graph.change_state("digit_sim", "deactivate")
+    assert graph.change_state("digit_sim", "cleanup")
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_another_object_is_put_in_the_place_of_the_first(graph, engine):
+    newest = health(graph)
+    contacts = graph.listen(TactileContact, "ground_truth/contact")
+    engine.place(above(-1e-3))
+    graph.spin_until(lambda: contacts, "the ball to be felt")
+    eyebolt = str(bundled_objects()["eyebolt"])
+    assert not graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path="/nowhere.ply")).success
+    assert graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path=eyebolt)).success
+    await_health(graph, newest, "TF has stopped")  # which the word that it was loading does not hide
+    for _ in range(2):  # the first may still have been taken of the ball
+        wanted = len(contacts) + 1
+        engine.place(above(-1e-3), PERIOD)
+        graph.spin_until(lambda wanted=wanted: len(contacts) >= wanted, "another image")
+    # the eyebolt does not reach so far up
+    assert [contacts[0].in_contact, contacts[-1].in_contact] == [True, False]

@@ -1,0 +1,1 @@
+"""The `midastouch` command: recordings, datasets, pictures, the demo, training."""

@@ -1,0 +1,214 @@
+"""A sequence as ROS messages: the same bytes go into a bag and onto the wire; making them needs no ROS.
+
+Frames. A sequence has no real arm: its `base_link` is the object's frame shifted by a fixed offset, so that code that
+confuses the two gets visibly wrong poses. `base_link -> digit_gel_frame` comes from the *measured* poses; the truth
+has frames of its own, `object_ground_truth -> digit_gel_ground_truth`, for displays and evaluation.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import struct
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.frames import (
+    BASE_FRAME,
+    BASE_FROM_OBJECT,
+    GEL_FRAME,
+    OPTICAL_FRAME,
+    TRUTH_FRAME,
+    TRUTH_GEL_FRAME,
+)
+from midastouch_common.message_arrays import SECOND
+from midastouch_perception.sensor_model import SensorModel
+
+from ..datasets import Sequence
+from ..datasets.plain_images import PlainImages
+
+IMAGE_TOPIC = "/image_raw"
+COMPRESSED_TOPIC = f"{IMAGE_TOPIC}/compressed"
+CAMERA_INFO_TOPIC = "/camera_info"
+TF_TOPIC = "/tf"
+TF_STATIC_TOPIC = "/tf_static"
+
+IMAGE_TYPE = "sensor_msgs/msg/Image"
+COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic: name, type such as `std_msgs/msg/String`, and `latched`: late subscribers get its last message."""
+
+    name: str
+    type_name: str
+    latched: bool = False
+
+
+@dataclass(frozen=True)
+class Message:
+    """One serialised message.
+
+    topic: its name; type_name: such as `sensor_msgs/msg/Image`; stamp_ns: time at which it was (or would have been)
+    recorded; data: CDR bytes with the encapsulation header; latched: True if late subscribers get it.
+    """
+
+    topic: str
+    type_name: str
+    stamp_ns: int
+    data: bytes
+    latched: bool = False
+
+
+SEQUENCE_TOPICS = (
+    Topic(TF_STATIC_TOPIC, TF_TYPE, latched=True),
+    Topic(TF_TOPIC, TF_TYPE),
+    Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo"),
+    Topic(IMAGE_TOPIC, IMAGE_TYPE),
+)
+"""Topics of `sequence_messages`."""
+
+PLAIN_IMAGE_TOPICS = SEQUENCE_TOPICS[2:]
+"""Topics of `plain_image_messages`."""
+
+
+@functools.cache
+def typestore() -> Typestore:
+    """The message types of ROS 2 Jazzy and those of `midastouch_msgs` and `vision_msgs`.
+
+    Raises InputError if one of these is not installed.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for package in "midastouch_msgs", "vision_msgs":
+        for file in sorted(_message_folder(package).glob("*.msg")):
+            store.register(get_types_from_msg(file.read_text(), f"{package}/msg/{file.stem}"))
+    return store
+
+
+def _message_folder(package: str) -> Path:
+    """Folder of a package's .msg files, in a sourced workspace or in this environment."""
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    for prefix in filter(None, prefixes):
+        folder = Path(prefix) / "share" / package / "msg"
+        if folder.is_dir():
+            return folder
+    raise InputError(f"{package} is not installed; build the workspace and source it, or run make")
+
+
+def header_stamp_ns(data: bytes) -> int:
+    """Stamp [ns] of a serialised message that starts with a header, without deserialising it."""
+    order = "<" if data[1] & 1 else ">"
+    seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, 4)
+    return seconds * SECOND + nanoseconds
+
+
+def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Message]:
+    """Yield all messages of a sequence in order of time; at equal stamps the transform comes first, the image last.
+
+    Frames of the first `offset_ns` are left out, and their images are not read.
+    """
+    store = typestore()
+    stamps = sequence.stamps_ns.tolist()
+    measured = BASE_FROM_OBJECT @ sequence.poses_measured
+    camera_info = _camera_info(store)
+    yield _static_transforms(store, stamps[0])
+    for i, stamp in enumerate(stamps):
+        if stamp < stamps[0] + offset_ns:
+            continue
+        header = _header(store, stamp, OPTICAL_FRAME)
+        transforms = [
+            _transform(store, stamp, BASE_FRAME, GEL_FRAME, measured[i]),
+            _transform(store, stamp, TRUTH_FRAME, TRUTH_GEL_FRAME, sequence.poses_true[i]),
+        ]
+        yield _message(store, TF_TOPIC, store.types[TF_TYPE](transforms=transforms), stamp)
+        camera_info.header = header
+        yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
+        yield image_message(header, sequence.image(i), stamp)
+
+
+def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Message]:
+    """Yield camera info and image of each frame, without those of the first `offset_ns`; there are no poses."""
+    store = typestore()
+    camera_info = _camera_info(store)
+    for stamp, pixels in images.frames(offset_ns):
+        camera_info.header = _header(store, stamp, OPTICAL_FRAME)
+        yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
+        yield image_message(camera_info.header, pixels, stamp)
+
+
+def _message(store: Typestore, topic: str, content: object, stamp: int, latched: bool = False) -> Message:
+    type_name = content.__msgtype__
+    return Message(topic, type_name, stamp, bytes(store.serialize_cdr(content, type_name)), latched)
+
+
+def _header(store: Typestore, stamp: int, frame: str) -> object:
+    time = store.types["builtin_interfaces/msg/Time"](sec=stamp // SECOND, nanosec=stamp % SECOND)
+    return store.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
+
+
+def _transform(store: Typestore, stamp: int, parent: str, child: str, transform: np.ndarray) -> object:
+    x, y, z, *quaternion = se3.to_xyzquat(transform).tolist()
+    return store.types["geometry_msgs/msg/TransformStamped"](
+        header=_header(store, stamp, parent),
+        child_frame_id=child,
+        transform=store.types["geometry_msgs/msg/Transform"](
+            translation=store.types["geometry_msgs/msg/Vector3"](x, y, z),
+            rotation=store.types["geometry_msgs/msg/Quaternion"](*quaternion),
+        ),
+    )
+
+
+def _static_transforms(store: Typestore, stamp: int) -> Message:
+    """The camera on the gel (its optical frame looks along -z of the gel frame) and the true object."""
+    looking_down = se3.exp(np.array([0, 0, 0, np.pi, 0, 0]))[:3, :3]
+    distance = SensorModel.load("digit_tacto").gel_distance
+    transforms = [
+        _transform(store, stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))),
+        _transform(store, stamp, BASE_FRAME, TRUTH_FRAME, BASE_FROM_OBJECT),
+    ]
+    content = store.types[TF_TYPE](transforms=transforms)
+    return _message(store, TF_STATIC_TOPIC, content, stamp, latched=True)
+
+
+def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
+    """Return a tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
+    store = typestore()
+    height, width, channels = pixels.shape
+    content = store.types[IMAGE_TYPE](
+        header=header,
+        height=height,
+        width=width,
+        encoding="rgb8",
+        is_bigendian=0,
+        step=width * channels,
+        data=pixels.reshape(-1),
+    )
+    return _message(store, IMAGE_TOPIC, content, stamp_ns)
+
+
+def _camera_info(store: Typestore) -> object:
+    """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
+    region = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    return store.types["sensor_msgs/msg/CameraInfo"](
+        header=None,
+        height=320,
+        width=240,
+        distortion_model="",
+        d=np.zeros(0),
+        k=np.zeros(9),
+        r=np.zeros(9),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=region,
+    )

@@ -1,0 +1,173 @@
+"""Building of codebooks with a progress bar, and reuse of those that exist."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.output_paths import CACHED_CODEBOOKS, cached_codebook_path, codebook_path
+from midastouch_filter.core.object_model import derived_arrays
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import CodebookBuild
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.tcn import TactileCodeNet, load_tcn
+
+from .cluster import Cluster
+from .progress import Bars
+
+SAVE_INTERVAL_S = 30.0  # work that a kill or a power cut may cost
+
+
+def build_and_save(
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    seed: int,
+    path: str | os.PathLike,
+    jobs: int | None,
+    symmetry: Symmetry | None = None,
+) -> tuple[Codebook, float]:
+    """Build a codebook of `size` poses and write it to `path`; return it and the seconds it took.
+
+    symmetry: of the object; None: it is searched for. jobs: chunks encoded at a time; None: one per core. An
+    interrupted build keeps its progress next to `path`, and the next call for the same codebook continues there.
+    """
+    start = time.perf_counter()
+    build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed, symmetry), unfinished_path(path)
+    if unfinished.is_file():
+        try:
+            build.restore(unfinished)
+            print(f"{unfinished}: going on after {build.done} of {size} poses", file=sys.stderr)
+        except InputError as error:
+            print(f"{error}; starting from the beginning", file=sys.stderr)
+    saved = start
+
+    def searched(found: int) -> None:
+        bar = bars.of(f"poses that reach {mesh.name}", "pose", size)
+        bar.update(found - bar.n)
+
+    def tried() -> None:
+        bars.of(f"symmetry of {mesh.name}", "motion").update()
+
+    def progress(done: int, total: int) -> None:
+        nonlocal saved
+        bar = bars.of(f"codebook of {mesh.name}", "pose", total)
+        bar.update(done - bar.n)
+        if time.perf_counter() - saved > SAVE_INTERVAL_S:
+            build.save(unfinished)
+            saved = time.perf_counter()
+
+    def inform(line: str) -> None:
+        print(line, file=sys.stderr)
+
+    try:
+        with contextlib.closing(Bars()) as bars:
+            cores = len(os.sched_getaffinity(0))
+            codebook = build.run(jobs or cores, progress, inform=inform, searched=searched, tried=tried)
+            codebook.derived = derived_arrays(mesh, codebook)
+    except BaseException:
+        if build.done:
+            build.save(unfinished)
+            print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to go on", file=sys.stderr)
+        raise
+    codebook.save(path)
+    unfinished.unlink(missing_ok=True)
+    return codebook, time.perf_counter() - start
+
+
+def unfinished_path(path: str | os.PathLike) -> Path:
+    """Path where an interrupted build of the codebook `path` keeps its progress."""
+    return Path(path).with_suffix(".unfinished.npz")
+
+
+def cached_codebook(
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    folder: Path = CACHED_CODEBOOKS,
+    jobs: int | None = None,
+) -> Codebook:
+    """Return the codebook of `size` poses of an object from an earlier call; build it if none fits."""
+    return ensure_codebook(cached_codebook_path(mesh.name, size, folder), mesh, tcn, sensor, size, jobs)
+
+
+def ensure_codebook(
+    path: str | os.PathLike,
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    jobs: int | None = None,
+) -> Codebook:
+    """Return the codebook at `path`; build one of `size` poses there if it is not of this mesh, network and sensor."""
+    if (book := _fitting(path, mesh, tcn, sensor)) is not None:
+        return book
+    return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
+
+
+def is_up_to_date(
+    path: str | os.PathLike,
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    seed: int,
+    symmetry: Symmetry | None = None,
+) -> bool:
+    """Return whether `path` already holds the codebook that `build_and_save` would make of these arguments."""
+    book = _fitting(path, mesh, tcn, sensor)
+    if book is None or (book.meta["size"], book.meta["seed"]) != (size, seed) or book.symmetry is None:
+        return False
+    if symmetry is None:
+        return not book.symmetry.given
+    return book.symmetry.given and book.symmetry.exact.as_json() == symmetry.as_json()
+
+
+def _fitting(path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel) -> Codebook | None:
+    """The codebook at `path`; None if there is none of this mesh, network and sensor."""
+    with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
+        book = Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
+        if book.meta["sensor_id"] == sensor.content_id:
+            return book
+    return None
+
+
+def build_catalogue(
+    meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster, force: bool
+) -> Iterator[str]:
+    """Build the codebook of each mesh file in a folder that every worker sees; yield a line about each.
+
+    Files are named as by `codebook_path`. Codebooks that are up to date are kept, unless `force`. tcn, sensor: names,
+    or files that the workers can read.
+    """
+    yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder, force) for mesh in meshes])
+
+
+def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path, force: bool) -> str:
+    mesh, model = ObjectMesh.load(path), SensorModel.load(sensor)
+    network, out = load_tcn(tcn, model), folder / codebook_path(mesh.name, sensor).name
+    if not force and is_up_to_date(out, mesh, network, model, size, seed):
+        return kept(out)
+    codebook, seconds = build_and_save(mesh, network, model, size, seed, out, jobs=1)
+    return described(out, codebook, seconds)
+
+
+def kept(path: Path) -> str:
+    """A line about a codebook that was not built again."""
+    return f"{path}: is up to date; --force builds it again"
+
+
+def described(path: Path, codebook: Codebook, seconds: float) -> str:
+    """A line about a codebook that was built."""
+    size = path.stat().st_size / 2**20
+    poses = f"{len(codebook.poses)} poses of {codebook.meta['mesh_name']}"
+    return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; symmetry: {codebook.symmetry.describe()}"

@@ -1,0 +1,1 @@
+"""What a person sees of an exploration: its progress, its page."""

@@ -1,0 +1,1 @@
+"""Nodes of recordings and pictures."""

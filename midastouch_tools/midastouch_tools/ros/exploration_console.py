@@ -1,0 +1,177 @@
+"""The terminal of `midastouch run explore`: it shows the progress, and its keys steer the finger."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from vision_msgs.msg import Detection3DArray
+from visualization_msgs.msg import Marker, MarkerArray
+
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import probabilities_from_msg, stamp_ns
+from midastouch_common.output_paths import quick_codebook
+from midastouch_common.ros import qos
+from midastouch_common.ros.addresses import resolve
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.objects import bundled_objects
+
+from ..explore.progress import object_answer, progress_line
+from ..explore.result import Ended
+from ..progress import progress_bar
+
+_OF_A_FINGER = "p: push the object; o: another object; "
+_NUDGE = 0.01  # m
+_HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
+_END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+
+
+class Console(Node):
+    """Node that shows the progress of an exploration, and sends the commands of the pressed keys.
+
+    Attributes: ended: end of the exploration, None before it; answering [s]: from the filter's first answer to the
+    newest; mesh: of the object; since_change_ns: time since it became the object, on the finger's clock.
+    Args: mesh: of the object at the start; given: True if the filter was given the object.
+    """
+
+    def __init__(self, mesh: str, given: bool, context: rclpy.Context):
+        super().__init__("explore", context=context)
+        self.mesh, self._newest, self._changed = mesh, 0, 0
+        self.ended: Ended | None = None
+        self._first_at: float | None = None
+        self.answering = 0.0
+        self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self._holds_back = True
+        self._explorer = ExplorerStatus(state=ExplorerStatus.STATE_WAITING)
+        self._filter = FilterStatus(state=FilterStatus.STATE_WAITING)
+        self._objects: dict[str, float] = {}
+        self._given = Path(mesh).stem if given else ""
+        self._started, self._bar = time.monotonic(), progress_bar(bar_format="{desc}")
+        self._move = self.create_publisher(Suggestion, "explorer/move", qos.COMMAND)
+        self._callable = {
+            name: self.create_client(Trigger, f"explorer/{name}") for name in ("pause", "resume", "push", "lift")
+        }
+        self._set_object = self.create_client(SetObject, "explorer/set_object")
+        self.create_subscription(MarkerArray, "explorer/object_mesh", self._on_mesh, qos.latched())
+        self.create_subscription(ExplorerStatus, "explorer/status", self._on_explorer, qos.latched())
+        self.create_subscription(Detection3DArray, "object_hypotheses", self._on_objects, qos.latched())
+        self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+
+    def keys(self) -> dict[str, Callable[[], None]]:
+        """Return the function of each key of `Keyboard`; it queues a command for `carry_out_keys`."""
+        does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
+        does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
+        does |= {"o": self._change_object, " ": self._turn_over, "q": self.quit}
+        return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
+
+    def let_begin(self) -> None:
+        """Let an explorer that was started paused begin, unless a person has taken the finger meanwhile."""
+        if self._holds_back and self._paused and self._callable["resume"].service_is_ready():
+            self._holds_back = False
+            self._call("resume")
+
+    def carry_out_keys(self) -> None:
+        """Carry out the commands of the pressed keys, in the thread that spins."""
+        try:
+            while True:
+                self._pressed.get_nowait()()
+                self._holds_back = self._holds_back and not self._paused
+        except Empty:
+            return
+
+    def destroy_node(self) -> None:
+        """Close the progress bar, then destroy the node."""
+        self._bar.close()
+        super().destroy_node()
+
+    def _nudge(self, heading: float) -> None:
+        self._move.publish(Suggestion(heading=heading, length=_NUDGE))
+
+    def _call(self, name: str) -> None:
+        if self._callable[name].service_is_ready():
+            self._callable[name].call_async(Trigger.Request())
+
+    def _change_object(self) -> None:
+        """Ask for the bundled object after this one."""
+        objects = {name: str(path) for name, path in sorted(bundled_objects().items())}
+        names, now = list(objects), Path(self.mesh).stem
+        following = names[(names.index(now) + 1) % len(names) if now in names else 0]
+        codebook = quick_codebook(following).resolve()
+        request = SetObject.Request(mesh_path=objects[following])
+        request.codebook_path = str(codebook) if codebook.is_file() else ""
+        if self._set_object.service_is_ready():
+            self._set_object.call_async(request)
+
+    def _turn_over(self) -> None:
+        self._call("resume" if self._paused else "pause")
+
+    def quit(self) -> None:
+        """End the exploration for a person."""
+        self.ended = Ended.of(self._explorer, by_hand=True)
+
+    def fail(self, why: str) -> None:
+        """End the exploration because a node died."""
+        self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
+
+    @property
+    def _paused(self) -> bool:
+        return self._explorer.state == ExplorerStatus.STATE_PAUSED
+
+    @property
+    def since_change_ns(self) -> int:
+        return self._newest - self._changed
+
+    def _on_mesh(self, markers: MarkerArray) -> None:
+        for marker in markers.markers:
+            address = marker.mesh_resource
+            if marker.action == Marker.ADD and address and (path := file_of(address)) != self.mesh:
+                self.mesh, self._changed = path, self._newest
+                self._objects, self._given = {}, Path(path).stem
+
+    def _on_objects(self, objects: Detection3DArray) -> None:
+        try:
+            self._objects = probabilities_from_msg(objects)
+        except InputError as error:
+            self.get_logger().warning(f"object_hypotheses: {error}", throttle_duration_sec=5.0)
+        self._show()
+
+    def _on_filter(self, status: FilterStatus) -> None:
+        if status.state == FilterStatus.STATE_WAITING:
+            return
+        self._newest = stamp_ns(status.header.stamp)
+        self._first_at = self._first_at or time.monotonic()
+        self.answering = time.monotonic() - self._first_at
+        self._filter = status
+        self._show()
+        self._bar.update()
+
+    def _on_explorer(self, status: ExplorerStatus) -> None:
+        self._explorer = status
+        self._show()
+        if status.state in _END_STATES and self.ended is None:
+            self.ended = Ended.of(status)
+
+    def _show(self) -> None:
+        answer, seconds = object_answer(self._objects, self._given), time.monotonic() - self._started
+        explorer, known = self._explorer, self._filter
+        line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
+        self._bar.set_description_str(line, refresh=False)
+
+
+def keys_help(finger: bool) -> str:
+    """Return the help on the keys; finger: True if the arm is the finger without mechanics."""
+    of_finger = _OF_A_FINGER if finger else ""
+    return f"arrows: slide; l: lift, touch elsewhere; {of_finger}space: take over, or let it go on; q, Ctrl-C: end"
+
+
+def file_of(address: str) -> str:
+    """Return the file that the address of a mesh stands for."""
+    return str(resolve(address, "mesh").resolve())

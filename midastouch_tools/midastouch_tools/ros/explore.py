@@ -1,0 +1,173 @@
+"""`midastouch run explore`: the nodes as processes, a recording of the run, keys for a person, and a page."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from midastouch_bringup.ros.launch_parameters import explored, quick_codebooks
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, sole_use
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+
+from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
+from ..bags.run_record import OBJECTS, PENETRATION, read_run
+from ..demo.preparation import prepare_codebooks
+from ..explore.result import ending, exploration_result, result_rows, write_page, write_words
+from ..nodes.recorder import TOPICS, Recorder
+from ..processes.foreground import Wait, await_ends, woken_by_signals
+from ..processes.process import Process, Program
+from ..processes.supervisor import NodeFailed, Supervisor
+from ..progress import close_bars
+from ..replay.keyboard import Keyboard
+from ..result_file import write_json
+from ..text_table import text_table
+from .exploration_console import Console, file_of, keys_help
+from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
+
+_LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
+_RECORDING = "run.mcap"
+
+
+@contextlib.contextmanager
+def own_folder(out: Path) -> Iterator[None]:
+    """Keep the folder of an exploration to this process; InputError while another explores there."""
+    with sole_use(out):
+        # left by runs that were killed: names made by `atomic_path`, and from those by `BagWriter`
+        for left in out.glob(f".*{Path(_RECORDING).stem}.*{Path(_RECORDING).suffix}*"):
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
+        yield
+
+
+def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
+    """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
+
+    programs: the nodes, including `explorer`; given: arm, and mesh, codebook and objects, as `explored` returns them.
+    domain: ROS_DOMAIN_ID, on this machine alone. The status is 0 if object and pose are known and right, or if a person
+    ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it has ended.
+    """
+    touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
+    bag, started = out / _RECORDING, time.monotonic()
+    unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
+    finger = given["arm"] == "finger"
+    print(f"{'a simulated finger' if finger else 'an arm in MuJoCo'} explores '{Path(touched).stem}'{unknown}")
+    print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
+    # Ctrl-C is one more key that ends the exploration
+    with woken_by_signals() as wait, atomic_path(bag) as temporary:
+        console = _explore(programs, touched, not objects, finger, temporary, out / "log", domain, wait)
+        if wait(0.0):
+            raise KeyboardInterrupt
+    seconds = time.monotonic() - started
+    try:
+        record = read_run(bag)
+    except InputError as error:  # it ended before the filter had an answer
+        result = ending(console.ended, Path(console.mesh).stem, seconds)
+        _tell(result, out)
+        print(f"the same as a page: {write_words(result, str(error), out)}")
+        return 0 if console.ended.by_hand else 1
+    if console.mesh != touched:  # changed by key: the earlier part is about another object
+        record = record.last(1e-9 * console.since_change_ns).of_known_object()
+        changed = {"mesh": console.mesh, "codebook": "", "objects": ""}
+        prepare_codebooks(quick_codebooks(changed))
+        touched, codebook = console.mesh, explored(changed)["codebook"]
+    mesh = ObjectMesh.load(touched)
+    result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
+    _tell(result, out)
+    page = write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
+    print(f"pictures and table: {page}\nrecording: {bag}")
+    return 0 if result["right"] or console.ended.by_hand else 1
+
+
+def _tell(result: dict, out: Path) -> None:
+    write_json(out / "result.json", result)
+    print(f"\n{text_table(*result_rows(result))}\n", flush=True)
+
+
+def _explore(
+    programs: Sequence[Program],
+    mesh: str,
+    given: bool,
+    finger: bool,
+    bag: Path,
+    logs: Path,
+    domain: int,
+    wait: Wait,
+) -> Console:
+    """Run the exploration; return its console, which knows how it ended."""
+
+    def end_at_once(left: list[Process], seconds: float) -> None:
+        if await_ends(wait, left, seconds):
+            raise KeyboardInterrupt
+
+    with supervised_run(domain, logs, end_at_once) as (supervisor, executor):
+        executor.add_node(recorder := _recorder(bag, mesh, executor.context))
+        executor.add_node(console := Console(mesh, given, executor.context))
+        for program in programs:
+            supervisor.start(_held_back(program) if program.ends else program)
+        with Keyboard(console.keys()) as keyboard:
+            if keyboard.active:
+                print(keys_help(finger), flush=True)
+            _follow(executor, supervisor, recorder, console, stopped=lambda: wait(0.0))
+        return console
+
+
+def _held_back(explorer: Program) -> Program:
+    """Return the explorer's program, started paused: the finger must not move before the recorder hears it."""
+    return replace(explorer, command=(*explorer.command, "-p", "start_paused:=true"))
+
+
+def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
+    topics = (
+        *TOPICS,
+        Topic(PENETRATION, IMAGE_TYPE),
+        Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True),
+    )
+    overrides = [Parameter("path", value=str(bag))]
+    return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
+
+
+def _follow(
+    executor: SingleThreadedExecutor,
+    supervisor: Supervisor,
+    recorder: Recorder,
+    console: Console,
+    stopped: Callable[[], bool],
+) -> None:
+    """Let the finger move once the recorder hears everything, and spin until the exploration is over."""
+
+    def turn() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        console.carry_out_keys()
+        if stopped():
+            console.quit()
+        supervisor.look_after()
+        return console.ended is None
+
+    def still_to_come() -> str:
+        # others publish on /tf, too, so a connection proves nothing; a message does
+        return "" if recorder.counts[TF_TOPIC] else "the finger's transforms"
+
+    try:
+        if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn, still_to_come):
+            while turn():
+                console.let_begin()
+    except NodeFailed as error:
+        # the explorer also ends with an error when it gives up
+        deadline = time.monotonic() + _LAST_WORDS_S
+        while console.ended is None and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.1)
+        if console.ended is None:
+            close_bars()
+            print(f"midastouch: error: {error}", file=sys.stderr)
+            console.fail(error.cause)
+    hear_the_last(executor)

@@ -1,0 +1,72 @@
+"""Messages as they are recorded, and bags of them."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME
+from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, typestore
+from midastouch_tools.bags.writer import BagWriter
+
+SECOND, MS = 1_000_000_000, 1_000_000
+STORE = typestore()
+
+
+def header(stamp_ns, frame):
+    time = STORE.types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
+    return STORE.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
+
+
+def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topic="/tf"):
+    """A transform message whose pose is a row [x y z qx qy qz qw]."""
+    transform = STORE.types["geometry_msgs/msg/Transform"](
+        STORE.types["geometry_msgs/msg/Vector3"](*row[:3]),
+        STORE.types["geometry_msgs/msg/Quaternion"](*row[3:]),
+    )
+    stamped = STORE.types["geometry_msgs/msg/TransformStamped"](header(stamp_ns, parent), child, transform)
+    content = STORE.types["tf2_msgs/msg/TFMessage"]([stamped])
+    data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
+    return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
+
+
+def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, topic="/image_raw"):
+    pixels = np.zeros((320, 240, 3), np.uint8) if pixels is None else pixels
+    content = STORE.types["sensor_msgs/msg/Image"](
+        header=header(stamp_ns, "digit_optical_frame"),
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=step or pixels[0].size,
+        data=pixels.reshape(-1),
+    )
+    data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
+    return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
+
+
+def compressed(message, ending=".png"):
+    """An image message, without loss unless as JPEG, as image_transport would publish it."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    encoded = cv2.imencode(ending, content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
+    small = STORE.types[COMPRESSED_TYPE](content.header, f"rgb8; {ending[1:]} compressed bgr8", encoded)
+    data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
+    return Message(f"{message.topic}/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
+
+
+def cut_off(message):
+    """A compressed image message of which the second half was lost."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    content.data = content.data[: len(content.data) // 2]
+    return dataclasses.replace(message, data=bytes(STORE.serialize_cdr(content, message.type_name)))
+
+
+def write(path, *messages):
+    with BagWriter(path) as bag:
+        for message in messages:
+            bag.write(message)
+    return path
+
+
+STILL = [0.0, 0, 0, 0, 0, 0, 1]
+MOVED = [0.1, 0, 0, 0, 0, np.sin(0.25), np.cos(0.25)]

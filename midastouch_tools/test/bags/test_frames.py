@@ -1,0 +1,167 @@
+"""What goes in comes out frame by frame, with poses at the stamps of the images."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, header, image, tf, write
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FROM_OBJECT, GEL_FRAME
+from midastouch_tools.bags.frames import GelStream, read_bag
+from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message
+from midastouch_tools.bags.reader import bag_metadata
+from midastouch_tools.bags.writer import write_bag
+
+
+@pytest.mark.parametrize("name", ["slide.mcap", "slide"])
+def test_a_sequence_survives_the_bag(tmp_path, simulated_sequence, name):
+    sequence = simulated_sequence(n=7)
+    path = tmp_path / name
+    write_bag(sequence, path)
+    frames = list(read_bag(path))
+    assert [frame.stamp_ns for frame in frames] == sequence.stamps_ns.tolist()
+    for i, frame in enumerate(frames):
+        np.testing.assert_array_equal(frame.image, sequence.image(i))
+        expected = BASE_FROM_OBJECT @ sequence.poses_measured[i]
+        np.testing.assert_allclose(frame.base_from_gel, expected, atol=1e-9)
+        np.testing.assert_allclose(frame.object_from_gel_true, sequence.poses_true[i], atol=1e-9)
+    expected = {"object": "test_object", "sequence": "test_object/00", "layout": "simulated"}
+    assert bag_metadata(path) == expected
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([name, "test_object"])
+
+
+def test_poses_are_interpolated_at_the_images_stamp_not_at_arrival(tmp_path):
+    """The second transform is recorded after the image, and both long after they were true."""
+    path = write(
+        tmp_path / "x.mcap",
+        tf(SECOND, STILL, recorded_ns=50 * SECOND),
+        image(SECOND + SECOND // 4, recorded_ns=51 * SECOND),
+        tf(2 * SECOND, MOVED, recorded_ns=52 * SECOND),
+    )
+    (frame,) = read_bag(path)
+    np.testing.assert_allclose(frame.base_from_gel[:3, 3], [0.025, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(se3.log(frame.base_from_gel)[5], 0.125, atol=1e-12)
+    assert frame.object_from_gel_true is None
+
+
+def test_images_outside_the_transforms_are_left_out(tmp_path):
+    stamps = [SECOND // 2, SECOND, 2 * SECOND, 3 * SECOND]
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, MOVED), *(image(stamp) for stamp in stamps))
+    assert [frame.stamp_ns for frame in read_bag(path)] == [SECOND, 2 * SECOND]
+
+
+def looped(child):
+    """Transforms of 2 to 9 s, and again until 4 s."""
+    stamps = [*range(2, 10), 2, 3, 4]
+    return [tf(s * SECOND, STILL, child=child, recorded_ns=(i + 2) * SECOND) for i, s in enumerate(stamps)]
+
+
+@pytest.mark.parametrize(
+    ("messages", "message"),
+    [
+        ([image(SECOND)], "has no /tf, /tf_static; it has /image_raw"),
+        ([tf(SECOND, STILL)], "has no /image_raw; it has /tf"),
+        ([tf(SECOND, STILL), image(2 * SECOND)], "no image on /image_raw has a pose"),
+        ([tf(SECOND, STILL, child="tool0"), image(SECOND)], "'digit_gel_frame' is not known"),
+        ([tf(SECOND, [0, 0, 0, 0, 0, 0, 0]), image(SECOND)], "rotation is zero"),
+        ([tf(SECOND, [np.nan, 0, 0, 0, 0, 0, 1]), image(SECOND)], "NaN"),
+        (
+            [*looped(GEL_FRAME), image(2 * SECOND)],
+            f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split",
+        ),
+        (
+            [
+                *looped("tool0"),
+                tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
+                image(2 * SECOND),
+            ],
+            "the time of frame 'tool0' runs backwards at 2.000 s; split",
+        ),
+    ],
+)
+def test_bags_without_what_is_needed_say_so(tmp_path, messages, message):
+    path = write(tmp_path / "x.mcap", *messages)
+    with pytest.raises(InputError, match=message) as error:
+        list(read_bag(path))
+    assert "x.mcap" in str(error.value)
+
+
+def test_bgr_padded_and_compressed_images(tmp_path):
+    pixels = np.zeros((320, 240, 3), np.uint8)
+    pixels[..., 0] = 200
+    padded = np.zeros((320, 250, 3), np.uint8)
+    padded[:, :240, 2] = 200
+    wide = image(SECOND, padded, "bgr8")
+    content = STORE.deserialize_cdr(wide.data, wide.type_name)
+    content.width = 240
+    wide = dataclasses.replace(wide, data=bytes(STORE.serialize_cdr(content, wide.type_name)))
+    kind = "sensor_msgs/msg/CompressedImage"
+    png = cv2.imencode(".png", pixels[..., ::-1])[1]
+    content = STORE.types[kind](header(SECOND, "digit_optical_frame"), "png", png)
+    small = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, small)
+    for topic in ("/image_raw", "/compressed"):
+        (frame,) = read_bag(path, GelStream(topic))
+        np.testing.assert_array_equal(frame.image, pixels)
+
+
+def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
+    raw = image(SECOND, np.random.default_rng(0).integers(0, 256, (320, 240, 3), np.uint8))
+    frames = {}
+    for name, recorded in {"raw": [raw], "small": [compressed(raw)], "both": [raw, compressed(raw)]}.items():
+        path = write(tmp_path / f"{name}.mcap", tf(SECOND, STILL), *recorded)
+        ((_, frames[name], *_),) = read_bag(path)
+    np.testing.assert_array_equal(frames["small"], frames["raw"])
+    np.testing.assert_array_equal(frames["both"], frames["raw"])
+    with pytest.raises(InputError, match=r"/other.* has /image_raw/compressed"):
+        next(read_bag(tmp_path / "small.mcap", GelStream("/other")))
+
+
+@pytest.mark.parametrize("data", [b"", b"no picture"])
+def test_compressed_images_that_are_none_are_refused(tmp_path, data):
+    content = STORE.types[COMPRESSED_TYPE](header(SECOND, "camera"), "png", np.frombuffer(data, np.uint8))
+    bad = Message(
+        "/image_raw/compressed", COMPRESSED_TYPE, SECOND, bytes(STORE.serialize_cdr(content, COMPRESSED_TYPE))
+    )
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
+    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed"):
+        next(read_bag(path))
+
+
+def test_half_a_jpeg_is_refused(tmp_path):
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), cut_off(compressed(image(SECOND), ".jpg")))
+    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed.* is cut off.*record it again"):
+        next(read_bag(path))
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (image(SECOND, encoding="mono16"), "mono16' is neither rgb8 nor bgr8"),
+        (image(SECOND, step=100), "but holds"),
+        (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240 pixels, expected 240 x 320; rotate it"),
+        (Message("/image_raw", "sensor_msgs/msg/Image", SECOND, b"\0\1"), "cannot be read as a bag"),
+        (tf(SECOND, STILL, topic="/image_raw"), "has a pose|TFMessage; record images"),
+    ],
+)
+def test_images_that_are_none_are_refused(tmp_path, bad, message):
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), bad)
+    with pytest.raises(InputError, match=message) as error:
+        list(read_bag(path))
+    assert "x.mcap" in str(error.value)
+
+
+def test_topic_and_frames_of_a_bag_may_have_other_names(tmp_path):
+    turned = [0.2, 0, 0, 0, 0, 1, 0]
+    messages = [
+        message
+        for stamp in (SECOND, 2 * SECOND)
+        for message in (tf(stamp, turned, "part", "left_gel"), image(stamp, topic="/left/image_raw"))
+    ]
+    stream = GelStream("/left/image_raw", "part", "left_gel")
+    frames = list(read_bag(write(tmp_path / "left.mcap", *messages), stream))
+    np.testing.assert_allclose([frame.base_from_gel[0, 3] for frame in frames], 0.2)
+    assert len(frames) == 2

@@ -1,0 +1,67 @@
+"""Bags that are damaged, foreign or empty are refused in words."""
+
+import pytest
+from recorded import write
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from midastouch_common.errors import InputError
+from midastouch_tools.bags.frames import read_bag
+from midastouch_tools.bags.messages import IMAGE_TYPE, sequence_messages, typestore
+from midastouch_tools.bags.reader import bag_messages, bag_metadata, bag_topics, is_bag
+from midastouch_tools.bags.writer import write_bag
+
+
+def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):
+    whole = tmp_path / "whole.mcap"
+    write_bag(simulated_sequence(n=3), whole)
+    content = whole.read_bytes()
+    bad = tmp_path / "bad.mcap"
+    for damaged in (b"", b"not a bag", content[:100], content[:9] + bytes(200) + content[209:]):
+        bad.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"bad\.mcap"):
+            list(read_bag(bad))
+    (tmp_path / "part_of_a_bag.db3").touch()
+    for foreign in (tmp_path / "nowhere.mcap", tmp_path, tmp_path / "test_object", tmp_path / "part_of_a_bag.db3"):
+        assert not is_bag(foreign)
+        with pytest.raises(InputError, match="not a bag"):
+            list(bag_messages(foreign))
+    with pytest.raises(InputError, match="not a bag"):
+        bag_metadata(tmp_path)
+
+
+def test_topics_of_unknown_types_and_without_messages_do_not_count(tmp_path, simulated_sequence):
+    """`ros2 bag record -a` keeps what nobody sent, and types that are installed on that machine only."""
+    path = tmp_path / "slide"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        odd = writer.add_connection("/odd", "vendor_msgs/msg/Odd", msgdef="vendor_msgs/Gone x\n", rihs01="RIHS01_0")
+        writer.write(odd, 1, b"????")
+        writer.add_connection("/image_raw", IMAGE_TYPE, typestore=typestore())
+        for message in sequence_messages(simulated_sequence(n=2)):
+            name = f"{message.topic}/full" if message.topic == "/image_raw" else message.topic
+            if name not in {c.topic for c in writer.connections}:
+                writer.add_connection(name, message.type_name, typestore=typestore())
+            (connection,) = (c for c in writer.connections if c.topic == name)
+            writer.write(connection, message.stamp_ns, message.data)
+    assert {topic.name for topic in bag_topics(path)} == {
+        "/odd",
+        "/tf",
+        "/tf_static",
+        "/camera_info",
+        "/image_raw/full",
+    }
+    assert len(list(bag_messages(path, {"/tf"}))) == 2
+
+
+def test_a_bag_folder_without_its_file(tmp_path, simulated_sequence):
+    path = tmp_path / "slide"
+    write_bag(simulated_sequence(n=2), path)
+    (path / "slide.mcap").unlink()
+    with pytest.raises(InputError, match="slide"):
+        list(read_bag(path))
+
+
+def test_an_empty_bag_is_a_bag(tmp_path):
+    path = write(tmp_path / "x.mcap")
+    assert bag_metadata(path) == {}
+    with pytest.raises(InputError, match="it has nothing"):
+        list(read_bag(path))

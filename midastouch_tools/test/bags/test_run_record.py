@@ -1,0 +1,158 @@
+"""A bag with inputs and results becomes snapshots."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from run_results import write_run
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_tools.bags.messages import typestore
+from midastouch_tools.bags.reader import bag_messages
+from midastouch_tools.bags.run_record import moments, read_run
+from midastouch_tools.bags.writer import BagWriter
+
+FRAMES = 4
+
+
+@pytest.fixture
+def bag(simulated_sequence, tmp_path):
+    """Function that writes the bag of a run and returns the sequence and the bag's path."""
+
+    def write(answered=range(FRAMES), **options):
+        sequence = simulated_sequence(FRAMES)
+        return sequence, write_run(sequence, tmp_path / "run.mcap", answered, **options)
+
+    return write
+
+
+def test_every_answered_frame_is_a_snapshot_with_its_truth_and_its_times(bag):
+    sequence, path = bag()
+    record = read_run(path)
+    assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
+    assert [s.time for s in record.snapshots] == pytest.approx([0, 0.1, 0.2, 0.3])
+    for i, snapshot in enumerate(record.snapshots):
+        assert snapshot.truth == pytest.approx(sequence.poses_true[i], abs=1e-6)
+        assert snapshot.particles[0] == pytest.approx(sequence.poses_true[i], abs=1e-6)
+        assert snapshot.particles[1] == pytest.approx(np.eye(4))
+        assert snapshot.estimate == pytest.approx(sequence.poses_true[i], abs=1e-6)
+        assert (snapshot.image == sequence.image(i)).all()
+        assert snapshot.penetration.tolist() == [[0, 1], [2, 3], [4, 5]]
+        assert snapshot.state == "converged"
+    (mode,) = record.snapshots[2].modes
+    assert mode.weight == 0.75
+    assert mode.covariance[1].tolist() == [6, 7, 8, 9, 10, 11]
+    codes = [s.code for s in record.snapshots]
+    assert codes[1] is None, "without contact there is none"
+    assert codes[2] == pytest.approx([0.6, 0.8])
+    assert record.filter_ms == pytest.approx([3.5] * FRAMES)
+    assert record.n_particles == [700] * FRAMES
+    assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
+
+
+def test_of_poses_that_are_alike_the_one_nearest_to_the_truth_counts(bag):
+    quarter = se3.exp([0, 0, 0, 0, 0, np.pi / 2])
+    sequence, path = bag(turns=4, turned=quarter)
+    snapshot = read_run(path).snapshots[2]
+    truth = sequence.poses_true[2]
+    assert len(snapshot.symmetry.transforms) == 4
+    for pose in (snapshot.estimate, snapshot.particles[0], snapshot.modes[0].pose):
+        assert pose == pytest.approx(truth, abs=1e-6)
+    # back by a quarter: what was along y is along x
+    covariance = np.arange(36.0).reshape(6, 6)
+    assert snapshot.modes[0].covariance[0, 0] == pytest.approx(covariance[1, 1])
+    assert snapshot.modes[0].covariance[5, 5] == pytest.approx(covariance[5, 5])
+    (third,) = read_run(bag(turns=3, turned=quarter)[1]).snapshots[2].modes
+    assert np.linalg.norm(third.pose[:3, :3] - truth[:3, :3]) > 0.1, "a quarter of a turn is not a third"
+
+
+def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):
+    said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
+    record = read_run(bag(objects=said)[1])
+    assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
+    assert not any(s.objects for s in record.of_known_object().snapshots)
+
+
+def test_what_the_recorder_leaves_out_may_be_missing(bag):
+    """Penetration maps are not among its topics, and a real run has no pose published before it is sure."""
+    record = read_run(bag(without={"/tactile/penetration", "/tactile/code", "/pose", "/diagnostics"})[1])
+    for snapshot in record.snapshots:
+        assert snapshot.penetration is None
+        assert snapshot.code is None
+        assert snapshot.estimate is None
+        assert len(snapshot.particles) == 2
+    assert record.node_ms == {}
+
+
+def test_a_real_run_has_no_truth(bag, tmp_path):
+    _, path = bag()
+    measured = tmp_path / "measured.mcap"
+    store = typestore()
+    with BagWriter(measured) as writer:
+        for message in bag_messages(path):
+            if message.topic == "/tf":
+                content = store.deserialize_cdr(message.data, message.type_name)
+                content.transforms = content.transforms[:1]
+                message = dataclasses.replace(message, data=bytes(store.serialize_cdr(content, message.type_name)))
+            writer.write(message)
+    assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
+
+
+def test_unanswered_and_repeated_frames_do_not_count(bag):
+    record = read_run(bag(answered=[0, 2, 3], repeated=[2, 3])[1])
+    assert [s.frame for s in record.snapshots] == [0, 2, 3]
+
+
+def test_the_word_that_an_answer_is_still_to_come_is_none(bag):
+    record = read_run(bag(answered=[0, 2, 3], waited=[1, 2])[1])
+    assert [s.frame for s in record.snapshots] == [0, 2, 3]
+    assert [s.state for s in record.snapshots] == ["converged"] * 3
+    assert record.n_particles == [700] * 3
+
+
+def test_of_a_frame_recorded_twice_the_first_answer_counts(bag):
+    """The filter refuses the second."""
+    record = read_run(bag(repeated=[2], refused=[2])[1])
+    assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
+    assert [s.state for s in record.snapshots] == ["converged"] * 4
+
+
+def test_a_run_without_results_is_refused(bag):
+    with pytest.raises(InputError, match=r"run\.mcap"):
+        read_run(bag(answered=[])[1])
+
+
+def with_error(run, errors):
+    """The run's first snapshot with one particle at each distance [m] from the truth."""
+    out = []
+    for i, error in enumerate(errors):
+        particle = run[0].truth.copy()
+        particle[0, 3] += error
+        out.append(dataclasses.replace(run[0], frame=i, particles=particle[None]))
+    return out
+
+
+def test_first_and_last_are_always_shown(run):
+    chosen = moments(run, 4)
+    assert (chosen[0].frame, chosen[-1].frame) == (0, 11)
+    assert len(chosen) == 4
+
+
+def test_more_is_shown_while_the_error_falls(run):
+    falling = with_error(run, np.concatenate([np.geomspace(0.1, 0.001, 20), np.full(180, 0.001)]))
+    frames = [s.frame for s in moments(falling, 11)]
+    assert sum(frame < 20 for frame in frames) >= 5
+    assert max(np.diff(frames)) < 60
+
+
+def test_without_any_progress_the_steps_are_even(run):
+    rising = with_error(run, np.linspace(0.01, 0.1, 101))
+    assert [s.frame for s in moments(rising, 5)] == [0, 25, 50, 75, 100]
+
+
+def test_a_short_run_is_shown_whole(run):
+    assert [s.frame for s in moments(run[:2], 5)] == [0, 1]
+    assert moments(run[:1], 5) == run[:1]

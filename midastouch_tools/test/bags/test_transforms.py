@@ -1,0 +1,74 @@
+"""Transforms that are late, twice or of another clock."""
+
+import numpy as np
+import pytest
+from recorded import MOVED, MS, SECOND, STILL, image, tf, write
+
+from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME
+from midastouch_tools.bags.frames import read_bag
+
+
+def test_a_chain_with_a_static_mount(tmp_path):
+    path = write(
+        tmp_path / "x.mcap",
+        tf(SECOND, MOVED, child="tool0"),
+        tf(0, [0, 0, 0.1, 0, 0, 0, 1], parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
+        image(SECOND),
+    )
+    (frame,) = read_bag(path)
+    np.testing.assert_allclose(frame.base_from_gel[:3, 3], [0.1, 0, 0.1], atol=1e-12)
+
+
+def test_frames_that_do_not_matter_may_have_odd_clocks_and_values(tmp_path):
+    odd = [tf(stamp, STILL, child="tracker", recorded_ns=SECOND + i) for i, stamp in enumerate([9 * SECOND, 0, SECOND])]
+    above = [
+        tf(stamp, STILL, parent="map", child=BASE_FRAME, recorded_ns=SECOND + i)
+        for i, stamp in enumerate([9 * SECOND, SECOND])
+    ]
+    broken = [tf(SECOND, [0, 0, 0, 0, 0, 0, 0], child="hand"), tf(SECOND + 1, [np.nan, 0, 0, 0, 0, 0, 1])]
+    path = write(tmp_path / "x.mcap", *odd, *above, *broken, tf(SECOND, STILL), tf(2 * SECOND, MOVED), image(SECOND))
+    (frame,) = read_bag(path)
+    np.testing.assert_allclose(frame.base_from_gel, np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize("back_ms", [1200, 4900])
+def test_a_time_that_is_set_back_and_goes_on_is_no_late_transform(tmp_path, back_ms):
+    stamps = [*range(0, 5000, 100), *range(5000 - back_ms, 9000, 100)]
+    path = write(tmp_path / "x.mcap", *moving(stamps), image(1000 * MS, recorded_ns=30_000 * MS))
+    with pytest.raises(InputError, match=f"{1e-3 * (5000 - back_ms):.3f} s; split the bag"):
+        list(read_bag(path))
+
+
+def moving(stamps_ms, wrong=()):
+    """Transforms along x, 1 mm a millisecond, recorded in this order; those of the positions in `wrong` lie."""
+    rows = [[9.0 if i in wrong else 1e-3 * s, 0, 0, 0, 0, 0, 1] for i, s in enumerate(stamps_ms)]
+    return [
+        tf(s * MS, row, recorded_ns=(20_000 + i) * MS) for i, (s, row) in enumerate(zip(stamps_ms, rows, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stamps_ms", "wrong", "late", "left_out"),
+    [
+        ([*range(0, 5000, 100)], (), 0, 0),
+        ([0, 100, 100, 200, 200, 300, 3000], (2, 4), 0, 2),  # two nodes publish the same
+        ([0, 200, 100, 400, 300, 2000, 1100, 3000], (), 3, 0),
+        ([*range(0, 3900, 100), 1900, *range(3900, 5000, 100)], (39,), 0, 1),  # 1.9 s late, and there already
+        ([*range(0, 3900, 100), 1900, 2000, 2100, *range(3900, 5000, 100)], (39, 40, 41), 0, 3),
+        ([*range(0, 3900, 100), 1950, *range(3900, 5000, 100)], (39,), 0, 1),  # later than anybody waits
+        ([s for i in range(40) for s in (100 * i + 3000, 100 * i)], range(1, 80, 2), 0, 40),  # another clock
+    ],
+)
+def test_transforms_late_or_twice_are_sorted_in_or_left_out_and_told(
+    tmp_path, capsys, stamps_ms, wrong, late, left_out
+):
+    asked = [s for i, s in enumerate(stamps_ms) if i not in wrong]
+    images = [image(s * MS, recorded_ns=30_000 * MS) for s in asked]
+    path = write(tmp_path / "x.mcap", *moving(stamps_ms, wrong), *images)
+    frames = list(read_bag(path))
+    assert [frame.stamp_ns for frame in frames] == [s * MS for s in asked]
+    np.testing.assert_allclose([f.base_from_gel[0, 3] for f in frames], 1e-3 * np.array(asked), atol=1e-9)
+    told = f"{path}: transforms of '{GEL_FRAME}': {late} late, sorted in; "
+    told += f"{left_out} repeated or more than 1 s late, left out\n"
+    assert capsys.readouterr().err == (told if late or left_out else "")

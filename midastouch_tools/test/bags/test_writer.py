@@ -1,0 +1,88 @@
+"""What goes in can be read by others, and a failure leaves nothing behind."""
+
+import shutil
+
+import numpy as np
+import pytest
+from recorded import SECOND, STILL, tf, write
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.frames import GEL_FRAME
+from midastouch_tools.bags.reader import bag_messages
+from midastouch_tools.bags.writer import BagWriter, write_bag
+
+
+def test_rosbags_reads_it_with_types_and_offered_qos(tmp_path, simulated_sequence):
+    path = tmp_path / "slide"
+    write_bag(simulated_sequence(n=3), path)
+    with AnyReader([path]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        assert counts == {"/tf_static": 1, "/tf": 3, "/camera_info": 3, "/image_raw": 3}
+        durability = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
+        assert durability["/tf_static"] is QosDurability.TRANSIENT_LOCAL
+        assert durability["/image_raw"] is QosDurability.VOLATILE
+        messages = {c.topic: reader.deserialize(data, c.msgtype) for c, _, data in reader.messages()}
+    camera = messages["/camera_info"]
+    assert (camera.width, camera.height, camera.k[0]) == (240, 320, 0.0)
+    assert camera.header.stamp == messages["/image_raw"].header.stamp
+    assert camera.header.frame_id == "digit_optical_frame"
+    optical = messages["/tf_static"].transforms[0]
+    assert (optical.header.frame_id, optical.child_frame_id) == (GEL_FRAME, "digit_optical_frame")
+    assert optical.transform.translation.z == 0.022
+    rotation = optical.transform.rotation
+    looking = se3.from_xyzquat(np.array([0, 0, 0, rotation.x, rotation.y, rotation.z, rotation.w]))[:3, 2]
+    np.testing.assert_allclose(looking, [0, 0, -1], atol=1e-12)  # at the object
+
+
+def test_a_failure_leaves_nothing_behind(tmp_path):
+    def fail():
+        with BagWriter(tmp_path / "bags" / "x.mcap") as bag:
+            bag.write(tf(SECOND, STILL))
+            raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        fail()
+    assert list((tmp_path / "bags").iterdir()) == []
+
+
+def test_a_failed_conversion_keeps_the_old_bag(tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    path = tmp_path / "x.mcap"
+    write_bag(sequence, path)
+    sequence.image_paths[1].write_bytes(b"")
+    with pytest.raises(InputError, match=r"1\.jpg"):
+        write_bag(sequence, path)
+    assert len(list(bag_messages(path, {"/image_raw"}))) == 3
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["test_object", "x.mcap"]
+
+
+def test_a_bag_replaces_a_bag_but_nothing_else(tmp_path):
+    folder = tmp_path / "bag"
+    write(folder, tf(SECOND, STILL), tf(2 * SECOND, STILL))
+    write(folder, tf(SECOND, STILL))
+    assert len(list(bag_messages(folder))) == 1
+    shutil.rmtree(folder)
+    folder.mkdir()
+    (folder / "thesis.txt").write_text("precious")
+    with pytest.raises(InputError, match="no bag folder; choose another name"):
+        write(folder, tf(SECOND, STILL))
+    assert (folder / "thesis.txt").read_text() == "precious"
+
+
+def test_what_could_not_be_replaced_at_the_end_is_refused_at_the_beginning(tmp_path):
+    (tmp_path / "made").mkdir()
+    write(tmp_path / "made" / "run", tf(SECOND, STILL))
+    (tmp_path / "made" / "run").rename(tmp_path / "run.mcap")  # as `ros2 bag record -o run.mcap` makes it
+    (tmp_path / "latest").symlink_to("run.mcap")
+    for name, why in (("run.mcap", "no bag file"), ("latest", "is a link")):
+        with pytest.raises(InputError, match=why):
+            write(tmp_path / name, tf(SECOND, STILL))
+
+
+def test_a_place_where_nothing_can_be_written_is_named_as_it_was_given():
+    with pytest.raises(OSError, match=r"x\.mcap") as caught, BagWriter("/proc/x.mcap"):
+        pass
+    assert caught.value.filename == "/proc/x.mcap"

@@ -1,0 +1,25 @@
+import numpy as np
+
+from midastouch_tools.cli import main
+from midastouch_tools.replay.source import ReplaySource
+
+
+def test_a_sequence_becomes_a_bag_and_what_is_left_out_is_counted(real_sequence_folder, tmp_path, capsys):
+    def lose(data):
+        data["poses"]["DIGIT"][4] = np.nan
+
+    path, _ = real_sequence_folder(n=21, edit=lose)
+    assert main(["to-bag", str(path), "--out", str(tmp_path / "x.mcap")]) == 0
+    said = capsys.readouterr().out
+    assert "10 frames of 035_power_drill" in said
+    assert "1 whose pose is missing or jumps left out" in said
+    images = [each for each in ReplaySource(tmp_path / "x.mcap").messages() if each.topic.endswith("image_raw")]
+    assert len(images) == 10
+
+
+def test_a_bag_that_is_there_is_kept(real_sequence_folder, tmp_path, capsys):
+    (tmp_path / "x.mcap").write_bytes(b"recorded")
+    path, _ = real_sequence_folder(n=5)
+    assert main(["to-bag", str(path), "--out", str(tmp_path / "x.mcap")]) == 2
+    assert "x.mcap: exists already" in capsys.readouterr().err
+    assert (tmp_path / "x.mcap").read_bytes() == b"recorded"

@@ -1,0 +1,277 @@
+"""Strangers' pickles: data comes through, programs do not."""
+
+import builtins
+import collections
+import contextlib
+import io
+import os
+import pickle
+import struct
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midastouch_common.errors import InputError
+from midastouch_tools.datasets import restricted_pickle
+
+ARRAYS = [
+    np.arange(12.0).reshape(3, 4),
+    np.asfortranarray(np.arange(12, dtype=np.int16).reshape(3, 4)),
+    np.arange(6, dtype=">f4"),
+    np.array([True, False]),
+    np.array(["a", "longer"]),
+    np.array([b"raw", b"bytes"]),
+    np.zeros((0, 7)),
+    np.array(3.5),
+    np.array([1 + 2j]),
+]
+
+
+@pytest.mark.parametrize("protocol", range(2, 6))
+@pytest.mark.parametrize("array", ARRAYS, ids=lambda a: f"{a.dtype}-{a.shape}")
+def test_arrays_come_through_every_protocol(array, protocol):
+    loaded = restricted_pickle.loads(pickle.dumps({"a": array, "again": [array]}, protocol), "x")
+    np.testing.assert_array_equal(loaded["a"], array)
+    assert loaded["a"].dtype.newbyteorder("=") == array.dtype.newbyteorder("=")
+    assert loaded["again"][0] is loaded["a"]
+    assert loaded["a"].flags.writeable
+
+
+@pytest.mark.parametrize("protocol", [2, 4, 5])
+def test_scalars_containers_and_object_arrays(protocol):
+    value = {
+        "scalar": np.float64(0.25),
+        "int": np.int32(-3),
+        "tuple": (1, 2.5, "text", None, True, b"raw", b""),
+        "objects": np.array([{"x": np.arange(3)}, None], dtype=object),
+    }
+    loaded = restricted_pickle.loads(pickle.dumps(value, protocol), "x")
+    assert loaded["scalar"] == 0.25
+    assert loaded["int"] == -3
+    assert loaded["tuple"] == value["tuple"]
+    np.testing.assert_array_equal(loaded["objects"][0]["x"], np.arange(3))
+
+
+def test_both_generations_of_numpy_paths():
+    of_numpy_1, of_numpy_2 = b"numpy.core.multiarray", b"numpy._core.multiarray"
+    old = pickle.dumps(np.arange(3.0), 2).replace(of_numpy_2, of_numpy_1)
+    new = old.replace(of_numpy_1, of_numpy_2)
+    assert old != new
+    np.testing.assert_array_equal(restricted_pickle.loads(old, "x"), np.arange(3.0))
+    np.testing.assert_array_equal(restricted_pickle.loads(new, "x"), np.arange(3.0))
+
+
+def omegaconf_pickle() -> bytes:
+    """What OmegaConf 2.2 pickles for {"sig_t": 5e-4, "steps": [1]}, written opcode by opcode."""
+    out = io.BytesIO()
+
+    def text(value):
+        out.write(b"X" + struct.pack("<I", len(value)) + value.encode())
+
+    def new(module, name):
+        text(module), text(name)
+        out.write(b"\x93)\x81")
+
+    def node(value):
+        new("omegaconf.nodes", "AnyNode")
+        out.write(b"}(")
+        text("_parent"), out.write(b"N")
+        text("_metadata"), new("omegaconf.base", "Metadata"), out.write(b"}(")
+        text("ref_type"), text("typing"), text("Any"), out.write(b"\x93")
+        out.write(b"ub")
+        text("_val"), out.write(value)
+        out.write(b"ub")
+
+    out.write(b"\x80\x04")
+    new("omegaconf.dictconfig", "DictConfig")
+    out.write(b"}(")
+    text("_metadata"), new("omegaconf.base", "ContainerMetadata"), out.write(b"}(")
+    text("object_type"), text("builtins"), text("dict"), out.write(b"\x93")
+    text("resolver_cache"), text("collections"), text("defaultdict"), out.write(b"\x93")
+    text("builtins"), text("dict"), out.write(b"\x93\x85R")
+    out.write(b"ub")
+    text("_content"), out.write(b"}(")
+    text("sig_t"), node(b"G" + struct.pack(">d", 5e-4))
+    text("steps"), new("omegaconf.listconfig", "ListConfig"), out.write(b"}(")
+    text("_content"), out.write(b"]("), node(b"K\x01"), out.write(b"e")
+    out.write(b"ub")
+    out.write(b"u")
+    out.write(b"ub.")
+    return out.getvalue()
+
+
+def test_omegaconf_nodes_are_skipped_and_what_stands_beside_them_is_read():
+    config = omegaconf_pickle()[2:-1]
+    data = b"\x80\x04}(X\x06\x00\x00\x00mNoise" + config + b"X\x01\x00\x00\x00nK\x05u."
+    assert restricted_pickle.loads(data, "x")["n"] == 5
+
+
+class Calls:
+    def __init__(self, function, *arguments):
+        self.call = function, arguments
+
+    def __reduce__(self):
+        return self.call
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "name"),
+    [
+        (os.system, ("touch {marker}",), "system"),
+        (builtins.eval, ("open('{marker}', 'w')",), "eval"),
+        (builtins.exec, ("open('{marker}', 'w')",), "exec"),
+        (builtins.getattr, ("", "join"), "getattr"),
+        (subprocess.Popen, (["touch", "{marker}"],), "Popen"),
+        (np.load, ("{marker}",), "numpy.load"),
+        (np.fromfile, ("{marker}",), "fromfile"),
+        (collections.OrderedDict, (), "collections.OrderedDict"),
+    ],
+)
+@pytest.mark.parametrize("protocol", [0, 2, 4])
+def test_foreign_functions_are_refused_by_name_and_never_run(tmp_path, function, arguments, name, protocol):
+    marker = tmp_path / "ran"
+    arguments = tuple(
+        [part.format(marker=marker) for part in a] if isinstance(a, list) else a.format(marker=marker)
+        for a in arguments
+    )
+    data = pickle.dumps({"gelposes": np.zeros(3), "evil": Calls(function, *arguments)}, protocol)
+    with pytest.raises(InputError, match=name):
+        restricted_pickle.loads(data, "some.pkl")
+    assert not marker.exists()
+
+
+def named(module: str, name: str) -> bytes:
+    """The beginning of a pickle that asks for a name."""
+    texts = (b"X" + struct.pack("<I", len(text)) + text.encode() for text in (module, name))
+    return b"\x80\x04" + b"".join(texts) + b"\x93"
+
+
+@pytest.mark.parametrize("what", [("numpy", "ndarray"), ("numpy._core.multiarray", "_reconstruct")])
+def test_an_array_is_as_large_as_its_content_whatever_it_is_called_with(what):
+    called = named(*what) + b"(J" + struct.pack("<i", 2**31 - 1) + b"tR."
+    assert np.size(restricted_pickle.loads(called, "x")) == 0
+
+
+@pytest.mark.parametrize("what", [("numpy", "ndarray"), ("numpy._core.multiarray", "scalar"), ("_codecs", "encode")])
+def test_attributes_that_a_pickle_gives_to_what_is_allowed_do_no_harm(what):
+    attribute = b"X" + struct.pack("<I", 12) + b"__defaults__"
+    with contextlib.suppress(InputError):
+        restricted_pickle.loads(named(*what) + b"N}(" + attribute + b"K\x01u\x86b.", "x")
+    value = [np.arange(3.0), np.float64(2), b"raw"]
+    for loaded, true in zip(restricted_pickle.loads(pickle.dumps(value, 2), "x"), value, strict=True):
+        np.testing.assert_array_equal(loaded, true)
+
+
+def test_dotted_names_cannot_reach_through_allowed_modules():
+    data = b"\x80\x04\x8c\x05numpy\x8c\x0fndarray.__new__\x93."
+    with pytest.raises(InputError, match="__new__"):
+        restricted_pickle.loads(data, "x")
+
+
+def test_every_truncation_is_refused_with_one_kind_of_error():
+    data = pickle.dumps({"gelposes": np.zeros((2, 7)), "mNoise": {"sig_t": 5e-4}}, 4)
+    for end in range(len(data)):
+        with pytest.raises(InputError, match=r"some\.pkl"):
+            restricted_pickle.loads(data[:end], "some.pkl")
+
+
+def test_damaged_bytes_never_raise_anything_else():
+    rng = np.random.default_rng(0)
+    data = bytearray(pickle.dumps({"gelposes": np.zeros((2, 7)), "n": np.float32(1)}, 4))
+    refused = 0
+    for _ in range(500):
+        damaged = bytearray(data)
+        for position in rng.integers(0, len(data), 3):
+            damaged[position] = rng.integers(256)
+        try:
+            restricted_pickle.loads(bytes(damaged), "x")
+        except InputError:
+            refused += 1
+    assert refused > 100
+
+
+def test_array_content_must_fill_its_shape():
+    good = pickle.dumps(np.zeros(8), 4)
+    # the shape (8,) is the only tuple of one small integer in this pickle
+    wrong = good.replace(b"K\x08\x85", b"K\xff\x85")
+    assert wrong != good
+    with pytest.raises(InputError, match="shape"):
+        restricted_pickle.loads(wrong, "x")
+
+
+@pytest.mark.parametrize("dtype", ["datetime64[s]", [("a", "f8")], "V4"])
+def test_exotic_array_types_are_refused(dtype):
+    with pytest.raises(InputError, match="x: "):
+        restricted_pickle.loads(pickle.dumps(np.zeros(2, dtype), 4), "x")
+
+
+@pytest.mark.parametrize("put", [b"r" + struct.pack("<I", 2**32 - 1), b"p4294967295\n"])
+def test_a_claim_for_a_huge_memo_is_refused_before_memory_is_taken(put):
+    with pytest.raises(InputError, match="memo slot"):
+        restricted_pickle.loads(b"\x80\x02]" + put + b".", "x")
+
+
+def test_a_view_of_an_arrays_memory_is_refused():
+    array = pickle.dumps(np.zeros(4), 4)
+    with pytest.raises(InputError, match="buffer"):
+        restricted_pickle.loads(array[:-1] + b"\x98.", "x")
+
+
+def test_shared_lists_stay_shared_instead_of_exploding():
+    value = []
+    for _ in range(60):
+        value = [value, value]
+    loaded = restricted_pickle.loads(pickle.dumps(value), "x")
+    assert loaded[0] is loaded[1]
+
+
+def test_a_list_that_holds_itself():
+    value = []
+    value.append(value)
+    loaded = restricted_pickle.loads(pickle.dumps(value), "x")
+    assert loaded[0] is loaded
+
+
+def test_npy_files_plain_and_pickled(tmp_path):
+    plain, pickled = tmp_path / "plain.npy", tmp_path / "pickled.npy"
+    np.save(plain, np.eye(4))
+    np.save(pickled, {"poses": {"DIGIT": np.ones((2, 7))}}, allow_pickle=True)
+    np.testing.assert_array_equal(restricted_pickle.load_npy(plain), np.eye(4))
+    np.testing.assert_array_equal(restricted_pickle.load_npy(pickled)["poses"]["DIGIT"], np.ones((2, 7)))
+    np.save(pickled, np.array([1, "two"], dtype=object), allow_pickle=True)
+    assert restricted_pickle.load_npy(pickled).tolist() == [1, "two"]
+
+
+def test_npy_with_a_program_inside_is_refused(tmp_path):
+    path = tmp_path / "evil.npy"
+    np.save(path, np.array({"x": Calls(os.system, "true")}, dtype=object), allow_pickle=True)
+    with pytest.raises(InputError, match="system"):
+        restricted_pickle.load_npy(path)
+
+
+def npy(header: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"text",
+        npy("{'descr': bad}"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000, 4, 4)}"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 4, 4)}"),
+    ],
+)
+def test_npy_that_is_none_is_refused(tmp_path, content):
+    path = tmp_path / "bad.npy"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"bad\.npy"):
+        restricted_pickle.load_npy(path)
+
+
+def test_missing_file_is_named():
+    with pytest.raises(InputError, match=r"nowhere\.pkl"):
+        restricted_pickle.load(Path("nowhere.pkl"))

@@ -1,0 +1,67 @@
+"""Archives: plain files come out, everything else is refused as a whole."""
+
+import re
+import stat
+import zipfile
+
+import pytest
+
+from midastouch_common.errors import InputError
+from midastouch_tools.download import archive
+from midastouch_tools.download.archive import extract
+
+
+def zipped(path, *members):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as out:
+        for name, content in members:
+            out.writestr(name, content)
+    return path
+
+
+def test_files_and_folders_come_out(tmp_path):
+    packed = zipped(tmp_path / "a.zip", ("mug/mesh.ply", b"ply"), ("mug/deep/er/note.txt", b"hello"), ("top", b""))
+    assert extract(packed, tmp_path / "out") == 3
+    found = {str(p.relative_to(tmp_path / "out")): p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    assert found == {"mug/mesh.ply": b"ply", "mug/deep/er/note.txt": b"hello", "top": b""}
+
+
+@pytest.mark.parametrize("name", ["../evil", "a/../../evil", "/evil", "a/..", "..\\evil", "C:\\evil"])
+def test_a_member_that_would_escape_condemns_the_archive(tmp_path, name):
+    packed = zipped(tmp_path / "a.zip", ("good", b"x"), (name, b"evil"))
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match=rf"a\.zip.*{re.escape(name)}"):
+        extract(packed, tmp_path / "out")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_link_is_refused(tmp_path):
+    info = zipfile.ZipInfo("link")
+    info.external_attr = (stat.S_IFLNK | 0o777) << 16
+    packed = zipped(tmp_path / "a.zip", (info, "/etc"))
+    with pytest.raises(InputError, match=r"a\.zip.*link"):
+        extract(packed, tmp_path / "out")
+
+
+def test_damage_leaves_nothing(tmp_path):
+    packed = zipped(tmp_path / "a.zip", ("good", b"x" * 50_000), ("more", bytes(range(256)) * 100))
+    whole = packed.read_bytes()
+    for damaged in (whole[: len(whole) // 2], b"nonsense", b""):
+        packed.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"a\.zip.*download it again"):
+            extract(packed, tmp_path / "out")
+        assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
+
+
+def test_the_same_name_twice_is_refused(tmp_path):
+    packed = zipped(tmp_path / "a.zip", ("x", b"1"), ("x", b"2"))
+    with pytest.raises(InputError, match=r"a\.zip.*'x'.*twice"):
+        extract(packed, tmp_path / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
+
+
+def test_more_than_the_disk_holds_is_noticed_before(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "RESERVE", 1 << 60)
+    packed = zipped(tmp_path / "a.zip", ("x", b"1"))
+    with pytest.raises(InputError, match=r"a\.zip.*make room"):
+        extract(packed, tmp_path / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]

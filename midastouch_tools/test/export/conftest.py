@@ -1,0 +1,58 @@
+"""Bags of short runs, and what reads the exported files back."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midastouch_common import se3
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_tools.datasets import load_sequence, write_sequence
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bags"))
+
+from run_results import write_run
+
+FRAMES = 6
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory):
+    """Function that writes the bag of a run whose first frame was not answered; returns the sequence and the bag."""
+
+    def write(name="cup", **options):
+        rng = np.random.default_rng(len(name) + ord(name[-1]))
+        folder = tmp_path_factory.mktemp(name)
+        poses = se3.exp(rng.normal(0, 0.3, 6)) @ se3.exp(np.arange(FRAMES)[:, None] * rng.normal(0, 0.01, 6))
+        images = rng.integers(0, 256, (FRAMES, 20, 15, 3), np.uint8).repeat(16, axis=1).repeat(16, axis=2)
+        write_sequence(
+            folder / "00",
+            ((image, np.zeros((320, 240), np.float32)) for image in images),
+            poses,
+            poses,
+            background=images[0],
+            object_name=name,
+            sensor=SensorModel.load("digit_tacto"),
+            noise={"sig_t": 0.0, "sig_r": 0.0},
+        )
+        sequence = load_sequence(folder / "00")
+        return sequence, write_run(sequence, folder / f"{name}.mcap", range(1, FRAMES), **options)
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def runs(run):
+    """Paths of two bags."""
+    return [run(name)[1] for name in ("cup", "can")]
+
+
+@pytest.fixture(scope="session")
+def parquet():
+    return pytest.importorskip("pyarrow.parquet", reason="the export extra is not installed")
+
+
+@pytest.fixture(scope="session")
+def h5py():
+    return pytest.importorskip("h5py", reason="the export extra is not installed")

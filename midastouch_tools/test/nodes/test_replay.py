@@ -1,0 +1,153 @@
+"""The replay over real DDS: every frame, in order, with its transforms; its clock, and its ends."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from filter_fakes import code_msg, loader_of
+from replay_rig import play, replay, stamps
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from midastouch_common.errors import InputError
+from midastouch_common.frames import BASE_FROM_OBJECT
+from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.transforms import TransformBuffer
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_msgs.msg import TactileCode
+from midastouch_tools.bags.messages import sequence_messages
+from midastouch_tools.bags.writer import BagWriter, write_bag
+
+pytestmark = pytest.mark.dds
+
+
+@pytest.mark.parametrize("form", ["sequence", "bag"])
+def test_every_frame_arrives_in_order_with_its_transforms(graph, tmp_path, simulated_sequence, form):
+    sequence = simulated_sequence(n=6)
+    source = sequence.path
+    if form == "bag":
+        source = tmp_path / "slide.mcap"
+        write_bag(sequence, source)
+    node = replay(graph, source)
+    images, infos = graph.listen(Image, "image_raw"), graph.listen(CameraInfo, "camera_info")
+    moving, static = graph.listen(TFMessage, "/tf"), graph.listen(TFMessage, "/tf_static", latched=True)
+    play(graph, node)
+    graph.spin_until(lambda: len(images) == len(infos) == len(moving) == 6 and static, "all messages")
+
+    assert stamps(images) == stamps(infos) == sequence.stamps_ns.tolist()
+    buffer = TransformBuffer()
+    for message in moving:
+        for t in message.transforms:
+            stamp = stamp_ns(t.header.stamp)
+            buffer.insert(t.header.frame_id, t.child_frame_id, stamp, transform_from_msg(t.transform))
+    for i, image in enumerate(images):
+        np.testing.assert_array_equal(image_from_msg(image), sequence.image(i))
+        assert image.header.frame_id == "digit_optical_frame"
+        stamp = stamp_ns(image.header.stamp)
+        measured = buffer.lookup("base_link", "digit_gel_frame", stamp)
+        np.testing.assert_allclose(measured, BASE_FROM_OBJECT @ sequence.poses_measured[i], atol=1e-9)
+        truth = buffer.lookup("object_ground_truth", "digit_gel_ground_truth", stamp)
+        np.testing.assert_allclose(truth, sequence.poses_true[i], atol=1e-9)
+    assert (node.player.frames_sent, node.player.frames_lost, node.error) == (6, 0, None)
+
+
+def test_waits_for_its_listeners(graph, simulated_sequence):
+    node = replay(graph, simulated_sequence(n=2).path, wait_for_subscribers=2)
+    first = graph.listen(Image, "image_raw")
+    node.start()
+    graph.spin_for(0.2)
+    assert not first
+    second = graph.listen(Image, "image_raw")
+    graph.spin_until(lambda: len(first) == len(second) == 2, "both frames at both listeners")
+
+
+def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
+    """The whole way: replay, codes made of its images, the filter's own node with a filter that counts."""
+    sequence, filters = simulated_sequence(n=20), []
+    parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
+    parameters["refinement"] = False  # codes alone
+    graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
+    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
+    images = []
+
+    def feel(image):
+        images.append(image)
+        codes.publish(code_msg(stamp_ns(image.header.stamp)))
+
+    graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
+    node = replay(graph, sequence.path, loop=True, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
+    node.start()
+    graph.spin_until(lambda: len(images) >= 41, "the third round")
+    assert graph.set_parameter("replay", "loop", False).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    rounds = len(images) // 20
+    assert len(images) == 20 * rounds
+    assert filters[0].starts == ["uniform"] * rounds
+    assert len(filters[0].measurements) == 20 * rounds
+
+
+def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    node = replay(graph, sequence.path, loop=True, clock=True, rate=1.0)
+    images, clock = graph.listen(Image, "image_raw"), graph.listen(Clock, "/clock")
+    node.start()
+
+    def jumps():
+        return np.count_nonzero(np.diff([stamp_ns(message.clock) for message in clock]) < 0)
+
+    graph.spin_until(lambda: len(images) >= 7 and jumps() >= 2, "the third round")
+    assert stamps(images)[:7] == sequence.stamps_ns.tolist() * 2 + sequence.stamps_ns[:1].tolist()
+    told = [stamp_ns(message.clock) for message in clock]
+    assert set(sequence.stamps_ns.tolist()) <= set(told)
+    assert max(told) == sequence.stamps_ns[-1]
+    assert jumps() <= 1 + len(images) // 3
+    assert len(set(told)) > 3  # it also runs between the three frames
+    assert not node.finished.is_set()
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_a_gap_in_the_recording_is_said_and_can_be_skipped(graph, tmp_path, simulated_sequence):
+    """As of a computer whose clock was set while it recorded."""
+    first, *others = (m for m in sequence_messages(simulated_sequence(n=3)) if m.topic == "/image_raw")
+    years = 10**18
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in (first, *(dataclasses.replace(m, stamp_ns=m.stamp_ns + years) for m in others)):
+            bag.write(message)
+    node = replay(graph, tmp_path / "x.mcap", rate=1.0)
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    node.start()
+    gap = r"nothing is recorded for .* s: set seek_to"
+    graph.spin_until(lambda: any(re.match(gap, s.message) for r in reports for s in r.status), "the warning")
+    assert graph.set_parameter("replay", "seek_to", 1e9).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    assert node.player.frames_sent == 3
+
+
+def test_a_damaged_image_ends_the_replay_with_its_name(graph, simulated_sequence):
+    sequence = simulated_sequence(n=4)
+    sequence.image_paths[2].write_bytes(b"")
+    node = replay(graph, sequence.path)
+    images = graph.listen(Image, "image_raw")
+    play(graph, node)
+    assert isinstance(node.error, InputError)
+    assert "2.jpg" in str(node.error)
+    graph.spin_until(lambda: len(images) == 2, "the frames before it")
+
+
+@pytest.mark.parametrize(
+    ("source", "message"), [("", "'source' is empty"), ("/nowhere/slide", "no such sequence folder")]
+)
+def test_bad_sources_are_refused_at_the_start(graph, source, message):
+    with pytest.raises(InputError, match=message):
+        replay(graph, source)
+
+
+def test_destroying_ends_a_replay_that_waits(graph, simulated_sequence):
+    node = replay(graph, simulated_sequence(n=2).path, wait_for_subscribers=9)
+    node.start()
+    graph.remove_all()
+    assert node.finished.is_set()

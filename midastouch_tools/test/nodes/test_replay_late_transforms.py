@@ -1,0 +1,147 @@
+"""A replay to a filter node of recordings whose transforms come late, with gaps or by another clock; over real DDS."""
+
+import dataclasses
+
+import pytest
+from filter_fakes import code_msg, loader_of
+from replay_rig import PACED, play, replay
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_tools.bags.messages import sequence_messages, typestore
+from midastouch_tools.bags.writer import BagWriter
+
+pytestmark = pytest.mark.dds
+MS = 1_000_000
+
+
+class Chain:
+    """A filter node with a fake filter, by the replay's clock, and codes made of its images as soon as they come."""
+
+    def __init__(self, graph, transform_timeout=10.0):
+        self.filters, self.sent = [], []
+        given = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
+        given |= {"refinement": False, "use_sim_time": True, "transform_timeout": transform_timeout}
+        self.node = graph.add(lambda **options: ParticleFilterNode(load=loader_of(self.filters), **options), given)
+        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
+        graph.spin_until(lambda: codes.get_subscription_count() > 0, "the filter")
+
+        def feel(image):
+            self.sent.append(stamp_ns(image.header.stamp))
+            codes.publish(code_msg(self.sent[-1]))
+
+        graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
+
+    def states(self) -> dict[int, list[str]]:
+        """What was said of each image that was sent, by stamp [ns]."""
+        said = {stamp: [] for stamp in self.sent}
+        for status in self.statuses:
+            if (stamp := stamp_ns(status.header.stamp)) in said:
+                said[stamp].append(status.state)
+        return said
+
+
+def written(path, messages):
+    with BagWriter(path) as bag:
+        for message in sorted(messages, key=lambda m: m.stamp_ns):
+            bag.write(message)
+    return path
+
+
+def with_late_transforms(sequence, late_ns):
+    """The messages of a sequence, recorded transforms so much later."""
+    for message in sequence_messages(sequence):
+        late = message.topic == "/tf"
+        yield dataclasses.replace(message, stamp_ns=message.stamp_ns + late_ns) if late else message
+
+
+def answers(graph, chain) -> list[str]:
+    """The only answer to each image, in order, once each has one; the filter has it before its status arrives here."""
+    graph.spin_until(lambda: all(set(states) - {"waiting"} for states in chain.states().values()), "an answer to each")
+    said = [[state for state in states if state != "waiting"] for states in chain.states().values()]
+    assert [len(each) for each in said] == [1] * len(said)
+    return [each[0] for each in said]
+
+
+def test_a_gap_in_the_transforms_and_images_before_and_after_them(graph, tmp_path, simulated_sequence):
+    """A bag whose arm came 1 s after the camera, had a gap of 1 s, and left 0.4 s earlier, at 10 Hz."""
+    sequence = simulated_sequence(n=33)
+    present = {*sequence.stamps_ns[10:15].tolist(), *sequence.stamps_ns[25:30].tolist()}
+    messages = [m for m in sequence_messages(sequence) if m.topic != "/tf" or m.stamp_ns in present]
+    chain = Chain(graph)
+    node = replay(graph, written(tmp_path / "x.mcap", messages), **PACED, clock=True)
+    play(graph, node)
+    assert chain.sent == sequence.stamps_ns.tolist()
+    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (33, 0, 0)
+    # what lies within the gap is interpolated over it; only before and after there is nothing
+    assert answers(graph, chain) == ["stale"] * 10 + ["ambiguous"] * 20 + ["stale"] * 3
+    assert len(chain.filters[0].measurements) == 20
+
+
+@pytest.mark.parametrize("late_ms", [5, 250, 1900])
+def test_transforms_recorded_after_their_images(graph, tmp_path, simulated_sequence, late_ms):
+    """Between this image and the next one, after the next one, or after many."""
+    n = 8 + late_ms // 100  # at 10 Hz
+    sequence = simulated_sequence(n=n)
+    chain = Chain(graph)
+    node = replay(
+        graph, written(tmp_path / "x.mcap", with_late_transforms(sequence, late_ms * MS)), **PACED, clock=True
+    )
+    play(graph, node)
+    assert chain.sent == sequence.stamps_ns.tolist()
+    assert answers(graph, chain) == ["ambiguous"] * n
+    assert len(chain.filters[0].measurements) == n
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
+
+
+def test_transforms_that_are_slower_than_the_images(graph, tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=17)
+    slow = [m for i, m in enumerate(sequence_messages(sequence)) if m.topic != "/tf" or (i - 1) // 3 % 8 == 0]
+    chain = Chain(graph)
+    play(graph, node := replay(graph, written(tmp_path / "x.mcap", slow), **PACED, clock=True))
+    assert chain.sent == sequence.stamps_ns.tolist()
+    assert answers(graph, chain) == ["ambiguous"] * 17
+    assert len(chain.filters[0].measurements) == 17
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
+
+
+def restamped(message, by_ns):
+    """With the stamps of its headers moved."""
+    content = typestore().deserialize_cdr(message.data, message.type_name)
+    for header in [t.header for t in content.transforms] if message.topic == "/tf" else [content.header]:
+        stamp = header.stamp.sec * 1000 * MS + header.stamp.nanosec + by_ns
+        header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1000 * MS)
+    return dataclasses.replace(message, data=bytes(typestore().serialize_cdr(content, message.type_name)))
+
+
+@pytest.mark.parametrize("ahead", ["/tf", "/image_raw"])
+def test_an_arm_of_another_clock_makes_stale_answers_and_holds_nobody_up(graph, tmp_path, simulated_sequence, ahead):
+    sequence = simulated_sequence(n=12)
+    messages = [restamped(m, 60_000 * MS) if m.topic == ahead else m for m in sequence_messages(sequence)]
+    chain = Chain(graph, transform_timeout=0.5)
+    node = replay(graph, written(tmp_path / "x.mcap", messages), **PACED, clock=True)
+    play(graph, node)
+    assert len(chain.sent) == 12
+    assert answers(graph, chain) == ["stale"] * 12
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
+
+
+def test_a_step_includes_the_transforms_that_its_frame_waits_for(graph, tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=4)
+    chain = Chain(graph)
+    source = written(tmp_path / "x.mcap", with_late_transforms(sequence, 5 * MS))
+    node = replay(graph, source, **PACED, clock=True, start_paused=True)
+    clock = graph.listen(Clock, "/clock")
+    node.start()
+    for n in (1, 2):
+        assert graph.call(Trigger, "replay/step", Trigger.Request()).success
+        graph.spin_until(lambda n=n: len(chain.filters[0].measurements) == n, "the frame")
+        graph.spin_for(0.2)
+        assert chain.sent == sequence.stamps_ns[:n].tolist()
+        assert stamp_ns(clock[-1].clock) <= sequence.stamps_ns[n]

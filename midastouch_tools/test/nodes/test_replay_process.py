@@ -1,0 +1,83 @@
+"""The replay's executable: how it ends, and what it says then."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rcl_interfaces.msg import Log
+from sensor_msgs.msg import Image
+
+from midastouch_tools.nodes.replay import main
+from midastouch_tools.replay.player import Player
+
+pytestmark = pytest.mark.dds
+
+
+def process(graph, *parameters):
+    """The executable, on the graph's DDS domain."""
+    arguments = [part for parameter in parameters for part in ("-p", parameter)]
+    domain = str(graph.companion.context.get_domain_id())
+    return subprocess.Popen(
+        [sys.executable, "-m", "midastouch_tools.nodes.replay", "--ros-args", *arguments],
+        env=os.environ | {"ROS_DOMAIN_ID": domain},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.slow
+def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    good = process(graph, f"source:={sequence.path}", "rate:=0.0")
+    bad = process(graph, "source:=/nowhere/slide")
+    out, err = good.communicate(timeout=120)
+    assert good.returncode == 0, err
+    assert "sent 3 frames, 0 repeated, 0 lost" in out + err
+    out, err = bad.communicate(timeout=120)
+    assert bad.returncode == 2
+    assert err.startswith("/nowhere/slide: ")
+    assert len(err.splitlines()) == 1
+    sequence.image_paths[1].write_bytes(b"")
+    damaged = process(graph, f"source:={sequence.path}", "rate:=0.0")
+    out, err = damaged.communicate(timeout=120)
+    assert damaged.returncode == 2
+    assert err.strip().endswith("1.jpg: not a readable image; get the file again")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_sequence):
+    def surprise(*_):
+        raise ZeroDivisionError("surprise")
+
+    monkeypatch.setattr(Player, "play", surprise)
+    source = simulated_sequence(n=1).path
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        assert main(["replay", "--ros-args", "-p", f"source:={source}"]) == 1
+    assert "surprise" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_an_interrupt_while_it_waits_for_listeners_ends_it_cleanly(graph, simulated_sequence):
+    running = process(graph, f"source:={simulated_sequence(n=1).path}", "wait_for_subscribers:=9")
+    heard = graph.listen(Log, "/rosout", latched=True)
+    graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=120)
+    assert running.returncode == 0, err
+    assert "Traceback" not in err
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_the_executable_cleanly(graph, simulated_sequence):
+    running = process(graph, f"source:={simulated_sequence(n=3).path}", "loop:=true", "rate:=2.0")
+    images = graph.listen(Image, "image_raw")
+    graph.spin_until(lambda: images, "a first frame")
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=120)
+    assert running.returncode == 0, err
+    assert "Traceback" not in err

@@ -1,0 +1,277 @@
+"""Real processes in the foreground of a process of its own; the programs are lines of shell."""
+
+import errno
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from midastouch_tools.processes.foreground import interrupted_by_signals, run_in_foreground, woken_by_signals
+from midastouch_tools.processes.process import Program
+from midastouch_tools.processes.supervisor import BackOff
+
+SUPERVISE = """
+import json, os, sys
+from midastouch_tools.processes import process
+from midastouch_tools.processes.supervisor import BackOff
+from midastouch_tools.processes.foreground import run_in_foreground
+from midastouch_tools.processes.process import Program
+
+task = json.loads(sys.argv[1])
+process.GRACE_S = task["grace"]
+process.LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
+programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
+respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
+sys.exit(run_in_foreground(programs, os.environ, respawn))
+"""
+PATIENCE = 120.0  # s; bounds a failing test only
+FOR_EVER = "while :; do sleep 0.05; done"
+
+
+class Supervised:
+    """A supervisor at work, and the lines it has printed."""
+
+    def __init__(self, programs, back_off=None, ends=(), grace=(PATIENCE,) * 3, before="", reads=None):
+        task = json.dumps({"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace})
+        command = ["sh", "-c", f'{before} exec "$@"', "sh", sys.executable, "-c", SUPERVISE, task]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.lines = []
+        self._reader = threading.Thread(target=self._read, args=[reads], daemon=True)
+        self._reader.start()
+
+    def _read(self, most):
+        with self.process.stdout:
+            for line in itertools.islice(self.process.stdout, most):
+                self.lines.append(line.rstrip("\n"))
+
+    def until(self, condition):
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, f"it did not happen in time; printed: {self.lines}"
+            time.sleep(0.01)
+
+    def said(self, line, times=1):
+        self.until(lambda: self.lines.count(line) >= times)
+
+    def status(self):
+        status = self.process.wait(PATIENCE)
+        self._reader.join()
+        return status
+
+
+@pytest.fixture
+def signals_are_heard():
+    """As in a terminal, also when the tests themselves were started with nohup or in the background of a script."""
+    former = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGQUIT)}
+    yield
+    for number, handler in former.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def supervise(signals_are_heard):
+    made = []
+
+    def make(*args, **options):
+        made.append(Supervised(*args, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.process.kill()
+        one.process.wait()
+
+
+def running(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
+    programs = {"a": "echo one; echo two >&2", "b": "printf 'no newline'"}
+    run = supervise(programs, ends=["a", "b"])
+    assert run.status() == 0
+    said = [line for line in run.lines if line.startswith("[a]")]
+    assert said == ["[a] one", "[a] two"]
+    assert "[b] no newline" in run.lines
+    assert run.lines.index("[a] two") < run.lines.index("[midastouch] a has finished; Ctrl-C ends the others")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
+)
+def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, words):
+    """They would be of no use, and wait for it for ever."""
+    os.mkfifo(tmp_path / "ready")
+    mortal = f"read -r _ < {tmp_path}/ready; {end}"
+    other = f"trap 'echo bye; exit 0' INT; echo ready > {tmp_path}/ready; {FOR_EVER}"
+    run = supervise({"mortal": mortal, "other": other})
+    assert run.status() == 1
+    assert f"[midastouch] mortal died: {words}; ending all" in run.lines
+    assert "[other] bye" in run.lines
+
+
+def test_what_dies_is_started_again_later_each_time(supervise):
+    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 600.0))
+    run.said("[mortal] alive", times=5)
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    pauses = [line.split(" in ")[1] for line in run.lines if "starting it again" in line]
+    assert pauses[:4] == ["0.02 s", "0.04 s", "0.08 s", "0.16 s"]
+    assert run.lines.count("[other] alive") == 1
+
+
+def test_what_bad_input_ends_is_not_started_again(supervise):
+    run = supervise({"filter": "echo no codebook; exit 2", "other": f"{FOR_EVER}"}, back_off=(0.0, 600.0))
+    assert run.status() == 1
+    assert run.lines.count("[filter] no codebook") == 1
+    assert "[midastouch] filter died: exit code 2; ending all" in run.lines
+
+
+def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
+    start, calls = subprocess.Popen, []
+
+    def short_of_memory(*args, **options):
+        calls.append(args)
+        if len(calls) == 2:
+            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return start(*args, **options)
+
+    monkeypatch.setattr(subprocess, "Popen", short_of_memory)
+    program = Program("mortal", ("sh", "-c", "exit 3"))
+    run_in_foreground([program], os.environ, lambda: BackOff(0.01, 600.0))
+    assert len(calls) == 3
+    assert "mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in capsys.readouterr().out
+
+
+def test_what_ends_by_itself_is_not_started_again(supervise):
+    run = supervise({"replay": "echo played", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    run.said("[midastouch] replay has finished; Ctrl-C ends the others")
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    assert run.lines.count("[replay] played") == 1
+
+
+def test_what_should_end_by_itself_and_fails_ends_the_others(supervise):
+    run = supervise({"replay": "exit 2", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    assert run.status() == 1
+    assert run.lines.count("[midastouch] replay died: exit code 2; ending all") == 1
+
+
+@pytest.mark.parametrize(
+    ("number", "before"),
+    [
+        (signal.SIGINT, ""),
+        (signal.SIGTERM, ""),
+        (signal.SIGHUP, ""),
+        (signal.SIGQUIT, ""),
+        (signal.SIGINT, "trap '' INT;"),  # as in the background of a shell without job control
+    ],
+)
+def test_a_signal_ends_all_of_them_softly_at_first(supervise, number, before):
+    programs = {
+        "polite": f"trap 'echo bye; exit 0' INT; echo $$; {FOR_EVER}",
+        "reluctant": f"trap '' INT; trap 'echo bye; exit 0' TERM; echo $$; {FOR_EVER}",
+        "deaf": f"trap '' INT TERM; echo $$; {FOR_EVER}",
+    }
+    run = supervise(programs, before=before)
+    run.until(lambda: len(run.lines) == 3)
+    pids = dict(line.strip("[").split("] ") for line in run.lines)
+    for name in ("polite", "reluctant"):
+        run.process.send_signal(number)
+        run.said(f"[{name}] bye")
+        # or the next signal ends it before its `exit`
+        run.until(lambda name=name: not running(int(pids[name])))
+    run.process.send_signal(number)
+    assert run.status() == 0
+    assert run.lines[3:] == [
+        "[midastouch] ending all", "[polite] bye", "[reluctant] bye", "[midastouch] deaf: killed by SIGKILL"
+    ]  # fmt: skip
+    assert not running(int(pids["deaf"]))
+
+
+def test_who_does_not_go_in_time_is_killed(supervise):
+    run = supervise({"deaf": f"trap '' INT TERM; echo ready; {FOR_EVER}"}, grace=(0.05, 0.05, PATIENCE))
+    run.said("[deaf] ready")
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
+
+
+def test_who_presses_again_waits_no_longer(supervise):
+    run = supervise({"deaf": f"trap '' INT; trap 'echo no' TERM; echo ready; {FOR_EVER}"}, grace=(PATIENCE,) * 3)
+    run.said("[deaf] ready")
+    for answer in ("[midastouch] ending all", "[deaf] no"):
+        run.process.send_signal(signal.SIGINT)
+        run.said(answer)
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
+
+
+def test_who_is_killed_takes_its_programs_along(supervise):
+    run = supervise(dict.fromkeys(("one", "other"), f"trap 'exit 0' TERM; echo $$; {FOR_EVER}"))
+    run.until(lambda: len(run.lines) == 2)
+    pids = [int(line.split()[1]) for line in run.lines]
+    run.process.kill()
+    run.process.wait()
+    run.until(lambda: not any(running(pid) for pid in pids))
+
+
+def test_programs_outlive_who_reads_their_output(supervise, tmp_path):
+    sign = tmp_path / "sign"
+    lines = f"echo ready; while [ ! -e {sign} ]; do sleep 0.05; done; echo late; echo later; touch {sign}.seen"
+    run = supervise({"a": lines}, reads=1)
+    run.until(lambda: run.process.stdout.closed)
+    sign.touch()
+    run.until(lambda: Path(f"{sign}.seen").exists())
+    assert run.status() == 1  # it died where it should have gone on
+
+
+def test_what_our_output_cannot_hold_ends_nothing(supervise):
+    # two lines: after the first nobody would read the second
+    lines = "printf '\\342\\234\\223 ready\\n'; echo more; exit 3"
+    run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
+    assert run.status() == 1
+    assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
+
+
+def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
+    """As soon as SIGINT does nothing by itself, `wait` knows of it."""
+    set_handler = signal.signal
+
+    def interrupted(number, handler):
+        former = set_handler(number, handler)
+        if number == signal.SIGINT and handler is not former and not raised:
+            raised.append(number)
+            signal.raise_signal(number)
+        return former
+
+    raised = []
+    monkeypatch.setattr(signal, "signal", interrupted)
+    with woken_by_signals() as wait:
+        assert raised
+        assert wait(0.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
+    former = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in the background of a shell without job control
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupted_by_signals():
+            signal.raise_signal(number)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, former)

@@ -1,0 +1,34 @@
+"""Progress bars where stderr is no terminal."""
+
+import re
+
+from midastouch_tools.progress import Bars, progress_bar
+
+
+def test_in_a_log_a_bar_is_a_line_now_and_then(capsys, monkeypatch):
+    now = 1000.0
+    monkeypatch.setattr("tqdm.std.time", lambda: now)
+    with progress_bar(total=40, unit="pose", desc="codebook of mug") as bar:
+        for _ in range(40):  # for 20 s
+            now += 0.5
+            bar.update()
+    text = capsys.readouterr().err
+    lines = text.splitlines()
+    assert "\r" not in text
+    assert all(line.startswith("codebook of mug: ") for line in lines)
+    shown = [int(re.search(r"(\d+)/40", line)[1]) for line in lines]
+    assert shown[:4] == [0, 10, 20, 30]
+    assert shown[-1] == 40
+
+
+def test_each_step_has_its_bar_and_one_without_a_known_end_counts(capsys):
+    bars = Bars()
+    for _ in range(3):
+        bars.of("symmetry of mug", "motion").update()
+    bars.of("codebook of mug", "pose", 40).update(40)
+    bars.close()
+    lines = capsys.readouterr().err.splitlines()
+    first = [line for line in lines if line.startswith("symmetry of mug: ")]
+    assert lines[: len(first)] == first
+    assert first[-1].startswith("symmetry of mug: 3motion")
+    assert lines[-1].startswith("codebook of mug: 100%")

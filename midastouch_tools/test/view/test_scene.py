@@ -1,0 +1,70 @@
+"""What the scene hands to Rerun, by a stand-in of it: the drawing itself needs the real one."""
+
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from midastouch_perception.sensor_calibration.collector import REGIONS
+from midastouch_tools.view.scene import Scene, region_box
+
+
+class StandIn(ModuleType):
+    """A module whose classes make (name, first argument, options)."""
+
+    def __getattr__(self, name):
+        return lambda *arguments, **options: (name, arguments[0] if arguments else None, options)
+
+
+class Recording:
+    """Keeps the newest that was logged, by its path."""
+
+    def __init__(self):
+        self.newest = {}
+
+    def log(self, path, content, static=False):
+        self.newest[path] = content
+
+    def send_blueprint(self, blueprint):
+        self.blueprint = blueprint
+
+    def text(self, path):
+        return self.newest[path][1]
+
+
+@pytest.fixture
+def recording(monkeypatch):
+    rerun = StandIn("rerun")
+    rerun.blueprint = StandIn("rerun.blueprint")
+    monkeypatch.setitem(sys.modules, "rerun", rerun)
+    return Recording()
+
+
+def test_state_and_objects_stand_together_until_the_filter_starts_again(recording):
+    scene = Scene(recording)
+    scene.status("searching", "two objects fit", {"mass/best": 0.5})
+    scene.objects({"mug": 0.7, "bowl": 0.3})
+    assert "searching" in recording.text("status")
+    scene.status("ambiguous", "several poses fit", {})
+    assert all(word in recording.text("status") for word in ("ambiguous", "70% mug", "30% bowl"))
+    scene.mesh(np.eye(3), np.array([[0, 1, 2]]), np.eye(3))  # another object leads
+    assert "70% mug" in recording.text("status")
+    scene.restart()
+    assert "mug" not in recording.text("status")
+
+
+def test_there_are_a_legend_and_a_scale_in_millimetres(recording):
+    scene = Scene(recording)
+    assert "particles" in recording.text("legend")
+    scene.mesh(np.diag([0.1, 0.04, 0.03]), np.array([[0, 1, 2]]), np.eye(3))
+    _, (ends,), options = recording.newest["object/scale"]
+    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(0.02)
+    assert options["labels"] == ["20 mm"]
+
+
+def test_regions_cover_the_image():
+    boxes = [region_box(region) for region in REGIONS]
+    assert boxes[0] == ((0, 0), (80, pytest.approx(320 / 3)))
+    assert boxes[REGIONS.index("middle right")][0] == (160, pytest.approx(320 / 3))
+    assert sum(width * height for _, (width, height) in boxes) == pytest.approx(240 * 320)
