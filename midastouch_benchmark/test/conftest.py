@@ -17,7 +17,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.contact import Contact
-from midastouch_perception.pipeline import Touch
+from midastouch_perception.pipeline import TouchReading
 
 NETWORK = "pose-code"
 
@@ -56,9 +56,9 @@ class PosePipeline:
         self._codes = encode(poses)
         self.ms = {"tdn": 2.0, "tcn": 1.0}
 
-    def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
+    def process(self, image: np.ndarray, background: np.ndarray) -> TouchReading:
         code = self._codes[int(image[0, 0, 0])]
-        return Touch(Contact(np.zeros((160, 120), np.float32), 1e-4, 0.0), code, NETWORK)
+        return TouchReading(Contact(np.zeros((160, 120), np.float32), 1e-4, 0.0), code, NETWORK)
 
 
 class StubSequence(SimpleNamespace):

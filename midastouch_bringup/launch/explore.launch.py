@@ -49,7 +49,7 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         included("localization"),
         included("rviz", condition=wanted("use_rviz")),
         _simulated_arm("midastouch_simulation", "finger", "finger"),
-        _simulated_arm("midastouch_motion", "mujoco_arm", "mujoco"),
+        _simulated_arm("midastouch_simulation", "mujoco_arm", "mujoco"),
         lifecycle_node(
             "midastouch_motion", "slider", ["autostart", "tf_prefix", "sensor_prefix"], condition=arm_is("mujoco")
         ),

@@ -8,7 +8,7 @@ from midastouch_common import se3
 
 from .contact_servo import LONGEST_PERIOD, ContactServo
 from .guard import Guard, Seen
-from .skills import BackOff, Ended, Skill
+from .skills import BackOffSkill, Skill, SkillEnd
 
 _COMES_WITHIN = 1.0  # s: longest wait for the first image or an `enable`
 _STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that moves no further than this stays where it is
@@ -24,7 +24,7 @@ class Controller:
     def __init__(self, servo: ContactServo, guard: Guard):
         self.servo, self.guard = servo, guard
         self.skill: Skill | None = None
-        self._reason: Ended | None = None  # result of a motion that is over, while the gel backs off
+        self._reason: SkillEnd | None = None  # result of a motion that is over, while the gel backs off
         self._since: float | None = None  # s, when the present motion was first asked for a twist
         self._moving = False
         self._free = False  # whether a gel that leaves a surface has been free of too strong a force
@@ -41,7 +41,7 @@ class Controller:
         self._since, self._moving, self._free = None, False, False
         self._following = _Following()
 
-    def step(self, now: float, seen: Seen) -> tuple[np.ndarray, Ended | None]:
+    def step(self, now: float, seen: Seen) -> tuple[np.ndarray, SkillEnd | None]:
         """Return the twist (6,) at `now` [s], and the result of the motion once it has ended: then the twist is zero.
 
         `seen.depth` is replaced by the servo's prediction. A gel that is too deep stops at once, backs off, and only
@@ -53,23 +53,23 @@ class Controller:
             return self.servo.stop(now), None  # the motion accelerates from zero
         problem = self.guard.stop(now, seen)
         if not (problem or self.skill.leaves) and (problem := self.guard.too_deep(seen)):
-            self._reason, self.skill = Ended(False, problem), BackOff()
+            self._reason, self.skill = SkillEnd(False, problem), BackOffSkill()
             return self.servo.stop(now), None
         if problem := problem or self._too_strong(seen):
             if not self._moving and now - self._since < _COMES_WITHIN:
                 return self.servo.stop(now), None
-            return self._end(now, self._reason or Ended(False, problem))
+            return self._end(now, self._reason or SkillEnd(False, problem))
         answer = self.skill.step(self.servo, now, seen.gel)
-        if isinstance(answer, Ended):
+        if isinstance(answer, SkillEnd):
             # a motion off the surface is right beyond the cone, too
             outside = self.guard.outside_box if self.skill.leaves else self.guard.outside
             if answer.success and (problem := outside(seen)):
-                answer = Ended(False, problem)
+                answer = SkillEnd(False, problem)
             return self._end(now, self._reason or answer)
         self._moving = True
         twist = self.servo.command(now, answer) if answer.any() else self.servo.stop(now)
         if problem := self.guard.outside(seen, twist) or self._following.problem(now, twist, seen):
-            return self._end(now, self._reason or Ended(False, problem))
+            return self._end(now, self._reason or SkillEnd(False, problem))
         return twist, None
 
     def _too_strong(self, seen: Seen) -> str:
@@ -80,9 +80,9 @@ class Controller:
 
     def cancel(self, now: float) -> np.ndarray:
         """Stop at once and return the twist for it, zero."""
-        return self._end(now, Ended(False, "cancelled"))[0]
+        return self._end(now, SkillEnd(False, "cancelled"))[0]
 
-    def _end(self, now: float, how: Ended) -> tuple[np.ndarray, Ended]:
+    def _end(self, now: float, how: SkillEnd) -> tuple[np.ndarray, SkillEnd]:
         self.skill, self._reason = None, None
         return self.servo.stop(now), how
 

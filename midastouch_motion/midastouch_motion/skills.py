@@ -23,7 +23,7 @@ _THICK = 5e-3  # m, thickness of a gel
 _THERE = 1e-3, np.radians(1.0)  # m, rad: a gel this near to a pose has arrived
 
 
-class Ended(NamedTuple):
+class SkillEnd(NamedTuple):
     """Result of a motion: whether it did what was asked, and a message on how it ended."""
 
     success: bool
@@ -38,7 +38,7 @@ class Skill(Protocol):
     @property
     def leaves(self) -> bool: ...
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         """Return the twist (6,) at `now` [s] of a gel at a pose (4, 4) in the base frame, or the motion's result."""
 
 
@@ -60,7 +60,7 @@ class _Moving:
         return self.path
 
 
-class Touch(_Moving):
+class TouchSkill(_Moving):
     """Motion along a direction (3,) in the gel's frame until something touches, at most `distance` [m]. The gel then
     moves over the contact until all of it is seen, and holds `depth` [m]. An object that gives way is followed no
     further than a gel is thick, and not for ever."""
@@ -73,10 +73,10 @@ class Touch(_Moving):
         self._at_contact = 0.0  # m gone when it touched last
         self._settled: float | None = None  # s, since when it has held that depth
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
         if servo.touching and gone > self._distance + _THICK:
-            return Ended(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
+            return SkillEnd(False, f"what touches gives way: {1e3 * servo.depth:.2f} mm deep after {1e3 * gone:.0f} mm")
         if servo.touching:
             self._touched = now if self._touched is None else self._touched
             self._at_contact = gone
@@ -84,22 +84,24 @@ class Touch(_Moving):
             self._touched = None
         # a contact that comes and goes has not settled either
         if self._touched is not None and now - self._touched > _TURN / servo.limits.turn_speed + _SETTLES:
-            return Ended(False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}")
+            return SkillEnd(
+                False, f"the depth does not settle: {1e3 * servo.depth:.2f} mm, not {1e3 * self._depth:.2f}"
+            )
         if not servo.touching:
             self._settled = None
             if gone > self._distance:
-                return Ended(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
+                return SkillEnd(False, f"nothing touched within {1e3 * self._distance:.0f} mm")
             return np.concatenate([servo.approach_speed(self._depth) * self._direction, np.zeros(3)])
         if abs(servo.depth - self._depth) > _SETTLED or servo.off_centre.any():
             self._settled = None
         elif self._settled is None:
             self._settled = now
         elif now - self._settled > _SETTLED_FOR:
-            return Ended(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
+            return SkillEnd(True, f"touches, {1e3 * servo.depth:.2f} mm deep")
         return servo.pressed(self._depth, servo.back(self._depth))
 
 
-class Slide:
+class SlideSkill:
     """Motion over `length` [m] in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
 
     If the contact falls behind, the gel waits until it has turned; if that does not help, the surface has ended. A
@@ -118,7 +120,7 @@ class Slide:
         self._on = 0.0  # m along the heading: hops on and off the surface do not count
         self._since = 0.0  # s, time of the last progress
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         if self._before is None:
             self._since = now
         else:
@@ -128,24 +130,24 @@ class Slide:
             self.path, self._since = self._on, now
         on = f"{1e3 * self.path:.0f} mm"
         if self.path >= self._length:
-            return Ended(True, f"slid {on}")
+            return SkillEnd(True, f"slid {on}")
         if now - self._since > _NO_FARTHER_FOR:
-            return Ended(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
+            return SkillEnd(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
             self._touched, self._lost = True, None
             if now - self._since > _STALLED_FOR and servo.off_centre @ self._along < 0:
-                return Ended(False, f"the contact leaves the gel after {on}: over an edge")
+                return SkillEnd(False, f"the contact leaves the gel after {on}: over an edge")
             return servo.pressed(self._depth, servo.slide_speed(self._depth) * self._along + servo.back(self._depth))
         if self._lost is None:
             if not self._touched:
-                return Ended(False, "nothing touches: touch first")
+                return SkillEnd(False, "nothing touches: touch first")
             self._lost = pose[:3, 3].copy()
         if np.linalg.norm(pose[:3, 3] - self._lost) > self._depth + _REACH:
-            return Ended(False, f"the contact was lost after {on}: over an edge, or off the object")
+            return SkillEnd(False, f"the contact was lost after {on}: over an edge, or off the object")
         return np.array([0, 0, -servo.approach_speed(self._depth), 0, 0, 0.0])
 
 
-class Lift(_Moving):
+class LiftSkill(_Moving):
     """Motion straight off the surface, by a height [m]."""
 
     leaves = True
@@ -154,13 +156,13 @@ class Lift(_Moving):
         super().__init__()
         self._height = height
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         if self._gone(pose) >= self._height:
-            return Ended(True, f"lifted by {1e3 * self._height:.0f} mm")
+            return SkillEnd(True, f"lifted by {1e3 * self._height:.0f} mm")
         return np.array([0, 0, servo.limits.air_speed, 0, 0, 0.0])
 
 
-class BackOff(_Moving):
+class BackOffSkill(_Moving):
     """Motion straight back until the depth is half of its limit, or with `clear` until nothing touches; at most as far
     as a gel is thick."""
 
@@ -170,14 +172,14 @@ class BackOff(_Moving):
         super().__init__()
         self._clear = clear
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         if off or self._gone(pose) > _THICK:
-            return Ended(True, "backed off")
+            return SkillEnd(True, "backed off")
         return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
 
 
-class Approach(_Moving):
+class ApproachSkill(_Moving):
     """Motion through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
 
     The gel first leaves the surface. A contact on the way ends the motion, after the gel has backed off.
@@ -186,32 +188,32 @@ class Approach(_Moving):
     def __init__(self, goal: np.ndarray):
         super().__init__()
         self._goal, self._free = goal, False
-        self._back: BackOff | None = None
-        self._touched = Ended(False, "")
+        self._back: BackOffSkill | None = None
+        self._touched = SkillEnd(False, "")
 
     @property
     def leaves(self) -> bool:
         return self._back is not None
 
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | Ended:
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
         if not self._free:
-            self._back = self._back or BackOff(clear=True)
-            if not isinstance(answer := self._back.step(servo, now, pose), Ended):
+            self._back = self._back or BackOffSkill(clear=True)
+            if not isinstance(answer := self._back.step(servo, now, pose), SkillEnd):
                 return answer
             self._free, self._back = True, None
         if self._back is None and servo.touching:
-            self._back = BackOff(clear=True)
-            self._touched = Ended(False, f"touched on the way after {1e3 * gone:.0f} mm")
+            self._back = BackOffSkill(clear=True)
+            self._touched = SkillEnd(False, f"touched on the way after {1e3 * gone:.0f} mm")
             return np.zeros(6)
         if self._back is not None:
             answer = self._back.step(servo, now, pose)
-            return self._touched if isinstance(answer, Ended) else answer
+            return self._touched if isinstance(answer, SkillEnd) else answer
         way = pose[:3, :3].T @ (self._goal[:3, 3] - pose[:3, 3])
         turn = se3.log(se3.inverse(pose) @ self._goal)[3:]
         far, angle = float(np.linalg.norm(way)), float(np.linalg.norm(turn))
         if far < _THERE[0] and angle < _THERE[1]:
-            return Ended(True, f"there, after {1e3 * gone:.0f} mm")
+            return SkillEnd(True, f"there, after {1e3 * gone:.0f} mm")
         limits = servo.limits
         # slower at the end, because the known pose of the gel is old, too
         seconds = max(far / limits.air_speed, angle / limits.turn_speed, 1.0 / servo.gain)

@@ -13,7 +13,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard
-from midastouch_motion.skills import Ended, Skill
+from midastouch_motion.skills import Skill, SkillEnd
 from midastouch_perception.contact import Contact
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pointcloud import cloud_from_penetration
@@ -79,7 +79,7 @@ class World:
 class Run:
     """How each skill ended, None if it did not; depths [m], true ones, at each period; pose (4, 4) at the end."""
 
-    ended: list[Ended | None] = field(default_factory=list)
+    ended: list[SkillEnd | None] = field(default_factory=list)
     depths: list[float] = field(default_factory=list)
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
     servo: ContactServo | None = None

@@ -7,7 +7,7 @@ from midastouch_common import se3
 from midastouch_motion.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard, Seen
-from midastouch_motion.skills import Approach, Lift, Slide, Touch
+from midastouch_motion.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
 
 LIMITS, DEPTH, PERIOD = Limits(), 5e-4, 0.01
 
@@ -51,10 +51,10 @@ class Driver:
 
 
 MOTIONS = {
-    "lift": (lambda: Lift(0.09), 0.0),
-    "approach": (lambda: Approach(se3.exp(np.array([0.0, 0.08, 0.0, 0.0, 0.0, 1.0]))), 0.0),
-    "touch": (lambda: Touch(DEPTH, 0.09), 0.0),
-    "slide": (lambda: Slide(0.3, 0.09, DEPTH), DEPTH),
+    "lift": (lambda: LiftSkill(0.09), 0.0),
+    "approach": (lambda: ApproachSkill(se3.exp(np.array([0.0, 0.08, 0.0, 0.0, 0.0, 1.0]))), 0.0),
+    "touch": (lambda: TouchSkill(DEPTH, 0.09), 0.0),
+    "slide": (lambda: SlideSkill(0.3, 0.09, DEPTH), DEPTH),
 }
 """How each is made, and how deep the gel is meanwhile."""
 
@@ -123,7 +123,7 @@ def test_each_motion_gets_faster_from_rest_however_long_the_last_one_is_ago(moti
 
 
 def test_a_gel_that_is_pressed_too_strongly_may_be_lifted_but_not_into_something_else():
-    driver = Driver(Lift(0.05), depth=1.6e-3)
+    driver = Driver(LiftSkill(0.05), depth=1.6e-3)
     driver.changes = {"force": 31.0}
     assert driver.run(20)[-1][2] > 0
     driver.changes, driver.depth = {}, 0.0
@@ -144,32 +144,32 @@ def test_what_presses_deep_and_strongly_is_pulled_back():
 
 
 def test_out_of_the_box_only_ways_back_are_gone():
-    driver = Driver(Lift(0.2))
+    driver = Driver(LiftSkill(0.2))
     driver.gel = se3.translation([0.0, 0.0, 0.08])
     ended, twist = driver.ended()
     assert not twist.any()
     assert "outside of the box" in ended.message
     assert driver.gel[2, 3] < 0.101
-    driver.begin(Approach(np.eye(4)))
+    driver.begin(ApproachSkill(np.eye(4)))
     assert driver.ended()[0].success
     assert driver.gel[2, 3] < 0.002
 
 
 def test_beyond_the_cone_it_is_lifted_and_turned_back():
     beyond = se3.exp(np.array([0, 0, 0, np.radians(70.0), 0, 0]))
-    driver = Driver(Lift(0.01))
+    driver = Driver(LiftSkill(0.01))
     driver.controller.guard = dataclasses.replace(driver.controller.guard, cone=np.radians(60.0))
     driver.gel = beyond
     assert driver.ended()[0].success
-    driver.begin(Touch(DEPTH, 0.01))
+    driver.begin(TouchSkill(DEPTH, 0.01))
     assert "outside of the cone" in driver.ended()[0].message
-    driver.begin(Approach(np.eye(4)))
+    driver.begin(ApproachSkill(np.eye(4)))
     assert driver.ended()[0].success
 
 
 def test_a_pause_of_the_controller_is_no_fault_of_the_arm():
     """Which stops by itself meanwhile."""
-    driver = Driver(Lift(0.1))
+    driver = Driver(LiftSkill(0.1))
     driver.run(2)
     driver.now += 1.0
     twist, ended = driver.step()

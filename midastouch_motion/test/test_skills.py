@@ -7,7 +7,7 @@ from midastouch_common import se3
 from midastouch_motion.contact_servo import ContactServo, Limits
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Guard
-from midastouch_motion.skills import Approach, Lift, Slide, Touch
+from midastouch_motion.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
 from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
 
 from .conftest import above
@@ -22,7 +22,7 @@ def test_a_touch_stops_in_time_and_holds_its_depth(world, name, image_delay, arm
     there = world(name, image_delay=image_delay, arm_latency=arm_latency, fps=fps)
     rng = np.random.default_rng(1)
     for _ in range(5):
-        run = there.run(above(there.mesh, rng, 5e-3, np.radians(3)), [Touch(DEPTH, 0.03)])
+        run = there.run(above(there.mesh, rng, 5e-3, np.radians(3)), [TouchSkill(DEPTH, 0.03)])
         assert run.ended[0].success, run.ended[0].message
         assert max(run.depths) < 1.5e-3
         assert there.depth(run.pose) == pytest.approx(DEPTH, abs=2.5e-4)
@@ -33,8 +33,8 @@ def test_a_slide_keeps_its_depth(world, image_delay, arm_latency, fps):
     there = world("ball", image_delay=image_delay, arm_latency=arm_latency, fps=fps)
     rng = np.random.default_rng(2)
     for heading in (0.3, 2.0, 4.0):
-        touch = there.run(above(there.mesh, rng, 3e-3), [Touch(DEPTH, 0.02)])
-        run = there.run(touch.pose, [Slide(heading, 0.04, DEPTH)])
+        touch = there.run(above(there.mesh, rng, 3e-3), [TouchSkill(DEPTH, 0.02)])
+        run = there.run(touch.pose, [SlideSkill(heading, 0.04, DEPTH)])
         assert run.ended[0].success, run.ended[0].message
         inside = np.abs(np.array(run.depths) - DEPTH) < 2.5e-4
         assert inside.mean() > 0.95
@@ -45,8 +45,8 @@ def test_over_an_edge_a_slide_ends_with_a_reason_and_never_deep(world):
     there = world("handle_tool")
     rng = np.random.default_rng(3)
     for _ in range(6):
-        touch = there.run(above(there.mesh, rng, 3e-3), [Touch(DEPTH, 0.02)])
-        run = there.run(touch.pose, [Slide(rng.uniform(0, 6.28), 0.2, DEPTH)])
+        touch = there.run(above(there.mesh, rng, 3e-3), [TouchSkill(DEPTH, 0.02)])
+        run = there.run(touch.pose, [SlideSkill(rng.uniform(0, 6.28), 0.2, DEPTH)])
         assert run.ended[0] is not None
         assert run.ended[0].message
         assert max(run.depths) < 1.5e-3
@@ -55,7 +55,7 @@ def test_over_an_edge_a_slide_ends_with_a_reason_and_never_deep(world):
 def test_where_nothing_is_a_touch_ends(world):
     there = world("ball")
     pose = above(there.mesh, np.random.default_rng(4), 0.05)
-    run = there.run(pose, [Touch(DEPTH, 0.01)])
+    run = there.run(pose, [TouchSkill(DEPTH, 0.01)])
     assert not run.ended[0].success
     assert "nothing touched within 10 mm" in run.ended[0].message
     assert np.linalg.norm(run.pose[:3, 3] - pose[:3, 3]) < 0.012
@@ -73,7 +73,7 @@ def test_what_gives_way_is_not_followed_for_ever():
         fps=30.0,
         delay=lambda: 0.05,
     )
-    ended = rehearsal.carry_out(Touch(DEPTH, 0.02), 60.0)
+    ended = rehearsal.carry_out(TouchSkill(DEPTH, 0.02), 60.0)
     assert ended is not None
     assert ended.message.startswith("what touches gives way")
     assert not ended.success
@@ -94,7 +94,7 @@ def rehearsed(look, limits=None, centre=lambda pose: np.zeros(2)):
 
 def test_a_touch_gets_over_what_its_rim_touches():
     there, arm = rehearsed(lambda pose: 5e-4, centre=lambda pose: np.array([9e-3 - pose[0, 3], 0.0]))
-    ended = there.carry_out(Touch(DEPTH, 0.02), 20.0)
+    ended = there.carry_out(TouchSkill(DEPTH, 0.02), 20.0)
     assert ended.success, ended.message
     assert 2.5e-3 < arm.pose[0, 3] < 5e-3
 
@@ -108,13 +108,13 @@ def test_a_slide_waits_for_a_contact_that_falls_behind_but_not_for_ever():
             return np.array([-7e-3 if pose[0, 3] > 5e-3 and next(left, None) is not None else 0.0, 0.0])
 
         there, _ = rehearsed(lambda pose: 5e-4, centre=behind)
-        assert said in there.carry_out(Slide(0.0, 0.02, DEPTH), 60.0).message
+        assert said in there.carry_out(SlideSkill(0.0, 0.02, DEPTH), 60.0).message
 
 
 def test_a_touch_that_comes_and_goes_ends():
     """Read too deep from the first image on, it is left again, and again."""
     there, _ = rehearsed(lambda pose: 6.5e-4 if pose[2, 3] < -5e-3 else 0.0)
-    ended = there.carry_out(Touch(DEPTH, 0.02), 60.0)
+    ended = there.carry_out(TouchSkill(DEPTH, 0.02), 60.0)
     assert ended is not None
     assert not ended.success
     assert "does not settle" in ended.message
@@ -124,8 +124,8 @@ def test_a_touch_that_comes_and_goes_ends():
 
 def test_what_a_slide_goes_up_and_down_is_no_way_along():
     there, arm = rehearsed(lambda pose: 1.1e-3 if pose[2, 3] < 0 else 0.0, Limits(depth=1.4e-3))
-    there.carry_out(Touch(DEPTH, 0.02), 3.0)
-    slide = Slide(0.0, 0.03, DEPTH)
+    there.carry_out(TouchSkill(DEPTH, 0.02), 3.0)
+    slide = SlideSkill(0.0, 0.03, DEPTH)
     ended = there.carry_out(slide, 300.0)
     assert ended is not None
     assert slide.path == pytest.approx(arm.pose[0, 3], rel=0.1, abs=2e-3)
@@ -134,29 +134,29 @@ def test_what_a_slide_goes_up_and_down_is_no_way_along():
 def test_a_slide_that_does_not_get_on_ends():
     """Read so deep that it does not slide, and is not pulled back."""
     there, _ = rehearsed(lambda pose: 1.2e-3, Limits(depth=1.4e-3))
-    ended = there.carry_out(Slide(0.0, 0.03, DEPTH), 60.0)
+    ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 60.0)
     assert ended is not None
     assert "it gets no farther than" in ended.message
 
 
 def test_a_slide_that_loses_its_contact_at_once_looks_for_it():
     there, arm = rehearsed(lambda pose: 5e-4 if pose[0, 3] < 1e-4 else 0.0)
-    ended = there.carry_out(Slide(0.0, 0.03, DEPTH), 20.0)
+    ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 20.0)
     assert "was lost after 0 mm" in ended.message
     assert arm.pose[2, 3] < -1e-3
 
 
 def test_a_slide_in_the_air_is_refused(world):
     there = world("ball")
-    run = there.run(above(there.mesh, np.random.default_rng(5), 0.02), [Slide(0.0, 0.01, DEPTH)])
+    run = there.run(above(there.mesh, np.random.default_rng(5), 0.02), [SlideSkill(0.0, 0.01, DEPTH)])
     assert run.ended[0].message == "nothing touches: touch first"
     assert run.ended[0].success is False
 
 
 def test_lift_goes_straight_up(world):
     there = world("ball")
-    touch = there.run(above(there.mesh, np.random.default_rng(6), 3e-3), [Touch(DEPTH, 0.02)])
-    run = there.run(touch.pose, [Lift(0.02)])
+    touch = there.run(above(there.mesh, np.random.default_rng(6), 3e-3), [TouchSkill(DEPTH, 0.02)])
+    run = there.run(touch.pose, [LiftSkill(0.02)])
     assert run.ended[0].success
     way = touch.pose[:3, :3].T @ (run.pose[:3, 3] - touch.pose[:3, 3])
     np.testing.assert_allclose(way, [0, 0, 0.02], atol=2e-3)
@@ -165,7 +165,7 @@ def test_lift_goes_straight_up(world):
 
 def test_what_is_too_deep_is_backed_off(world):
     there = world("ball", limits=Limits(depth=8e-4))
-    run = there.run(above(there.mesh, np.random.default_rng(7), 3e-3), [Touch(1.2e-3, 0.02)])
+    run = there.run(above(there.mesh, np.random.default_rng(7), 3e-3), [TouchSkill(1.2e-3, 0.02)])
     assert not run.ended[0].success
     assert "deep, more than 0.80" in run.ended[0].message
     assert max(run.depths) < 1.2e-3
@@ -177,7 +177,7 @@ def test_an_approach_goes_straight_through_the_air_and_turns_on_the_way(world, i
     there = world("ball", image_delay=image_delay, arm_latency=arm_latency, fps=fps)
     start = above(there.mesh, np.random.default_rng(8), 0.02)
     goal = start @ se3.exp(np.array([0.03, 0.01, 0.02, 0.3, -0.2, 0.5]))
-    run = there.run(start, [Approach(goal)])
+    run = there.run(start, [ApproachSkill(goal)])
     assert run.ended[0].success, run.ended[0].message
     left = se3.inverse(goal) @ run.pose
     assert np.linalg.norm(left[:3, 3]) < 1e-3
@@ -189,18 +189,18 @@ def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
     there = world("ball", limits=Limits(depth=5e-3))
     start = above(there.mesh, np.random.default_rng(9), 0.02)
     through = start @ se3.translation([0, 0, -0.06])
-    run = there.run(start, [Approach(through)])
+    run = there.run(start, [ApproachSkill(through)])
     assert not run.ended[0].success
     assert max(run.depths) < 3e-3
     assert "touched on the way after" in run.ended[0].message
     assert there.depth(run.pose) == 0
-    assert there.run(run.pose, [Approach(start)]).ended[0].success, "the way back is free"
+    assert there.run(run.pose, [ApproachSkill(start)]).ended[0].success, "the way back is free"
 
 
 def test_the_guard_ends_an_approach_too(world):
     there = world("ball")
     far = above(there.mesh, np.random.default_rng(10), 0.02) @ se3.translation([0, 0, 2.0])
-    run = there.run(far, [Approach(far)])
+    run = there.run(far, [ApproachSkill(far)])
     assert "outside of the box" in run.ended[0].message
 
 
@@ -208,7 +208,12 @@ def test_an_arm_that_does_not_follow_ends_every_motion(world):
     there = world("ball", arm_timeout=0.0)
     pose = above(there.mesh, np.random.default_rng(8), 0.02)
     elsewhere, turned = se3.translation([0.02, 0, 0]), se3.exp(np.array([0, 0, 0, 0, 0, 1.0]))
-    for skill in (Touch(DEPTH, 0.1), Lift(0.01), Approach(pose @ elsewhere), Approach(pose @ turned)):
+    for skill in (
+        TouchSkill(DEPTH, 0.1),
+        LiftSkill(0.01),
+        ApproachSkill(pose @ elsewhere),
+        ApproachSkill(pose @ turned),
+    ):
         run = there.run(pose, [skill])
         assert run.ended[0] is not None
         assert "does not follow" in run.ended[0].message

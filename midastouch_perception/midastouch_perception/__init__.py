@@ -12,7 +12,7 @@ __getattr__, __all__ = lazy_exports(
         "ObjectMesh": "midastouch_common.mesh",
         "SensorModel": ".sensor_model",
         "TactileCodeNet": ".tcn",
-        "Touch": ".pipeline",
+        "TouchReading": ".pipeline",
         "TouchPipeline": ".pipeline",
         "build_codebook": ".codebook_build",
         "bundled_objects": ".objects",

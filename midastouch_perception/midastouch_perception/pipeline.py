@@ -1,6 +1,6 @@
 """Pipeline from a tactile image to the filter's input, one frame at a time; nodes and evaluation both use it.
 
-    image, background -> DepthStage -> Contact -> CodeStage -> Touch
+    image, background -> DepthStage -> Contact -> CodeStage -> TouchReading
 
 A cloud carries a contact's penetration map to the last bit (`pointcloud`). So the result is the same whether both
 stages run in one process or on two sides of a topic.
@@ -32,7 +32,7 @@ _QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the backgrou
 
 
 @dataclasses.dataclass(frozen=True)
-class Touch:
+class TouchReading:
     """One perceived frame: contact; code (D,) float32, L2-normalised, or None without contact; network_id of the code
     network."""
 
@@ -148,17 +148,17 @@ class CodeStage:
         self._code: np.ndarray | None = None
         self.skipped = {"no_contact": 0, "cloud_unchanged": 0}
 
-    def process(self, contact: Contact) -> Touch:
+    def process(self, contact: Contact) -> TouchReading:
         """Process one frame, whose map has the resolution of the network's sensor."""
         if not contact.in_contact:
             self.skipped["no_contact"] += 1
-            return Touch(contact, None, self._tcn.network_id)
+            return TouchReading(contact, None, self._tcn.network_id)
         if self._penetration is not None and np.array_equal(contact.penetration, self._penetration):
             self.skipped["cloud_unchanged"] += 1
         else:
             self._code = np.asarray(self._tcn.encode(contact.penetration), np.float32)
             self._penetration = contact.penetration
-        return Touch(contact, self._code, self._tcn.network_id)
+        return TouchReading(contact, self._code, self._tcn.network_id)
 
 
 class TouchPipeline:
@@ -171,7 +171,7 @@ class TouchPipeline:
         self._depth, self._code, self._clock = DepthStage(tdn), CodeStage(tcn), clock
         self.ms: dict[str, float] = {}
 
-    def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
+    def process(self, image: np.ndarray, background: np.ndarray) -> TouchReading:
         """Process one frame: image and background (320, 240, 3) uint8 RGB; InputError for a bad image."""
         start = self._clock()
         contact = self._depth.process(image, background)

@@ -13,7 +13,7 @@ from midastouch_common import se3
 from midastouch_motion.contact_servo import Measured
 from midastouch_motion.controller import Controller
 from midastouch_motion.guard import Seen
-from midastouch_motion.skills import Ended, Skill
+from midastouch_motion.skills import Skill, SkillEnd
 
 PERIOD = 0.01
 """Time between two twists [s], as in the node `slider`."""
@@ -77,7 +77,7 @@ class SimulatedArm:
         self._now = max(now, self._now)
 
 
-class Moment(NamedTuple):
+class PeriodState(NamedTuple):
     """State after a period: time [s]; twist (6,) that was commanded; where, the gel's T_obj_gel (4, 4); image, whether
     one was taken."""
 
@@ -113,7 +113,9 @@ class Rehearsal:
         while controller.servo.stamp < 0:  # the first image
             self._pass()
 
-    def carry_out(self, skill: Skill, seconds: float, after: Callable[[Moment], None] = lambda _: None) -> Ended | None:
+    def carry_out(
+        self, skill: Skill, seconds: float, after: Callable[[PeriodState], None] = lambda _: None
+    ) -> SkillEnd | None:
         """Carry out a motion and return its result, None after `seconds` without one. after: called each period."""
         self._controller.begin(skill)
         until = self.now + seconds
@@ -121,7 +123,7 @@ class Rehearsal:
             image = self._pass()
             twist, ended = self._controller.step(self.now, self.seen)
             self._arm.command(self.now, twist)
-            after(Moment(self.now, twist, self._where(), image))
+            after(PeriodState(self.now, twist, self._where(), image))
             if ended is not None:
                 return ended
         return None

@@ -7,7 +7,6 @@ import argparse
 from midastouch_tools.commands import arguments
 
 from . import options
-from .bench import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -39,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_tools.codebooks import cached_codebook
     from midastouch_tools.progress import progress_bar
 
-    from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
+    from ..speed.scaling import PARTICLES, POSES, TimedSlide, measure, sizes
     from ..tables.speed import scaling_table
     from ..tables.table import terminal
     from ..trials.cache import Touches
@@ -47,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
     measurements = Touches.perceive(sequence, networks).measurements
-    slide = Slide(measurements, sequence.poses_measured)
+    slide = TimedSlide(measurements, sequence.poses_measured)
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"

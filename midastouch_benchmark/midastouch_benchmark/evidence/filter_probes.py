@@ -24,7 +24,7 @@ from ..trials.protocols import PROTOCOLS
 from ..trials.sequence_trials import start_filter
 from ..trials.trial import TrialFrame, with_odometry
 from .probe import Probe, Probes
-from .scene import Scene
+from .scene import ProbeScene
 
 _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.1)
 """Differences that do not matter, by number of `_answer`: m, rotation entries, masses, logarithms, nats, a state."""
@@ -35,7 +35,7 @@ _ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ 
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
 
 
-def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lambda frames: frames) -> Probes:
+def filter_probes(scenes: list[ProbeScene], config: FilterConfig, nudge: Nudge = lambda frames: frames) -> Probes:
     """Return probes of two scenes by name; nudge: changes frames before a filter gets them."""
     config = dataclasses.replace(config, threads=1)
     few = dataclasses.replace(config, **_FEW)
@@ -45,7 +45,7 @@ def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lamb
         if name in _ELSEWHERE:
             continue
         frames = eyebolt.grasp if name == "grasp" else eyebolt.frames
-        given = disturbances.Scene(frames, np.random.default_rng(k), tool.frames, eyebolt.codebook)
+        given = disturbances.UndisturbedSlide(frames, np.random.default_rng(k), tool.frames, eyebolt.codebook)
         frames = nudge(protocol.disturb(given).frames)[:_MOST]
         out[name] = _run(eyebolt, frames, few, protocol.starts[0], protocol.beta)
     frames = nudge(tool.frames)
@@ -60,13 +60,13 @@ def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lamb
     return out
 
 
-def _run(scene: Scene, frames: list[TrialFrame], config: FilterConfig, init: str, beta: float) -> Probe:
+def _run(scene: ProbeScene, frames: list[TrialFrame], config: FilterConfig, init: str, beta: float) -> Probe:
     estimates, _ = _estimates(scene, frames, config, init, beta)
     return Probe(np.array([_answer(each) for each in estimates]), _LEAST)
 
 
 def _estimates(
-    scene: Scene, frames: Iterable[TrialFrame], config: FilterConfig, init: str, beta: float
+    scene: ProbeScene, frames: Iterable[TrialFrame], config: FilterConfig, init: str, beta: float
 ) -> tuple[list[Estimate], ParticleFilter]:
     """Return an estimate for each frame, and the filter at the end."""
     particle_filter, out = ParticleFilter(scene.mesh, scene.codebook, config), []
@@ -92,7 +92,7 @@ def _answer(estimate: Estimate) -> list[float]:
     ]
 
 
-def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfig) -> Probe:
+def _identity(scenes: list[ProbeScene], frames: list[TrialFrame], config: FilterConfig) -> Probe:
     """Probe the probabilities of the objects and of none, and the position of the gel on the leading one."""
     about = config, NoiseModel.of(config), Workers(config.threads)
     particle_filter = ParticleFilter.on([ObjectModel(each.mesh, each.codebook, *about) for each in scenes], config)
@@ -105,7 +105,7 @@ def _identity(scenes: list[Scene], frames: list[TrialFrame], config: FilterConfi
     return Probe(np.array(rows), [3e-3] * 3 + [2e-5] * 3)
 
 
-def _advice(scene: Scene, frames: list[TrialFrame], config: FilterConfig) -> Probe:
+def _advice(scene: ProbeScene, frames: list[TrialFrame], config: FilterConfig) -> Probe:
     """Probe information, cost, length and heading of the best suggestions, early and later."""
     rows = []
     for count in (1, 3, len(frames) // 2):

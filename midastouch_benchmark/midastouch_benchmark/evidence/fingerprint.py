@@ -38,7 +38,7 @@ from .filter_probes import filter_probes
 from .perception_probes import perception_probes, slide_probes
 from .probe import Probe, Probes
 from .real_gel_probes import real_gel_probes
-from .scene import Scene, nudged, off
+from .scene import ProbeScene, nudged, off
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMITTED = ROOT / "reports" / "fingerprint.json"
@@ -112,9 +112,9 @@ def steady(seeds: range = range(_NUDGES)) -> Fingerprint:
 
 
 @cache
-def scenes() -> list[Scene]:
+def scenes() -> list[ProbeScene]:
     """Return the scenes that are probed, made once."""
-    return [Scene.of("handle_tool"), Scene.of("eyebolt")]
+    return [ProbeScene.of("handle_tool"), ProbeScene.of("eyebolt")]
 
 
 def differences(committed: Fingerprint, *runs: Fingerprint) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_simulation.slide import simulate_slide
 
 from .probe import Probe, Probes
-from .scene import Scene
+from .scene import ProbeScene
 
 _TOUCHES, _ENTRIES, _NUMBERS = 4, 12, 12  # touches, entries of a codebook, numbers of a code
 _BLOCKS = 4, 3  # of an image or a map
@@ -19,7 +19,7 @@ _SLIDE = 0.09  # m
 Nudge = Callable[[np.ndarray], np.ndarray]
 
 
-def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Probes:
+def perception_probes(scene: ProbeScene, nudge: Nudge = lambda values: values) -> Probes:
     """Return probes by name; nudge: changes images, poses and maps before a stage gets them."""
     networks, poses = scene.networks, scene.poses[:_TOUCHES]
     images, background = scene.images(poses)
@@ -41,12 +41,12 @@ def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Pro
     }
 
 
-def slide_probes(scenes: list[Scene]) -> Probes:
+def slide_probes(scenes: list[ProbeScene]) -> Probes:
     """Return a probe of a slide over each object, by object."""
     return {each.mesh.name: _slide(each) for each in scenes}
 
 
-def _slide(scene: Scene) -> Probe:
+def _slide(scene: ProbeScene) -> Probe:
     poses = simulate_slide(scene.mesh, scene.networks.sensor, _SLIDE, np.random.default_rng(0))
     return Probe(np.hstack([poses[:, :3, 3], poses[:, :3, :2].reshape(-1, 6)]), [1e-6] * 3 + [1e-4] * 6)
 

@@ -32,7 +32,7 @@ NUDGE = 1e-6
 
 
 @dataclass(frozen=True)
-class Scene:
+class ProbeScene:
     """Touches on a small object: mesh, networks, true poses (N, 4, 4) of touches 12 mm apart."""
 
     mesh: ObjectMesh
@@ -40,7 +40,7 @@ class Scene:
     poses: np.ndarray
 
     @classmethod
-    def of(cls, name: str) -> Scene:
+    def of(cls, name: str) -> ProbeScene:
         """Return the scene of a bundled object whose poses are in the file."""
         with np.load(_POSES_OF) as poses:
             return cls(ObjectMesh.load(bundled_objects()[name]), Networks.load(light=LIGHT), poses[name])

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from midastouch_benchmark.trials import disturbances
-from midastouch_benchmark.trials.disturbances import Disturbance, Scene
+from midastouch_benchmark.trials.disturbances import Disturbance, UndisturbedSlide
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.measurement_model import log_ratios
@@ -53,7 +53,7 @@ _IMPOSSIBLE = 1e-6  # least probability of the truth, which limits its surprise
 
 
 @dataclasses.dataclass(frozen=True)
-class Slide:
+class WeighedSlide:
     """Slide of K keyframes over one of O objects. weights: (K,); code: (K, O), nats by which the code supports the
     leading hypothesis on each object; contradicted: (K, O), whether the hypothesis that led before leaves the map
     unexplained; both 0 without one; truth: number of the touched object, O if it is unknown."""
@@ -81,12 +81,12 @@ class Slide:
 
 def slid(
     known: Sequence[ObjectModel], touched: ObjectMesh, frames: list[TrialFrame], disturb: Disturbance, seed: int
-) -> Slide | None:
+) -> WeighedSlide | None:
     """Run a slide over an object with a filter that knows some objects; None with fewer than two keyframes."""
     running = ParticleFilter.on(known, CONFIG)
     running.initialise_uniform()
     weights, codes, unexplained, leading = [], [], [], {}
-    for keyframe in keyframes(running, disturb(Scene(frames, np.random.default_rng(seed))).frames):
+    for keyframe in keyframes(running, disturb(UndisturbedSlide(frames, np.random.default_rng(seed))).frames):
         before = {k: follow(one, keyframe, known[k].alignment)[1][0] for k, one in leading.items()}
         hypotheses = running.belief.hypotheses
         order = np.argsort(-hypotheses.log_weights, kind="stable")
@@ -100,7 +100,7 @@ def slid(
         unexplained.append([float(before.get(k, 1.0) <= NOISE.explained) for k in range(len(known))])
     names = [model.mesh.name for model in known]
     truth = names.index(touched.name) if touched.name in names else len(names)
-    return Slide(np.array(weights), np.array(codes), np.array(unexplained), truth) if len(weights) > 1 else None
+    return WeighedSlide(np.array(weights), np.array(codes), np.array(unexplained), truth) if len(weights) > 1 else None
 
 
 def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[str], str]]:
@@ -115,7 +115,7 @@ def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[
     ]
 
 
-def fit(slides: list[Slide]) -> None:
+def fit(slides: list[WeighedSlide]) -> None:
     """Print the constants that fit the slides best, and how often the answers are right with them."""
 
     def assumed(parameters: np.ndarray) -> NoiseModel:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from midastouch_benchmark.statistics.coverage import nees
-from midastouch_benchmark.trials.disturbances import Scene
+from midastouch_benchmark.trials.disturbances import UndisturbedSlide
 from midastouch_benchmark.trials.protocols import PAPER, PROTOCOLS
 from midastouch_benchmark.trials.sequence_trials import start_filter
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
@@ -47,7 +47,7 @@ def converged_frames(
             sizes = [np.sqrt(np.trace(estimate.covariance[k : k + 3, k : k + 3]) / REGION_WIDTH) for k in (0, 3)]
             rows.append([REGION_WIDTH * nees(estimate, truth), *sizes])
 
-    scene = PROTOCOLS[name].disturb(Scene(slide, np.random.default_rng(number)))
+    scene = PROTOCOLS[name].disturb(UndisturbedSlide(slide, np.random.default_rng(number)))
     particle_filter.reset(number)
     start_filter(particle_filter, mesh, scene.frames[0].truth, PAPER, PROTOCOLS[name].beta)
     run_trial(scene.frames, particle_filter, observe, series=False)

@@ -16,10 +16,10 @@ from midastouch_motion.exploration.acts import Act, Approach, CheckReach, Done, 
 from midastouch_motion.exploration.reach import Reach
 from midastouch_motion.guard import Guard
 from midastouch_perception.contact import Contact
-from midastouch_perception.pipeline import Touch as Touched
+from midastouch_perception.pipeline import TouchReading
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.mujoco_arm import NOT_REACHED, over
-from midastouch_simulation.rehearsal import Moment
+from midastouch_simulation.rehearsal import PeriodState
 
 from .arm_rig import AT, DEPTH, ArmRig
 
@@ -32,7 +32,7 @@ _T = TypeVar("_T")
 class Sensed(NamedTuple):
     """Touch measured in an image, and T_base_gel (4, 4) according to the arm's own joints."""
 
-    touch: Touched
+    touch: TouchReading
     measured: np.ndarray
 
 
@@ -47,7 +47,7 @@ class ArmWorld:
         self,
         mesh: ObjectMesh,
         sensor: SensorModel,
-        perceive: Callable[[np.ndarray], Touched],
+        perceive: Callable[[np.ndarray], TouchReading],
         rng: np.random.Generator,
     ):
         settings = read_parameters(SHARE / "config" / "arm_mujoco.yaml")
@@ -87,21 +87,21 @@ class ArmWorld:
         is answered as `mujoco_arm` does."""
         if isinstance(act, CheckReach):
             reached = bool(self._rig.arm.reaches(act.poses).all())
-            return self._done(skills.Ended(reached, "" if reached else NOT_REACHED), 0.0)
+            return self._done(skills.SkillEnd(reached, "" if reached else NOT_REACHED), 0.0)
         skill = _skill(act)
         ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
         if ended is None:
             self._rig.controller.cancel(self.seconds)
-            ended = skills.Ended(False, f"not done after {_TIMEOUT:.0f} s")
+            ended = skills.SkillEnd(False, f"not done after {_TIMEOUT:.0f} s")
         coming, self._coming = self._coming, []
         for pose, self.sensed in coming:
             yield pose
         return self._done(ended, skill.path)
 
-    def _done(self, ended: skills.Ended, path: float) -> Done:
+    def _done(self, ended: skills.SkillEnd, path: float) -> Done:
         return Done(*ended, path, self._rig.controller.servo.touching, self.base_from_gel)
 
-    def _watch(self, _: Moment) -> None:
+    def _watch(self, _: PeriodState) -> None:
         self.deepest = max(self.deepest, self._rig.arm.deepest)
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
@@ -114,10 +114,10 @@ class ArmWorld:
 def _skill(act: Act) -> skills.Skill:
     match act:
         case Touch(distance, direction):
-            return skills.Touch(DEPTH, distance, np.array(direction))
+            return skills.TouchSkill(DEPTH, distance, np.array(direction))
         case Slide(heading, length):
-            return skills.Slide(heading, length, DEPTH)
+            return skills.SlideSkill(heading, length, DEPTH)
         case Lift(height):
-            return skills.Lift(height)
+            return skills.LiftSkill(height)
         case Approach(pose):
-            return skills.Approach(pose)
+            return skills.ApproachSkill(pose)

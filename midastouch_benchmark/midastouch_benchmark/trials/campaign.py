@@ -21,7 +21,7 @@ from midastouch_perception.objects import bundled_objects
 from ..baselines import registration
 from ..evidence import fingerprint
 from .cache import Cache
-from .disturbances import Disturbed, Scene
+from .disturbances import Disturbed, UndisturbedSlide
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
@@ -147,7 +147,7 @@ def _run_unit(
             frames = [[] if each is None else plan.cache.frames(each, slide, plan.stride) for each in (mesh, foreign)]
             # the cache's own codebook: all variants meet the same scene
             own = plan.cache.codebook(mesh) if foreign else None
-            scene = protocol.disturb(Scene(frames[0], np.random.default_rng(slide), frames[1], own))
+            scene = protocol.disturb(UndisturbedSlide(frames[0], np.random.default_rng(slide), frames[1], own))
             scenes[slide] = dataclasses.replace(scene, frames=[variant.frame(frame) for frame in scene.frames])
         scene = scenes[slide]
         particle_filter.reset(labels["seed"])

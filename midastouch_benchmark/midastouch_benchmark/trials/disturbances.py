@@ -33,7 +33,7 @@ _UNEXPLAINED = 12  # frames
 
 
 @dataclass(frozen=True)
-class Scene:
+class UndisturbedSlide:
     """Slide to disturb. frames; rng; foreign: frames of a slide over another object; codebook: of the slide's own
     object; both only for disturbances that need them."""
 
@@ -58,21 +58,21 @@ class Disturbed:
     event: Event | None = None
 
 
-Disturbance = Callable[[Scene], Disturbed]
+Disturbance = Callable[[UndisturbedSlide], Disturbed]
 
 
-def plain(scene: Scene) -> Disturbed:
+def plain(scene: UndisturbedSlide) -> Disturbed:
     """Leave the slide undisturbed."""
     return Disturbed(scene.frames)
 
 
-def tool_bias(scene: Scene) -> Disturbed:
+def tool_bias(scene: UndisturbedSlide) -> Disturbed:
     """Use a wrong hand-eye calibration: the same 2 mm and 2 deg, in a random direction, on every measured pose."""
     bias = _random_motion(scene.rng, _BIAS_T, _BIAS_R)
     return Disturbed([dataclasses.replace(frame, measured=frame.measured @ bias) for frame in scene.frames])
 
 
-def late(scene: Scene) -> Disturbed:
+def late(scene: UndisturbedSlide) -> Disturbed:
     """Let clocks disagree: each image gets the arm's pose of 50 ms before."""
     frames = scene.frames
     measured = np.array([frame.measured for frame in frames])
@@ -84,23 +84,23 @@ def late(scene: Scene) -> Disturbed:
     return Disturbed([dataclasses.replace(f, measured=pose) for f, pose in zip(frames, delayed, strict=True)])
 
 
-def jump(scene: Scene) -> Disturbed:
+def jump(scene: UndisturbedSlide) -> Disturbed:
     """Let the slide leap; the odometry reports it."""
     k = _leap(scene)
     return Disturbed(scene.frames, Event(k, k))
 
 
-def lift(scene: Scene) -> Disturbed:
+def lift(scene: UndisturbedSlide) -> Disturbed:
     """Lift the sensor and put it down where the slide leaps to; the odometry reports it."""
     return _moved_away(scene, reported=True)
 
 
-def kidnap(scene: Scene) -> Disturbed:
+def kidnap(scene: UndisturbedSlide) -> Disturbed:
     """Lift the sensor and move the object before the next touch, which is not reported to the filter."""
     return _moved_away(scene, reported=False)
 
 
-def push(scene: Scene) -> Disturbed:
+def push(scene: UndisturbedSlide) -> Disturbed:
     """Push the object by 5 mm and 5 deg under contact, within 5 frames; the arm's poses do not show it.
 
     With D the object's motion in the base, about the contact, the arm is at D T_obj_gel.
@@ -116,7 +116,7 @@ def push(scene: Scene) -> Disturbed:
     return Disturbed(moved, Event(start, min(start + _PUSHED, len(frames) - 1)))
 
 
-def unexplained(scene: Scene) -> Disturbed:
+def unexplained(scene: UndisturbedSlide) -> Disturbed:
     """Replace 12 consecutive touches by those of another object's slide that the codebook explains least."""
     frames, start = scene.frames, scene.middle
     touches = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
@@ -125,20 +125,20 @@ def unexplained(scene: Scene) -> Disturbed:
     return Disturbed([*frames[:start], *strange, *frames[end:]], Event(start, end))
 
 
-def wrong_mesh(scene: Scene) -> Disturbed:
+def wrong_mesh(scene: UndisturbedSlide) -> Disturbed:
     """Touch another object, on which no pose is true."""
     nowhere = np.full((4, 4), np.nan)
     return Disturbed([dataclasses.replace(frame, truth=nowhere) for frame in scene.foreign])
 
 
-def rest(scene: Scene) -> Disturbed:
+def rest(scene: UndisturbedSlide) -> Disturbed:
     """Stop the arm in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
     frames, k = scene.frames, scene.middle
     still = [at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
     return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], Event(k + 1, k + 1 + _RESTING))
 
 
-def slow_camera(scene: Scene) -> Disturbed:
+def slow_camera(scene: UndisturbedSlide) -> Disturbed:
     """Send every image twice, the second time half-way to where the next one is taken."""
     out = scene.frames[:1]
     for frame, following in pairwise(scene.frames):
@@ -175,14 +175,14 @@ def _seen_again(measurement: Measurement, rng: np.random.Generator) -> Measureme
     return dataclasses.replace(measurement, code=(measurement.code + change).astype(np.float32))
 
 
-def _leap(scene: Scene) -> int:
+def _leap(scene: UndisturbedSlide) -> int:
     """Return the position of the first frame after the slide's longest step, of those around the middle."""
     around = range(max(scene.middle - 1, 1), scene.middle + 2)
     truth = [frame.truth[:3, 3] for frame in scene.frames]
     return max(around, key=lambda k: np.linalg.norm(truth[k] - truth[k - 1]))
 
 
-def _moved_away(scene: Scene, reported: bool) -> Disturbed:
+def _moved_away(scene: UndisturbedSlide, reported: bool) -> Disturbed:
     """Insert frames without contact, in which the sensor goes up and down again, before the slide's leap."""
     k = _leap(scene)
     before, after = scene.frames[:k], scene.frames[k:]

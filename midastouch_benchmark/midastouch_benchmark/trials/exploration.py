@@ -28,7 +28,7 @@ from midastouch_motion.exploration.acts import Plan
 from midastouch_motion.exploration.exploration import Exploration
 from midastouch_motion.exploration.reach import EVERYWHERE
 from midastouch_motion.exploration.surroundings import Surroundings
-from midastouch_perception.pipeline import Touch
+from midastouch_perception.pipeline import TouchReading
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.camera import TactoCamera
@@ -128,7 +128,7 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
 
 
 def _arm(
-    mesh: ObjectMesh, sensor: SensorModel, perceive: Callable[[np.ndarray], Touch], rng: np.random.Generator
+    mesh: ObjectMesh, sensor: SensorModel, perceive: Callable[[np.ndarray], TouchReading], rng: np.random.Generator
 ) -> ArmWorld:
     """Return the world of an arm; imported only here, since it needs ROS for its settings, and other fingers do not."""
     from .arm_world import ArmWorld
@@ -237,7 +237,7 @@ class _Trial:
         verdict = self._exploration.verdict
         return verdict is not None and verdict.known
 
-    def _perceive(self, pose: np.ndarray) -> Touch:
+    def _perceive(self, pose: np.ndarray) -> TouchReading:
         """Return the touch that an image at a pose (4, 4) shows."""
         penetration, normals = self._renderer.render_with_normals(pose[None])
         image = self._camera.image(penetration[0], normals[0], self._rng)

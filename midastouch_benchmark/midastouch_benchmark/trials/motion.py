@@ -16,14 +16,14 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.surface_walk import MIN_PROGRESS, Ahead, straight_on
 from midastouch_motion.contact_servo import Limits
 from midastouch_motion.guard import Guard
-from midastouch_motion.skills import Slide, Touch
+from midastouch_motion.skills import SlideSkill, TouchSkill
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_simulation.camera import no_contact_image
-from midastouch_simulation.rehearsal import PERIOD, Moment, Rehearsal
+from midastouch_simulation.rehearsal import PERIOD, PeriodState, Rehearsal
 from midastouch_simulation.simulated_digit import SimulatedDigit
 from midastouch_simulation.slide import somewhere
 
@@ -162,13 +162,13 @@ class _Trial:
         the surface continues. fault: name; periods until the twist was zero, None if it never was. slide is None if the
         touch failed, fault if there was no slide left to disturb."""
         rng = self._rng
-        touch = self._motion(Touch(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
+        touch = self._motion(TouchSkill(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
         trial = {"touch": touch, "slide": None, "fault": None}
         if not touch["success"]:
             return trial
         length = rng.uniform(*_LENGTHS)
         heading = self._heading(length)
-        slide = self._motion(Slide(heading, length, DEPTH))
+        slide = self._motion(SlideSkill(heading, length, DEPTH))
         off = any(word in slide["message"] for word in ("was lost", "leaves the gel"))
         depths = np.array([depth for depth, image in self._moments if image])
         trial["slide"] = slide | {
@@ -180,7 +180,7 @@ class _Trial:
             trial["fault"] = self._fault()
         return trial
 
-    def _motion(self, skill: Touch | Slide) -> dict:
+    def _motion(self, skill: TouchSkill | SlideSkill) -> dict:
         self._moments.clear()
         ended = self._rehearsal.carry_out(skill, _TIMEOUT, self._keep)
         return {
@@ -191,7 +191,7 @@ class _Trial:
             "path_mm": 1e3 * skill.path,
         }
 
-    def _keep(self, moment: Moment) -> None:
+    def _keep(self, moment: PeriodState) -> None:
         self._moments.append((self._arm.deepest, moment.image))
 
     def _heading(self, length: float) -> float:
@@ -227,7 +227,7 @@ class _Trial:
         begin = self._rehearsal.now + self._rng.uniform(0.2, 0.5)
         known, moving, stopped = math.inf, False, math.inf
 
-        def after(moment: Moment) -> None:
+        def after(moment: PeriodState) -> None:
             nonlocal known, moving, stopped
             if known == math.inf and moment.time >= begin:
                 moving = bool(moment.twist.any())
@@ -235,7 +235,7 @@ class _Trial:
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
-        ended = self._rehearsal.carry_out(Slide(self._heading(_ONWARD), _ONWARD, DEPTH), _TIMEOUT, after)
+        ended = self._rehearsal.carry_out(SlideSkill(self._heading(_ONWARD), _ONWARD, DEPTH), _TIMEOUT, after)
         if not moving:
             return None
         periods = None if stopped == math.inf else max(math.ceil((stopped - known) / PERIOD - 1e-6), 0)

@@ -23,7 +23,7 @@ from midastouch_filter.filter import ParticleFilter
 
 from ..evidence import fingerprint
 from .cache import Cache
-from .disturbances import Disturbed, Scene
+from .disturbances import Disturbed, UndisturbedSlide
 from .protocols import PROTOCOLS
 from .sequence_trials import start_filter
 from .trial import Event, TrialFrame, run_trial
@@ -125,7 +125,7 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
     filters = {name: ParticleFilter(mesh, codebook, config) for name, config in settings.items()}
     for key, labels in trials.items():
         slide = labels["slide"]
-        scene = protocol.disturb(Scene(plan.cache.frames(mesh, slide), np.random.default_rng(slide)))
+        scene = protocol.disturb(UndisturbedSlide(plan.cache.frames(mesh, slide), np.random.default_rng(slide)))
         found = {}
         for name, running in filters.items():
             running.reset(0)

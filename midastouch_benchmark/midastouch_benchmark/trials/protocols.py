@@ -20,7 +20,7 @@ from midastouch_tools.datasets.slide_simulation import simulate_grasp_sequence
 
 from . import disturbances
 from .cache import Cache, SlideKind
-from .disturbances import Disturbance, Disturbed, Scene
+from .disturbances import Disturbance, Disturbed, UndisturbedSlide
 from .other_shapes import OtherShapeCache
 from .real_sensor import RealSensorCache
 from .trial import FRAME_TIME, AnyFilter, TrialFrame
@@ -38,7 +38,7 @@ class GraspCache(Cache):
         simulate_grasp_sequence(mesh, self.networks.sensor, number, path, True)
 
 
-def grasp(scene: Scene) -> Disturbed:
+def grasp(scene: UndisturbedSlide) -> Disturbed:
     """Hold the hand still: poses and codes differ by the noise of joints and camera only.
 
     The pose of each further finger relative to the first one has a constant error.

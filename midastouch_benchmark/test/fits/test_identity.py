@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.fits.identity import NOISE, Slide, trials_of
+from midastouch_benchmark.fits.identity import NOISE, WeighedSlide, trials_of
 
 
-def slide(code: list[list[float]], contradicted: list[list[float]], truth: int) -> Slide:
+def slide(code: list[list[float]], contradicted: list[list[float]], truth: int) -> WeighedSlide:
     """Keyframes, each a touch of its own."""
-    return Slide(np.ones(len(code)), np.array(code), np.array(contradicted), truth)
+    return WeighedSlide(np.ones(len(code)), np.array(code), np.array(contradicted), truth)
 
 
 def test_an_object_that_explains_the_touches_becomes_probable_and_none_where_none_does():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.trials import disturbances
-from midastouch_benchmark.trials.disturbances import Scene
+from midastouch_benchmark.trials.disturbances import UndisturbedSlide
 from midastouch_benchmark.trials.trial import Event, TrialFrame
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -35,7 +35,7 @@ def leaping(frames) -> list[TrialFrame]:
 
 
 def disturb(name: str, frames: list[TrialFrame], **more) -> disturbances.Disturbed:
-    return getattr(disturbances, name)(Scene(frames, np.random.default_rng(0), **more))
+    return getattr(disturbances, name)(UndisturbedSlide(frames, np.random.default_rng(0), **more))
 
 
 def odometry(frames: list[TrialFrame]) -> np.ndarray:

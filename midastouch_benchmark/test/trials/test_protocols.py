@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.statistics.accuracy import grasp_summary
-from midastouch_benchmark.trials.disturbances import Scene
+from midastouch_benchmark.trials.disturbances import UndisturbedSlide
 from midastouch_benchmark.trials.protocols import PROTOCOLS, GraspRecord, chosen_protocol, grasp
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import DEFAULT, SETS, VARIANTS
@@ -52,7 +52,7 @@ def contacts(draw_contacts) -> list[TrialFrame]:
 
 @pytest.fixture
 def frames(contacts) -> list[TrialFrame]:
-    return grasp(Scene(contacts, np.random.default_rng(0))).frames
+    return grasp(UndisturbedSlide(contacts, np.random.default_rng(0))).frames
 
 
 def test_a_grasp_is_held_still_for_five_seconds(frames, contacts):

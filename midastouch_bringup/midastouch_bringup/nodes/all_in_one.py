@@ -21,7 +21,7 @@ from midastouch_filter.loaded_object import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.pipeline import DepthStage, Touch
+from midastouch_perception.pipeline import DepthStage, TouchReading
 from midastouch_perception.tcn import TactileCodeNet
 
 
@@ -40,7 +40,7 @@ def make_nodes(
         running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
         made.callback(running.destroy_node)
 
-        def on_touch(header: Header, touch: Touch) -> None:
+        def on_touch(header: Header, touch: TouchReading) -> None:
             running.on_code(stamp_ns(header.stamp), measurement_of(touch))
 
         encoder = TcnNode(tcn=tcn, sink=on_touch, subscribe=False, **options.get("tcn", {}))

@@ -12,7 +12,7 @@ import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 
 if TYPE_CHECKING:
-    from midastouch_perception.pipeline import Touch
+    from midastouch_perception.pipeline import TouchReading
 
 MAP_SCALE = 0.25
 """Size, relative to the camera image, of the maps that the filter compares with rendered ones: 80 x 60 pixels."""
@@ -59,7 +59,7 @@ def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
     return kernels.block_means(np.ascontiguousarray(penetration, np.float32), rows, columns)
 
 
-def measurement_of(touch: Touch) -> Measurement:
+def measurement_of(touch: TouchReading) -> Measurement:
     """Return the measurement of one touch, with its penetration map."""
     contact = touch.contact
     penetration = reduced_penetration(contact.penetration) if contact.in_contact else None

@@ -13,7 +13,7 @@ import numpy as np
 from midastouch_common import se3
 
 from .acts import Approach, Lift, Plan, Touch
-from .surroundings import Surroundings, Track
+from .surroundings import SurfaceTrack, Surroundings
 
 CLEARANCES = 12e-3, 30e-3, 72e-3
 """m above the surface; the next one if something is in the way. The filter takes less for a gap in a slide."""
@@ -97,7 +97,7 @@ def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
     return passed
 
 
-def _over(track: Track, length: float) -> np.ndarray:
+def _over(track: SurfaceTrack, length: float) -> np.ndarray:
     """Return the way (N, 4, 4) along a track up to `length` m, with as few poses as lead around the object."""
     poses = track.poses[: track.index(length) + 1]
     kept = [poses[0]]

@@ -14,7 +14,7 @@ from midastouch_common.surface_walk import MIN_PROGRESS
 from .acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from .leap import CLEARANCES, SEARCHED, leap, ways_along, ways_to
 from .reach import Reach
-from .surroundings import Surroundings, Track
+from .surroundings import SurfaceTrack, Surroundings
 
 _BLOCKED = 0.5  # of its length: a slide that ends earlier has met an obstacle
 _SHOWN = 2e-3  # m: a slide that is stopped earlier has shown nothing new
@@ -197,7 +197,7 @@ def _distance(around: Surroundings, goal: np.ndarray) -> float:
     return float(np.linalg.norm(around.over(around.gel[:3, 3])[:3, 3] - goal))
 
 
-def _comes_nearer(track: Track, goal: np.ndarray) -> bool:
+def _comes_nearer(track: SurfaceTrack, goal: np.ndarray) -> bool:
     """Return whether each step of a track leads towards a position (3,)."""
     left = np.linalg.norm(track.poses[:, :3, 3] - goal, axis=1)
     return len(left) > 1 and bool((np.diff(left) < -MIN_PROGRESS * np.diff(track.gone)).all())

@@ -14,7 +14,7 @@ _STEP = 4e-3  # m
 
 
 @dataclass(frozen=True)
-class Track:
+class SurfaceTrack:
     """Track that begins with a heading [rad] in the gel's plane; poses: gel poses T_base_gel (N, 4, 4) flat on the
     surface; gone (N,) m: distance of each pose along the track."""
 
@@ -39,16 +39,16 @@ class Surroundings:
     object: np.ndarray | None = None
     mesh: ObjectMesh | None = None
 
-    def track(self, heading: float, length: float) -> Track:
+    def track(self, heading: float, length: float) -> SurfaceTrack:
         """Return the track of `length` m in a direction [rad] of the gel's plane: along the surface as far as it
         continues, or straight in that plane if no surface is known. The first pose is where the gel is now."""
         if self.mesh is not None:
             return self._geodesic(heading, length)
         gone = np.append(np.arange(0.0, length, _STEP), length)
         along = np.outer(gone, (np.cos(heading), np.sin(heading), 0.0))
-        return Track(heading, self.gel @ se3.translation(along), gone)
+        return SurfaceTrack(heading, self.gel @ se3.translation(along), gone)
 
-    def towards(self, goal: np.ndarray, length: float) -> Track:
+    def towards(self, goal: np.ndarray, length: float) -> SurfaceTrack:
         """Return the track of `length` m that begins in the direction of a position (3,) m in the base frame."""
         x, y, _ = self._flat(self.gel)[:3, :3].T @ (goal - self.gel[:3, 3])
         return self.track(float(np.arctan2(y, x)), length)
@@ -67,7 +67,7 @@ class Surroundings:
         (normal,) = self.mesh.smooth_normals(point[None])
         return self.object @ se3.make(carried(on_object[:3, :3], normal), point)
 
-    def _geodesic(self, heading: float, length: float) -> Track:
+    def _geodesic(self, heading: float, length: float) -> SurfaceTrack:
         here = se3.inverse(self.object) @ self._flat(self.gel)
         frame, point = here[:3, :3], here[:3, 3]
         direction = frame @ (np.cos(heading), np.sin(heading), 0.0)
@@ -79,4 +79,4 @@ class Surroundings:
             frame, point, direction = carried(frame, ahead.normal), ahead.point, ahead.heading
             poses.append(se3.make(frame, point))
             gone.append(gone[-1] + ahead.moved)
-        return Track(heading, self.object @ np.stack(poses), np.array(gone))
+        return SurfaceTrack(heading, self.object @ np.stack(poses), np.array(gone))

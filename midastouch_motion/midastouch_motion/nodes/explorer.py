@@ -26,7 +26,7 @@ from ..exploration.reach import Reach
 from .arm_actions import done_of
 from .arm_client import ArmClient
 from .explorer_control import ExplorerControl, FingerGoals, Order
-from .explorer_filter import FilterAnswers
+from .explorer_filter import NewestAnswer
 from .explorer_marker import FingerMarker
 from .explorer_parameters import PARAMETERS
 from .explorer_reach import ReachClient
@@ -68,7 +68,7 @@ class Explorer(PipelineNode):
         self._reach = ReachClient(self, p["reach_service"], frames["base"], self._on_reach, problem)
         self._arm = ArmClient(self, frames["base"], self._on_done)
         self._sight = Sight(self, frames, self._on_jump, problem)
-        self._filter = FilterAnswers(self, lambda: self._sight.stamp, self._on_filter)
+        self._filter = NewestAnswer(self, lambda: self._sight.stamp, self._on_filter)
         self._suggestions = AdviceClient(self, p["max_motion"], self._on_advice)
         self._change = ObjectChange(self, self._on_object_changed)
         did, sight, push = self._exploration, self._sight, Push(self, problem)

@@ -12,7 +12,7 @@ from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus
 
 
-class FilterAnswers:
+class NewestAnswer:
     """Attributes: state, reason: of the newest answer, empty before the first; stamp [ns]: of its image; measured: True
     if the filter has measured anything since it was set to False; heard_at [s]: time of the answer on the monotonic
     clock.

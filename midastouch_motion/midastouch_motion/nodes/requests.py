@@ -19,28 +19,28 @@ _FARTHEST = 0.2  # m, of a touch or a lift
 _LONGEST = 2.0  # m, of a slide
 
 
-def _touch(goal: Touch.Goal, parameters: Parameters) -> skills.Touch:
+def _touch(goal: Touch.Goal, parameters: Parameters) -> skills.TouchSkill:
     distance = length_in("distance", goal.distance, _FARTHEST)
-    return skills.Touch(_depth(goal, parameters), distance, direction_in(goal.direction))
+    return skills.TouchSkill(_depth(goal, parameters), distance, direction_in(goal.direction))
 
 
-def _slide(goal: Slide.Goal, parameters: Parameters) -> skills.Slide:
+def _slide(goal: Slide.Goal, parameters: Parameters) -> skills.SlideSkill:
     length = length_in("length", goal.length, _LONGEST)
-    return skills.Slide(heading_in(goal.heading), length, _depth(goal, parameters))
+    return skills.SlideSkill(heading_in(goal.heading), length, _depth(goal, parameters))
 
 
-def _lift(goal: Lift.Goal, parameters: Parameters) -> skills.Lift:
-    return skills.Lift(length_in("height", goal.height, _FARTHEST))
+def _lift(goal: Lift.Goal, parameters: Parameters) -> skills.LiftSkill:
+    return skills.LiftSkill(length_in("height", goal.height, _FARTHEST))
 
 
-def _approach(goal: Approach.Goal, parameters: Parameters) -> skills.Approach:
+def _approach(goal: Approach.Goal, parameters: Parameters) -> skills.ApproachSkill:
     pose = pose_in(goal.pose, parameters["base_frame_id"])
     low, high = np.array(parameters["box_low"]), np.array(parameters["box_high"])
     if not ((low <= pose[:3, 3]) & (pose[:3, 3] <= high)).all():
         raise InputError("pose: outside of the box")
     if pose[2, 2] < np.cos(np.radians(parameters["cone"])) - 1e-9:
         raise InputError("pose: outside of the cone")
-    return skills.Approach(pose)
+    return skills.ApproachSkill(pose)
 
 
 SKILL_OF: dict[type, Callable[[Any, Parameters], skills.Skill]] = {

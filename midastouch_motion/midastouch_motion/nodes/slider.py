@@ -169,7 +169,7 @@ class Slider(ManagedNode):
                 raise InputError(f"the arm is carrying out a {name_of(self._goal[1])}; cancel it first")
             skill = SKILL_OF[kind](goal.request, self.parameters)
         except InputError as error:
-            self._finish(goal, kind, skills.Ended(False, str(error)), 0.0)
+            self._finish(goal, kind, skills.SkillEnd(False, str(error)), 0.0)
             return
         self._goal = goal, kind
         self._controller.begin(skill)
@@ -182,7 +182,7 @@ class Slider(ManagedNode):
         if self._goal is not None:
             path = self._controller.path
             self._publish(self._controller.cancel(self._now()))
-            self._end(skills.Ended(False, reason), path)
+            self._end(skills.SkillEnd(False, reason), path)
 
     def _on_time_jump(self) -> None:
         """Forget everything measured and commanded, because time ran back."""
@@ -222,13 +222,13 @@ class Slider(ManagedNode):
             kind.Feedback(header=header, path=self._controller.path, depth=servo.depth, area=self._area)
         )
 
-    def _end(self, how: skills.Ended, path: float) -> None:
+    def _end(self, how: skills.SkillEnd, path: float) -> None:
         (goal, kind), self._goal = self._goal, None
         self._ended, self._more_zeros = how.message, 1
         self.get_logger().info(f"{name_of(kind)}: {how.message}")
         self._finish(goal, kind, how, path)
 
-    def _finish(self, goal: ServerGoalHandle, kind: type, how: skills.Ended, path: float) -> None:
+    def _finish(self, goal: ServerGoalHandle, kind: type, how: skills.SkillEnd, path: float) -> None:
         depth = self._controller.servo.depth if self._transforms is not None else 0.0
         result = kind.Result(success=how.success, message=how.message, path=path, depth=depth)
         if math.isfinite(self._seen.pose):

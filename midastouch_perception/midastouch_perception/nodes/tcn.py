@@ -18,7 +18,7 @@ from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileCode
 
 from ..contact import Contact
-from ..pipeline import CodeStage, Touch
+from ..pipeline import CodeStage, TouchReading
 from ..pointcloud import penetration_from_cloud
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
@@ -42,7 +42,7 @@ class TcnNode(ManagedNode):
     def __init__(
         self,
         tcn=None,
-        sink: Callable[[Header, Touch], None] | None = None,
+        sink: Callable[[Header, TouchReading], None] | None = None,
         subscribe: bool = True,
         **node_options,
     ):

@@ -47,7 +47,7 @@ def _begun(result: dict) -> Page:
 
 
 @dataclass(frozen=True)
-class Ended:
+class ExplorationEnd:
     """End of an exploration: the explorer's state, or "failed", and the reason, path on the surface [m], motions, and
     whether a person ended it."""
 
@@ -59,13 +59,13 @@ class Ended:
     by_hand: bool = False
 
     @staticmethod
-    def of(status: Any, by_hand: bool = False) -> Ended:
+    def of(status: Any, by_hand: bool = False) -> ExplorationEnd:
         """Return the end that an `ExplorerStatus` reports."""
         fields = (status.state, status.reason, status.path_length, status.slides, status.lifts)
-        return Ended(*fields, by_hand=by_hand)
+        return ExplorationEnd(*fields, by_hand=by_hand)
 
 
-def ending(ended: Ended, object_name: str, seconds: float) -> dict:
+def ending(ended: ExplorationEnd, object_name: str, seconds: float) -> dict:
     """Return the part of `result.json` that every end has, even one before the filter's first answer; seconds: of the
     whole run, from the start of the nodes on."""
     return {
@@ -81,7 +81,9 @@ def ending(ended: Ended, object_name: str, seconds: float) -> dict:
     }
 
 
-def exploration_result(record: RunRecord, object_name: str, ended: Ended, answering: float, seconds: float) -> dict:
+def exploration_result(
+    record: RunRecord, object_name: str, ended: ExplorationEnd, answering: float, seconds: float
+) -> dict:
     """Return the content of `result.json`: `ending`, and the filter's answers; answering [s]: from its first answer to
     the last."""
     result = demo_result(record, object_name, answering)

@@ -25,7 +25,7 @@ from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects
 
 from ..explore.progress import object_answer, progress_line
-from ..explore.result import Ended
+from ..explore.result import ExplorationEnd
 from ..progress import progress_bar
 
 _OF_A_FINGER = "p: push the object; o: another object; "
@@ -45,7 +45,7 @@ class Console(Node):
     def __init__(self, mesh: str, given: bool, context: rclpy.Context):
         super().__init__("explore", context=context)
         self.mesh, self._newest, self._changed = mesh, 0, 0
-        self.ended: Ended | None = None
+        self.ended: ExplorationEnd | None = None
         self._first_at: float | None = None
         self.answering = 0.0
         self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
@@ -115,11 +115,11 @@ class Console(Node):
 
     def quit(self) -> None:
         """End the exploration for a person."""
-        self.ended = Ended.of(self._explorer, by_hand=True)
+        self.ended = ExplorationEnd.of(self._explorer, by_hand=True)
 
     def fail(self, why: str) -> None:
         """End the exploration because a node died."""
-        self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
+        self.ended = replace(ExplorationEnd.of(self._explorer), state="failed", reason=why)
 
     @property
     def _paused(self) -> bool:
@@ -157,7 +157,7 @@ class Console(Node):
         self._explorer = status
         self._show()
         if status.state in _END_STATES and self.ended is None:
-            self.ended = Ended.of(status)
+            self.ended = ExplorationEnd.of(status)
 
     def _show(self) -> None:
         answer, seconds = object_answer(self._objects, self._given), time.monotonic() - self._started

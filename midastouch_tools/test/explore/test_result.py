@@ -7,7 +7,7 @@ from midastouch_common import se3
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_tools.bags.run_record import RecordedMode, RunRecord, Snapshot
 from midastouch_tools.explore.result import (
-    Ended,
+    ExplorationEnd,
     ending,
     exploration_result,
     result_rows,
@@ -15,7 +15,7 @@ from midastouch_tools.explore.result import (
     write_words,
 )
 
-ENDED = Ended("known", "the filter knows the pose", 0.2, 3, 1)
+ENDED = ExplorationEnd("known", "the filter knows the pose", 0.2, 3, 1)
 
 
 def frame(objects, off=0.0, state="converged", symmetry=None):
@@ -72,7 +72,7 @@ def test_an_object_that_was_told_is_known():
 
 
 def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
-    ended = Ended("gave_up", "still uninitialised after 1.50 m", 1.5, 9, 1)
+    ended = ExplorationEnd("gave_up", "still uninitialised after 1.50 m", 1.5, 9, 1)
     result = ending(ended, "mug", 60.0)
     assert not result["right"]
     page = write_words(result, "no frame with a status", tmp_path).read_text()
