@@ -9,11 +9,10 @@ from collections.abc import Callable, Iterator
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-RCLError = rclpy_implementation.RCLError
-"""Exception of rclpy when the layer below refuses a call, e.g. after a signal has stopped it; it has no public name."""
+from .private_rclpy import RCLError
+
 PERIOD_S = 1.0
 _LOG_PERIOD = 5.0
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -17,6 +17,7 @@ from ..stop_signals import interruptible
 from . import diagnostics
 from .node import PipelineNode, refuse_unused_overrides
 from .parameters import Parameter, Parameters
+from .private_rclpy import RCLError
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
 """Parameter of every lifecycle node."""
@@ -230,7 +231,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
     ) -> ChangeState.Response:
         try:
             return self._change_state(request, response)
-        except diagnostics.RCLError:
+        except RCLError:
             wanted = request.transition.label or f"transition {request.transition.id}"
             self.get_logger().warning(f"{wanted} is not possible while {self.lifecycle_state}")
             response.success = False

@@ -9,10 +9,11 @@ from collections.abc import Callable
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.guard_condition import GuardCondition
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+
+from .private_rclpy import WaitSet
 
 # Longest time until the thread sees that the context was shut down or that Python ends, which wakes no wait set.
 LOOK_UP_NS = 300_000_000
@@ -57,7 +58,7 @@ class TopicReader:
         with contextlib.ExitStack() as kept_alive:
             for handle in (self._node.context.handle, self._stop.handle, *handles, *events):
                 kept_alive.enter_context(handle)
-            wait_set = _rclpy.WaitSet(len(handles), 1, 0, 0, 0, len(events), self._node.context.handle)
+            wait_set = WaitSet(len(handles), 1, 0, 0, 0, len(events), self._node.context.handle)
             while self._goes_on():
                 wait_set.clear_entities()
                 for handle in handles:

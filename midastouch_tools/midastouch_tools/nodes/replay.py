@@ -8,9 +8,10 @@ import threading
 from collections.abc import Callable, Sequence
 
 from midastouch_common.errors import InputError
-from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics, RCLError
+from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.private_rclpy import RCLError
 from midastouch_common.ros.spin import run, stop
 
 from ..replay.flow_control import FlowControl
