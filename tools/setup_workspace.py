@@ -189,6 +189,9 @@ def build_with_cmake(source, *options):
 
 
 def install_packages():
+    # First, as a script that has moved to another package would be removed with the former one.
+    uninstall = [PYTHON, "-m", "pip", "uninstall", "--yes", *(package.name for package in PACKAGES)]
+    yield Command(uninstall, "Removing the former packages of this workspace failed.")
     command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
     command += [argument for package in PACKAGES for argument in ("--editable", package)]
     yield Command(command, "Installing the packages of this workspace failed.")

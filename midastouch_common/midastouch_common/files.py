@@ -110,6 +110,37 @@ def sole_use(folder: str | os.PathLike) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def whole_folder(folder: str | os.PathLike) -> Iterator[Path]:
+    """Yield a fresh folder for the files of a run. In the end they take the place of those of the run before, all at
+    once; other files in `folder` stay.
+
+    Of a run that fails the files are kept in `folder/failed`, of one that is interrupted or dies nothing. InputError
+    while another process is at work there.
+    """
+    folder = Path(folder)
+    fresh, failed, listed = folder / ".unfinished", folder / "failed", folder / ".made"
+    with sole_use(folder):
+        for left in (fresh, failed):
+            shutil.rmtree(left, ignore_errors=True)
+        fresh.mkdir()
+        try:
+            yield fresh
+            names = {path.name for path in fresh.iterdir()}
+            former = set(listed.read_text().splitlines()) if listed.is_file() else set()
+            listed.write_text("\n".join(former | names))  # all that is there if this process dies in the lines below
+            for path in (folder / name for name in former | names):
+                shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+            for name in names:
+                (fresh / name).rename(folder / name)
+            listed.write_text("\n".join(names))
+        except Exception:
+            fresh.rename(failed)
+            raise
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+
+
+@contextlib.contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
     """Name `path` in an OSError raised inside that names no file, such as that of a full disk."""
     try:

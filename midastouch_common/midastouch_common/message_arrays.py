@@ -23,7 +23,10 @@ _LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's poi
 _ROUNDING = 1e-6  # tolerance for a probability outside of 0 to 1
 _FLOAT32 = 7  # sensor_msgs/PointField
 # encoding -> element type, channels
-ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
+ENCODINGS = {"mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
+# encoding -> channels of red, green and blue
+_COLOURS = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "rgba8": [0, 1, 2], "bgra8": [2, 1, 0]}
+ENCODINGS |= {name: (np.uint8, 4 if "a" in name else 3) for name in _COLOURS}
 
 
 def stamp_ns(stamp: Any) -> int:
@@ -32,7 +35,7 @@ def stamp_ns(stamp: Any) -> int:
 
 
 def image_from_msg(msg: Any) -> np.ndarray:
-    """Return the pixels (H, W) or (H, W, C) of an image message, read-only. Encodings: rgb8, bgr8, mono8 and 32FC1."""
+    """Return the pixels (H, W) or (H, W, C) of an image message, read-only; its encoding is one of `ENCODINGS`."""
     if msg.encoding not in ENCODINGS:
         raise InputError(f"image encoding '{msg.encoding}' is not one of {', '.join(ENCODINGS)}")
     kind, channels = ENCODINGS[msg.encoding]
@@ -53,14 +56,14 @@ def image_from_msg(msg: Any) -> np.ndarray:
 
 
 def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
-    """Return a colour image (height, width, 3) uint8 RGB, contiguous, from an rgb8 or bgr8 message of that size."""
-    if msg.encoding not in ("rgb8", "bgr8"):
-        raise InputError(f"image encoding '{msg.encoding}' is neither rgb8 nor bgr8; publish one of these")
+    """Return a colour image (height, width, 3) uint8 RGB, contiguous, from a colour message of that size."""
+    if msg.encoding not in _COLOURS:
+        raise InputError(f"image encoding '{msg.encoding}' is not one of {', '.join(_COLOURS)}; publish one of these")
     pixels = image_from_msg(msg)
     if pixels.shape[:2] != (height, width):
         fix = "rotate it to portrait" if pixels.shape[:2] == (width, height) else "let the driver scale its output"
         raise InputError(f"image is {msg.width} x {msg.height} pixels, expected {width} x {height}; {fix}")
-    return np.ascontiguousarray(pixels[:, :, ::-1]) if msg.encoding == "bgr8" else pixels
+    return pixels if msg.encoding == "rgb8" else np.ascontiguousarray(pixels[:, :, _COLOURS[msg.encoding]])
 
 
 def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:

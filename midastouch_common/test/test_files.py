@@ -1,3 +1,4 @@
+import contextlib
 import errno
 import hashlib
 import os
@@ -16,6 +17,7 @@ from midastouch_common.files import (
     require_place,
     sha256,
     sole_use,
+    whole_folder,
 )
 
 
@@ -140,3 +142,24 @@ def test_a_folder_is_for_one_process_alone_until_that_ends_however_it_does(tmp_p
         killed.kill()
     with sole_use(tmp_path / "out"):
         pass
+
+
+def test_the_files_of_a_run_take_the_place_of_those_of_the_run_before_once_they_are_whole(tmp_path):
+    def names() -> list[str]:
+        return sorted(path.name for path in tmp_path.iterdir() if not path.name.startswith("."))
+
+    (tmp_path / "thesis.txt").touch()
+    with whole_folder(tmp_path) as fresh:
+        (fresh / "log").mkdir()
+        (fresh / "result.json").write_text("1")
+        assert names() == ["thesis.txt"]
+    assert names() == ["log", "result.json", "thesis.txt"]
+    for number, error in enumerate((KeyboardInterrupt, ValueError), 2):
+        with contextlib.suppress(error), whole_folder(tmp_path) as fresh:
+            (fresh / "result.json").write_text(str(number))
+            raise error
+    assert names() == ["failed", "log", "result.json", "thesis.txt"]
+    assert [(tmp_path / name / "result.json").read_text() for name in ("", "failed")] == ["1", "3"]
+    with whole_folder(tmp_path) as fresh:
+        (fresh / "page.html").touch()
+    assert names() == ["page.html", "thesis.txt"]

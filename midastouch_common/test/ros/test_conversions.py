@@ -43,10 +43,12 @@ def test_image_with_padded_rows_and_foreign_byte_order():
     np.testing.assert_array_equal(arrays.image_from_msg(msg), pixels)
 
 
-def test_bgr_becomes_rgb():
-    pixels = image("bgr8", np.random.default_rng(2))
-    rgb = arrays.rgb_from_msg(c.image_to_msg(pixels, "bgr8", HEADER), 5, 4)
-    np.testing.assert_array_equal(rgb, pixels[:, :, ::-1])
+@pytest.mark.parametrize("encoding", ["bgr8", "rgba8", "bgra8"])
+def test_other_colours_become_rgb(encoding):
+    red, green, blue = (encoding.index(letter) for letter in "rgb")
+    pixels = np.random.default_rng(2).integers(0, 256, (5, 4, len(encoding) - 1), np.uint8)
+    rgb = arrays.rgb_from_msg(c.image_to_msg(pixels, encoding, HEADER), 5, 4)
+    np.testing.assert_array_equal(rgb, pixels[:, :, [red, green, blue]])
     assert rgb.flags.c_contiguous
 
 
@@ -54,7 +56,7 @@ def test_bgr_becomes_rgb():
     ("change", "complaint"),
     [
         ({"encoding": "16UC1"}, "encoding '16UC1'"),
-        ({"encoding": "rgba8"}, "rgb8.*bgr8"),
+        ({"encoding": "rgb16"}, "rgb8.*bgr8"),
         ({"height": 6}, "holds"),
         ({"step": 3}, "holds"),
         ({"height": 0}, "empty"),

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader
 
 from midastouch_common.errors import InputError
 
-from .messages import Message, Topic
+from .messages import TF_STATIC_TOPIC, Message, Topic
 
 
 def is_bag(path: str | Path) -> bool:
@@ -66,6 +66,8 @@ def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Mes
 
 
 def _was_latched(connection: Connection) -> bool:
+    if connection.topic.endswith(TF_STATIC_TOPIC):  # whatever the recorder noted: it is sent once only
+        return True
     profiles = connection.ext.offered_qos_profiles
     return bool(profiles) and all(q.durability is QosDurability.TRANSIENT_LOCAL for q in profiles)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
+from midastouch_common.transforms import ancestors
 
 from ..bags.frames import decode_image
 from ..bags.messages import (
@@ -35,6 +38,7 @@ INPUT_TOPICS = frozenset(
 )
 """Topics of a bag that are inputs of the pipeline, not its results."""
 
+_FIRST = 2000  # messages of TF: seconds of a recording
 _POSE_TOPIC, _OBJECT_FRAME = "/pose", "object"  # of a filter; its default object frame
 
 
@@ -70,6 +74,7 @@ class ReplaySource:
             raise InputError(f"{self.path}: has no images on {IMAGE_TOPIC} or {COMPRESSED_TOPIC}; it has {names}")
         self._estimated = {_OBJECT_FRAME, *self._frames_of(_POSE_TOPIC, present)}
         self._prefer_raw_images()
+        self._look_at_the_first_image()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
         """Yield each recorded message once, in recorded order, without those of the first `offset_ns`.
@@ -105,6 +110,33 @@ class ReplaySource:
         if IMAGE_TOPIC not in names:
             self._decompresses = True
             self.topics.append(Topic(IMAGE_TOPIC, IMAGE_TYPE))
+
+    def _look_at_the_first_image(self) -> None:
+        """Raise InputError if the pipeline cannot take the images of the bag: they would all be refused one by one."""
+        topic = COMPRESSED_TOPIC if self._decompresses else IMAGE_TOPIC
+        with contextlib.suppress(BrokenImageError):  # that one is left out
+            decode_image(next(bag_messages(self.path, {topic})), self.path)
+
+    def pose_missing(self, base: str, gel: str) -> str:
+        """Return in words, with the fix, why the recording has no pose of the frame `gel` in `base`; empty if it has.
+
+        Of a bag, the first transforms of each frame are looked at, up to `_FIRST` messages.
+        """
+        if self._sequence is not None:
+            return ""
+        links: dict[str, str] = {}
+        if {TF_TOPIC, TF_STATIC_TOPIC} & {topic.name for topic in self.topics}:
+            for message in islice(bag_messages(self.path, {TF_TOPIC, TF_STATIC_TOPIC}), _FIRST):
+                content = typestore().deserialize_cdr(message.data, message.type_name)
+                links |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in content.transforms}
+        roots = {ancestors(frame.lstrip("/"), links.get)[-1] for frame in (base, gel)}
+        if len(roots) == 1:
+            return ""
+        frames = f"; it has the frames {', '.join(sorted({*links, *links.values()}))}" if links else ""
+        return (
+            f"{self.path}: no recorded transforms lead from '{base}' to '{gel}'{frames}; so there is no pose. "
+            "Publish the missing ones beside it (midastouch run mount), or name the frames: tf_prefix, sensor_prefix"
+        )
 
     def _bag_messages(self) -> Iterator[Message]:
         names = {topic.name for topic in self.topics}

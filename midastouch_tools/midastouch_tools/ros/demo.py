@@ -8,7 +8,7 @@ import numpy as np
 
 from midastouch_bringup.parameter_files import merged, read_parameters, written
 from midastouch_bringup.ros.launch_arguments import SHARE
-from midastouch_common.files import atomic_path
+from midastouch_common.files import atomic_path, whole_folder
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.output_paths import cached_codebook_path
 from midastouch_perception.sensor_model import SensorModel
@@ -35,7 +35,6 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     domain: ROS_DOMAIN_ID for the nodes. Raises NodeFailed when a node dies or falls silent, InputError for
     parts that are not installed.
     """
-    out.mkdir(parents=True, exist_ok=True)
     mesh, sensor = ObjectMesh.load(object_path), SensorModel.load("digit_tacto")
     print(f"1/5  a slide of {SLIDE_LENGTH:g} m over '{mesh.name}', simulated", flush=True)
     sequence = load_sequence(cached_slide(mesh, sensor, SLIDE_LENGTH, seed))
@@ -43,17 +42,18 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     print(f"2/5  its codebook of {size:,} touches", flush=True)
     codebook = cached_codebook(mesh, load_tcn("fast", sensor), sensor, size)
     print(f"3/5  replay, tdn, tcn and particle_filter as processes, ROS_DOMAIN_ID={domain}", flush=True)
-    bag = out / "run.mcap"
-    with atomic_path(bag) as temporary:
-        seconds = record_run(sequence, _parameters(mesh, size, sequence, out), temporary, out / "log", domain)
-    print(f"4/5  reading {bag}", flush=True)
-    record = read_run(bag)
-    print("5/5  pictures", flush=True)
-    result = demo_result(record, mesh.name, seconds)
-    write_json(out / "result.json", result)
-    page = write_page(record.snapshots, mesh, codebook, result, out)
-    print(f"\n{text_table(*result_rows(result))}\n")
-    return page
+    with whole_folder(out) as fresh:
+        bag = fresh / "run.mcap"
+        with atomic_path(bag) as temporary:
+            seconds = record_run(sequence, _parameters(mesh, size, sequence, fresh), temporary, fresh / "log", domain)
+        print(f"4/5  reading {out / bag.name}", flush=True)
+        record = read_run(bag)
+        print("5/5  pictures", flush=True)
+        result = demo_result(record, mesh.name, seconds)
+        write_json(fresh / "result.json", result)
+        page = write_page(record.snapshots, mesh, codebook, result, fresh)
+        print(f"\n{text_table(*result_rows(result))}\n")
+    return out / page.name
 
 
 def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> Path:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from midastouch_bringup.ros.launch_parameters import explored, quick_codebooks
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, sole_use
+from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
@@ -36,17 +34,7 @@ from .exploration_console import Console, file_of, keys_help
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
 _LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
-_RECORDING = "run.mcap"
-
-
-@contextlib.contextmanager
-def own_folder(out: Path) -> Iterator[None]:
-    """Keep the folder of an exploration to this process; InputError while another explores there."""
-    with sole_use(out):
-        # left by runs that were killed: names made by `atomic_path`, and from those by `BagWriter`
-        for left in out.glob(f".*{Path(_RECORDING).stem}.*{Path(_RECORDING).suffix}*"):
-            shutil.rmtree(left) if left.is_dir() else left.unlink()
-        yield
+RECORDING = "run.mcap"
 
 
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
@@ -57,7 +45,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it has ended.
     """
     touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
-    bag, started = out / _RECORDING, time.monotonic()
+    bag, started = out / RECORDING, time.monotonic()
     unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
     finger = given["arm"] == "finger"
     print(f"{'a simulated finger' if finger else 'an arm in MuJoCo'} explores '{Path(touched).stem}'{unknown}")
@@ -73,7 +61,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     except InputError as error:  # it ended before the filter had an answer
         result = ending(console.ended, Path(console.mesh).stem, seconds)
         _tell(result, out)
-        print(f"the same as a page: {write_words(result, str(error), out)}")
+        write_words(result, str(error), out)
         return 0 if console.ended.by_hand else 1
     if console.mesh != touched:  # changed by key: the earlier part is about another object
         record = record.last(1e-9 * console.since_change_ns).of_known_object()
@@ -83,8 +71,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
-    page = write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
-    print(f"pictures and table: {page}\nrecording: {bag}")
+    write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
     return 0 if result["right"] or console.ended.by_hand else 1
 
 

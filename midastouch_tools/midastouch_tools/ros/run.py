@@ -19,12 +19,15 @@ from midastouch_bringup.ros.launch_parameters import (
 )
 from midastouch_bringup.ros.setups import SETUPS, executables
 from midastouch_common.errors import InputError
+from midastouch_common.files import whole_folder
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME
 from midastouch_common.output_paths import demo_slide, exploration
 
 from ..processes.foreground import interrupted_by_signals, run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.process import Program, node_program
 from ..processes.supervisor import BackOff
+from ..replay.source import ReplaySource
 
 
 @interrupted_by_signals()
@@ -40,6 +43,8 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     prepare(name, given)
     if name == "explore":
         return _explore(given)
+    for words in _no_pose_without(parameters(given), given):
+        print(f"[midastouch] WARNING: {words}", flush=True)
     if name == "demo":
         given["bag"] = str(demo_slide(given["object"]))
         # hides the demo's nodes from the rest of the network, unless the user has chosen otherwise
@@ -48,22 +53,31 @@ def run_setup(name: str, words: Sequence[str]) -> int:
         path, nodes = Path(folder) / "parameters.yaml", parameters(given)
         path.write_text(written(nodes, given["namespace"]))
         respawn = BackOff if given["use_respawn"] == "true" else None
-        # only set-ups that start the filter take a codebook
-        if "codebook" in given and (words := object_to_come(nodes)):
-            print(f"[midastouch] WARNING: {words}", flush=True)
         return run_in_foreground(_programs(name, given, path), environment, respawn)
+
+
+def _no_pose_without(nodes: Mapping[str, Mapping], given: Mapping[str, str]) -> list[str]:
+    """Return in words what a set-up with the filter lacks to give poses, each with its fix. Raises InputError for a
+    recording that cannot be played."""
+    lacks = [object_to_come(nodes)] if "codebook" in given else []  # only set-ups that start the filter take one
+    if given.get("bag"):
+        frames = {"base_frame_id": BASE_FRAME, "sensor_frame_id": GEL_FRAME} | nodes.get("particle_filter", {})
+        lacks.append(ReplaySource(given["bag"]).pose_missing(frames["base_frame_id"], frames["sensor_frame_id"]))
+    return list(filter(None, lacks))
 
 
 def _explore(given: dict[str, str]) -> int:
     """Run the exploration: recorded, with keys for a person, and with a page."""
-    from .explore import own_folder, run_exploration
+    from .explore import RECORDING, run_exploration
 
     given |= explored(given)
     out = exploration()
-    with own_folder(out):
-        path = out / "parameters.yaml"
+    with whole_folder(out) as fresh:
+        path = fresh / "parameters.yaml"
         path.write_text(written(parameters(given), ""))
-        return run_exploration(_programs("explore", given, path), given, out, own_domain())
+        status = run_exploration(_programs("explore", given, path), given, fresh, own_domain())
+    print(f"pictures and table: {out / 'index.html'}\nrecording: {out / RECORDING}")
+    return status
 
 
 def prepare(name: str, given: Mapping[str, str]) -> None:

@@ -50,6 +50,8 @@ def test_topics_of_unknown_types_and_without_messages_do_not_count(tmp_path, sim
         "/image_raw/full",
     }
     assert len(list(bag_messages(path, {"/tf"}))) == 2
+    # no profiles were noted: what is sent once only is latched by its name
+    assert [topic.name for topic in bag_topics(path) if topic.latched] == ["/tf_static"]
 
 
 def test_a_bag_folder_without_its_file(tmp_path, simulated_sequence):

@@ -126,7 +126,7 @@ def test_a_second_ctrl_c_waits_for_no_node(short):
         assert list(output)[-1] == "midastouch: interrupted\n"
     assert run.returncode == cli.EXIT_INTERRUPTED
     until(lambda: state_and_parent(held)[0] in "ZX", "the end of the filter, killed")
-    assert sorted(path.name for path in Path("out/explore").iterdir()) == [".lock", "log", "parameters.yaml"]
+    assert [path.name for path in Path("out/explore").iterdir()] == [".lock"]
 
 
 def test_a_node_that_dies_ends_it_and_the_page_says_so(short, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """What `midastouch run` starts, and how; that it starts the same as the launch files is in test_launch.py."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -16,6 +17,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import sole_use
 from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.bags.messages import Message, sequence_messages
+from midastouch_tools.bags.writer import BagWriter
 from midastouch_tools.demo import preparation
 from midastouch_tools.ros import explore, run
 from midastouch_tools.ros.run import manual, prepare, run_setup, values
@@ -100,8 +103,8 @@ def test_a_filter_without_an_object_is_said_to_wait_for_one(supervised, capsys, 
         assert (words in capsys.readouterr().out) == waits, (setup, given)
 
 
-def test_only_a_replay_ends_by_itself(supervised, tmp_path):
-    run_setup("replay", [f"bag:={tmp_path}", "use_respawn:=true"])
+def test_only_a_replay_ends_by_itself(supervised, simulated_sequence):
+    run_setup("replay", [f"bag:={simulated_sequence(n=1).path}", "use_respawn:=true"])
     assert {name for name, program in supervised["programs"].items() if program.ends} == {"replay"}
     assert supervised["respawn"] is not None
 
@@ -252,12 +255,31 @@ def test_two_do_not_explore_in_one_folder(explored):
     assert run_setup("explore", ["object:=ball"]) == 7
 
 
-def test_what_a_killed_run_has_left_of_its_recording_is_removed(explored):
-    left = Path("out/explore/..run.01234567.mcap.x1y2z3_4")
+def test_what_a_killed_run_has_left_is_removed_and_no_two_runs_are_mixed(explored):
+    left, former, own = (Path("out/explore") / name for name in (".unfinished", "result.json", "notes.txt"))
     left.mkdir(parents=True)
-    (left / "run.mcap").touch()
-    kept = Path("out/explore/run.mcap")
-    kept.touch()
+    (left.parent / ".made").write_text("result.json")
+    for path in (left / "run.mcap", former, own):
+        path.touch()
     run_setup("explore", ["object:=ball"])
-    assert not left.exists()
-    assert kept.exists()
+    assert sorted(path.name for path in left.parent.iterdir()) == [".lock", ".made", "notes.txt", "parameters.yaml"]
+
+
+def test_a_recording_that_leads_to_no_pose_is_said_before_it_is_played(
+    supervised, simulated_sequence, tmp_path, capsys
+):
+    static, moving, _, image = sequence_messages(simulated_sequence(n=1))
+
+    def play(name: str, *messages: Message) -> str:
+        with BagWriter(tmp_path / f"{name}.mcap") as bag:
+            for message in messages:
+                bag.write(message)
+        run_setup("replay", [f"bag:={tmp_path / name}.mcap", "object:=ball"])
+        return capsys.readouterr().out
+
+    assert "no recorded transforms" not in play("whole", static, moving, image)
+    assert "no recorded transforms lead from 'base_link' to 'digit_gel_frame'" in play("still", static, image)
+    supervised.clear()
+    with pytest.raises(InputError, match=r"odd.mcap: image on /image_raw"):
+        play("odd", static, moving, dataclasses.replace(moving, topic="/image_raw"))
+    assert supervised == {}
