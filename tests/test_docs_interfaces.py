@@ -1,4 +1,4 @@
-"""Frames, states, topics and services of docs/interfaces.md, against messages, settings and running nodes."""
+"""Frames, topics, services of docs/interfaces.md and states of docs/states.md, against messages and running nodes."""
 
 import re
 
@@ -38,8 +38,7 @@ def test_frames_are_those_of_the_mount_and_of_the_nodes():
 def test_states_are_those_of_the_message():
     message = (ROOT / "midastouch_msgs" / "msg" / "FilterStatus.msg").read_text()
     states = set(re.findall(r'STATE_\w+ = "(\w+)"', message)) - {"waiting"}
-    for document, heading in (("docs/interfaces.md", "## States"), ("docs/trust.md", "## What each state promises")):
-        assert {row[0].strip("`") for row in table(document, heading)} == states
+    assert {row[0].strip("`") for row in table("docs/states.md", "## The seven states")} == states
 
 
 def test_states_have_the_numbers_of_an_export():
