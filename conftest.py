@@ -30,7 +30,7 @@ import midastouch_tools  # noqa: F401
 from midastouch_tools.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
-    from midastouch_common.ros.testing import RosGraph
+    from ros_graph import RosGraph
 
 # on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
@@ -61,7 +61,7 @@ def _heeding_signals() -> Iterator[None]:
 @pytest.fixture
 def graph() -> Iterator[RosGraph]:
     """A ROS graph for one test."""
-    from midastouch_common.ros.testing import open_graph
+    from ros_graph import open_graph
 
     with open_graph() as opened:
         yield opened

@@ -45,12 +45,6 @@ def commands() -> pd.DataFrame:
     return listed(("report", "made by"), ((f"[{name}]", f"`{_made_by(name)}`") for name in reported()))
 
 
-def figure_commands() -> pd.DataFrame:
-    """Table of the commands that made the reports behind the figures of docs/evaluation.md."""
-    table = commands()
-    return table[table["report"].str.strip("[]").isin(figures.reports())]
-
-
 def _made_by(name: str) -> str:
     """Return the command that is stored in the report, without `--json`; if there is none, that of `COMMANDS`."""
     return re.sub(r" --json \S+", "", report(name).get("command") or COMMANDS[name])
@@ -61,7 +55,7 @@ TABLES = {
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.areas, accuracy.slides,
         comparisons.grasps, comparisons.variants, comparisons.front,
-        figures.figures, figure_commands,
+        figures.figures,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
         exploring.identification, exploring.exploration, observing.observing, motion.motion, motion.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
@@ -116,10 +110,9 @@ def of_today(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
             text = markdown(make())
     except FileNotFoundError:  # the whole table needs that report
         text = UNMEASURED
-    now = ", ".join(f"`{each}`" for each in ids_of_today().values())
     left = [f"[{name}]" for name in stale(names)]
     rest = f"; not measured with it yet, last figures by earlier code: {', '.join(left)}" if left else ""
-    return f"{text}\n\nFingerprint {now}{rest}.", names
+    return f"{text}\n\nFigures of today's code{rest}.", names
 
 
 def _footnote(names: list[str], old: list[str]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
+from ros_graph import RosGraph
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Header
@@ -16,7 +17,6 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common import se3
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
-from midastouch_common.ros.testing import RosGraph
 from midastouch_motion.nodes.slider import Slider
 from midastouch_msgs.msg import TactileContact
 

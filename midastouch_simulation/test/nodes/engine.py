@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
+from ros_graph import RosGraph
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -12,7 +13,6 @@ from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import ENCODINGS
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
-from midastouch_common.ros.testing import RosGraph
 
 PERIOD = 1 / 60
 """s between two images."""

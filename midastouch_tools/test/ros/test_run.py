@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from ros_graph import open_graph
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.errors import InputError
 from midastouch_common.files import sole_use
-from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
 from midastouch_tools.bags.messages import Message, sequence_messages
 from midastouch_tools.bags.writer import BagWriter

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from ros_graph import RosGraph, open_graph
 from sensor_msgs.msg import Image
 from slide import Sender, Slide
 from tf2_msgs.msg import TFMessage
@@ -18,7 +19,6 @@ from midastouch_bringup.parameter_files import written
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.graph_watch import LifecycleWatch
-from midastouch_common.ros.testing import RosGraph, open_graph
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_tools.processes.local_domain import LogFolder, local_environment, own_domain
 from midastouch_tools.processes.process import node_program, resident_mb

@@ -22,7 +22,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-from . import qos
+from midastouch_common.ros import qos
 
 # Limits only a test that fails; on a busy machine milliseconds become seconds.
 _TIMEOUT = 60.0
