@@ -66,7 +66,7 @@ def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Mes
 
 
 def _was_latched(connection: Connection) -> bool:
-    profiles = connection.ext.offered_qos_profiles
+    profiles = connection.ext.offered_qos_profiles  # type: ignore[union-attr] # all are of ROS 2
     return bool(profiles) and all(q.durability is QosDurability.TRANSIENT_LOCAL for q in profiles)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
@@ -121,8 +122,8 @@ class ReplaySource:
         if not self._decompresses or message.topic != COMPRESSED_TOPIC:
             return message
         pixels = decode_image(message, self.path)
-        header = typestore().deserialize_cdr(message.data, message.type_name).header
-        return image_message(header, pixels, message.stamp_ns)
+        content: Any = typestore().deserialize_cdr(message.data, message.type_name)
+        return image_message(content.header, pixels, message.stamp_ns)
 
     def _frames_of(self, topic: str, present: list[Topic]) -> set[str]:
         """The frame of the first message on a topic, if there is one."""
@@ -130,7 +131,8 @@ class ReplaySource:
             return set()
         first = next(bag_messages(self.path, {topic}))
         with readable(self.path):
-            return {typestore().deserialize_cdr(first.data, first.type_name).header.frame_id}
+            content: Any = typestore().deserialize_cdr(first.data, first.type_name)
+            return {content.header.frame_id}
 
     def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
         """Drop the frame that a filter published: it would conflict with that of the filter that listens."""
@@ -140,7 +142,7 @@ class ReplaySource:
                 yield message
                 continue
             with readable(self.path):
-                content = store.deserialize_cdr(message.data, message.type_name)
+                content: Any = store.deserialize_cdr(message.data, message.type_name)
             kept = [t for t in content.transforms if t.child_frame_id not in self._estimated]
             if len(kept) == len(content.transforms):
                 yield message
