@@ -62,6 +62,7 @@ audit:
 
 lint: setup
 	$(BIN)/ruff check .
+	$(BIN)/mypy
 
 setup:
 	@ROS=$(ROS) $(PYTHON) tools/setup_workspace.py

@@ -27,7 +27,7 @@ setup(
         "opencv-contrib-python-headless",
         "PyYAML",
     ],
-    package_data={package: ["cameras/*.yaml"]},
+    package_data={package: ["cameras/*.yaml", "py.typed"]},
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),

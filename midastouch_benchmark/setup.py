@@ -12,7 +12,7 @@ setup(
     # the namespace package that the folder of the same name is when Python runs in the workspace root.
     package_dir={"": "."},
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={package: ["evidence/*.npz"]},
+    package_data={package: ["evidence/*.npz", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),

@@ -13,7 +13,10 @@ setup(
     package_dir={"": "."},
     packages=find_packages(exclude=["test", "test.*"]),
     package_data={
-        package: [f"**/*.{suffix}" for suffix in ("jpg", "json", "npz", "onnx", "ply", "png", "safetensors", "yaml")]
+        package: [
+            "py.typed",
+            *(f"**/*.{suffix}" for suffix in ("jpg", "json", "npz", "onnx", "ply", "png", "safetensors", "yaml")),
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),

@@ -95,10 +95,11 @@ class RosGraph:
         for info in publishers:
             if (owner := owners.get(info.node_name)) is not None:
                 matching = [p for p in owner.publishers if p.topic_name == subscription.topic_name]
-                self.spin_until(
-                    lambda matching=matching: all(p.get_subscription_count() > 0 for p in matching),
-                    f"the publisher of {topic} to see its listener",
-                )
+
+                def heard(matching: list = matching) -> bool:
+                    return all(p.get_subscription_count() > 0 for p in matching)
+
+                self.spin_until(heard, f"the publisher of {topic} to see its listener")
         return received
 
     def request(self, kind: type, name: str, request: Any) -> Future:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -113,10 +114,7 @@ class FrameSlot:
             status, overwritten = self._status, self._newest is not None
             self._newest = frame
             self._status = replace(
-                status,
-                frames=status.frames + 1,
-                lost=status.lost + lost,
-                overwritten=status.overwritten + overwritten,
+                status, frames=status.frames + 1, lost=status.lost + lost, overwritten=status.overwritten + overwritten
             )
 
     def take(self) -> Frame | None:
@@ -130,7 +128,7 @@ class FrameSlot:
         with self._lock:
             self._status = replace(self._status, corrupt=self._status.corrupt + 1, last_error=reason)
 
-    def update(self, **changes: object) -> None:
+    def update(self, **changes: Any) -> None:
         """Set fields of the status."""
         with self._lock:
             self._status = replace(self._status, **changes)

@@ -18,7 +18,7 @@ import yaml
 from .errors import InputError
 
 
-def expanded(path: str | Path, parameter: str) -> Path:
+def expanded(path: str | os.PathLike, parameter: str) -> Path:
     """Return the path with `~` expanded; InputError naming the parameter if the home directory is unknown."""
     try:
         return Path(path).expanduser()

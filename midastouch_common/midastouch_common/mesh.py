@@ -41,7 +41,7 @@ def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
     except (UnicodeDecodeError, ImportError):
         # The file has names or comments that are not UTF-8, for which trimesh wants another library. Drop them.
         loaded = trimesh.load(io.BytesIO(_in_ascii(path)), file_type=path.suffix[1:], process=False, force="mesh")
-    return np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
+    return np.asarray(loaded.vertices, float), np.asarray(loaded.faces)  # type: ignore[attr-defined] # `force` makes it a Trimesh
 
 
 def _in_ascii(path: Path) -> bytes:

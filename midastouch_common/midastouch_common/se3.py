@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 import midastouch_kernels as kernels
@@ -17,7 +18,7 @@ import midastouch_kernels as kernels
 from .errors import InputError
 
 
-def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+def make(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> np.ndarray:
     """Return transforms (..., 4, 4) from rotation matrices (..., 3, 3) and translations (..., 3), broadcast."""
     rotation, translation = np.asarray(rotation, float), np.asarray(translation, float)
     shape = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
@@ -28,12 +29,12 @@ def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     return out
 
 
-def translation(vector: np.ndarray) -> np.ndarray:
+def translation(vector: npt.ArrayLike) -> np.ndarray:
     """Return transforms (..., 4, 4) that shift by vectors (..., 3) m; `T @ translation(v)` moves T along T's axes."""
     return make(np.eye(3), vector)
 
 
-def from_xyzquat(vector: np.ndarray) -> np.ndarray:
+def from_xyzquat(vector: npt.ArrayLike) -> np.ndarray:
     """Return transforms (..., 4, 4) from rows [x y z qx qy qz qw] (..., 7); quaternions need not be unit.
 
     Raises InputError on non-finite values and on quaternions shorter than 1e-6.
@@ -49,26 +50,26 @@ def from_xyzquat(vector: np.ndarray) -> np.ndarray:
     return make(_matrices(flat[:, 3:]), flat[:, :3]).reshape((*vector.shape[:-1], 4, 4))
 
 
-def to_xyzquat(transform: np.ndarray) -> np.ndarray:
+def to_xyzquat(transform: npt.ArrayLike) -> np.ndarray:
     """Return rows [x y z qx qy qz qw] (..., 7) of transforms (..., 4, 4)."""
     transform = np.asarray(transform, float)
     flat = np.ascontiguousarray(transform.reshape(-1, 4, 4))
     return np.concatenate([flat[:, :3, 3], kernels.quaternions(flat)], axis=1).reshape((*transform.shape[:-2], 7))
 
 
-def inverse(transform: np.ndarray) -> np.ndarray:
+def inverse(transform: npt.ArrayLike) -> np.ndarray:
     """Return inverse transforms (..., 4, 4), by transposition of the rotation."""
     transform = np.asarray(transform, float)
     return kernels.inverses(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape(transform.shape)
 
 
-def exp(xi: np.ndarray) -> np.ndarray:
+def exp(xi: npt.ArrayLike) -> np.ndarray:
     """Apply the exponential map: tangent vectors (..., 6) [rho, omega] to transforms (..., 4, 4)."""
     xi = np.asarray(xi, float)
     return kernels.exponentials(np.ascontiguousarray(xi.reshape(-1, 6))).reshape((*xi.shape[:-1], 4, 4))
 
 
-def log(transform: np.ndarray) -> np.ndarray:
+def log(transform: npt.ArrayLike) -> np.ndarray:
     """Apply the logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
     transform = np.asarray(transform, float)
     return kernels.logarithms(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape((*transform.shape[:-2], 6))
@@ -89,7 +90,7 @@ def turn(rotation: np.ndarray) -> np.ndarray:
     return out
 
 
-def rotation_angle(rotation: np.ndarray) -> np.ndarray:
+def rotation_angle(rotation: npt.ArrayLike) -> np.ndarray:
     """Return the geodesic angle (...) [rad] of rotation matrices (..., 3, 3), in [0, pi] and accurate at both ends."""
     rotation = np.asarray(rotation, float)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2

@@ -45,7 +45,7 @@ def end_at_once() -> None:
 
 
 @contextlib.contextmanager
-def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
+def stop_event(wake: Callable[[], object]) -> Iterator[threading.Event]:
     """Yield an event that every signal to stop sets. Use it in the main thread.
 
     Each signal also calls ``wake``, in another thread. Once the context is left, signals to stop are ignored, because

@@ -260,7 +260,8 @@ class ParticleFilter:
             odometer, back = self._track.odometer, se3.inverse(belief.since)
             hypotheses = belief.hypotheses.some(leading).moved(belief.since).drifted(odometer, self._noise.drift)
             poses, covariances = belief.hypotheses.poses.copy(), belief.hypotheses.covariances.copy()
-            aligned_at, seen = belief.hypotheses.aligned_at.copy(), {}
+            aligned_at = belief.hypotheses.aligned_at.copy()
+            seen: dict[int, Sighting] = {}
             for number in np.unique(hypotheses.objects):
                 own = np.flatnonzero(hypotheses.objects == number)
                 found = self.objects[number].alignment.align_each(
@@ -397,5 +398,5 @@ class ParticleFilter:
 def _effective(belief: Belief) -> float:
     """Return the effective number of hypotheses and untested poses, 1 / sum(w^2)."""
     total = belief.total()
-    squares = [np.exp(2 * (part.log_weights - total)).sum() for part in (belief.hypotheses, *belief.untested)]
-    return float(1.0 / max(sum(squares), 1e-300))
+    parts = [belief.hypotheses.log_weights, *(some.log_weights for some in belief.untested)]
+    return float(1.0 / max(sum(np.exp(2 * (each - total)).sum() for each in parts), 1e-300))

@@ -26,7 +26,7 @@ from .filter import ParticleFilter
 from .paper_filter import PaperFilter, PaperObject
 
 if TYPE_CHECKING:
-    from midastouch_perception.tcn import TactileCodeNet
+    from midastouch_perception.tcn import AnyCodeNet
 
 RunningFilter = ParticleFilter | PaperFilter
 
@@ -50,9 +50,7 @@ class Growth:
     """
 
     def __init__(
-        self,
-        build: Callable[[Callable[[], None]], Codebook],
-        prepare: Callable[[Codebook], ObjectModel | PaperObject],
+        self, build: Callable[[Callable[[], None]], Codebook], prepare: Callable[[Codebook], ObjectModel | PaperObject]
     ):
         self._build, self._prepare = build, prepare
         self._stop = threading.Event()
@@ -128,7 +126,7 @@ class LoadedObject:
     def take_growth(self) -> None:
         """Switch the filter to a denser codebook, if one is ready."""
         if self.growth is not None and (prepared := self.growth.take()) is not None:
-            self.filter.take(prepared)
+            self.filter.take(prepared)  # type: ignore[arg-type] # this filter has prepared it
 
     def close(self) -> None:
         """Stop building a denser codebook."""
@@ -148,15 +146,17 @@ def object_of(
     mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
     """Return the filter, or the paper's, on a mesh and its codebook; raises InputError on an unusable codebook."""
+    running: RunningFilter
     if paper:
         running = PaperFilter(mesh, codebook, clock=time.perf_counter, threads=config.threads, limits=config)
         running.reset(seed)
     else:
         running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
+    advisor = Advisor(running) if isinstance(running, ParticleFilter) else None
     workers.trim()
     sensor = SensorModel.of_codebook(codebook.meta).for_maps
     network_id = str(codebook.meta["tcn"])
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, None if paper else Advisor(running))
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, advisor)
 
 
 def build_object(
@@ -183,7 +183,7 @@ def coarse_codebook(
 
 def _built(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
-) -> tuple[ObjectMesh, TactileCodeNet, SensorModel, Codebook]:
+) -> tuple[ObjectMesh, AnyCodeNet, SensorModel, Codebook]:
     # imported here, because nothing else needs the runtime of networks
     from midastouch_perception.codebook_build import CodebookBuild
     from midastouch_perception.tcn import load_tcn
@@ -194,7 +194,7 @@ def _built(
 
 
 def dense_codebook(
-    mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, pause: Callable[[], None] = lambda: None
+    mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel, pause: Callable[[], None] = lambda: None
 ) -> Codebook:
     """Build the codebook of `DENSE` poses; `pause` is called now and then, and an exception from it ends the work."""
     # imported here, because nothing else needs the runtime of networks

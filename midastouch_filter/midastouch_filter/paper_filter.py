@@ -221,7 +221,7 @@ class PaperFilter:
         p = self._particles
         cells = np.floor(p.positions * (_CELLS_PER_EPS / self.config.eps)).astype(np.int64)
         cells -= cells.min(axis=0)
-        index = np.ravel_multi_index(cells.T, cells.max(axis=0) + 1)
+        index = np.ravel_multi_index(tuple(cells.T), cells.max(axis=0) + 1)
         _, cell, count = np.unique(index, return_inverse=True, return_counts=True)
         centres = np.stack([np.bincount(cell, p.positions[:, k]) for k in range(3)], axis=1) / count[:, None]
         clustering = DBSCAN(eps=self.config.eps, min_samples=self.config.min_samples)

@@ -166,9 +166,9 @@ class ContactServo:
     def pressed(self, depth: float, along: np.ndarray) -> np.ndarray:
         """Return the twist that holds a depth [m] and the gel flat, and moves `along` (2,) [m/s] in the gel's plane."""
         predicted, gain = self._predicted(), self.gain
-        deeper, *rising = self._drift + gain * (predicted - (depth, 0.0, 0.0))
+        deeper, *slopes = self._drift + gain * (predicted - (depth, 0.0, 0.0))
         # in a corner the gel's other side comes down as it turns
-        rising = self._not_deeper(depth) * np.array(rising)
+        rising = self._not_deeper(depth) * np.array(slopes)
         # the surface rises ahead, and so does the gel
         return np.array([*along, predicted[1:] @ along + deeper, rising[1], -rising[0], 0.0])
 

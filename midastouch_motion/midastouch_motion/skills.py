@@ -48,7 +48,8 @@ class _Moving:
     leaves = False
 
     def __init__(self) -> None:
-        self.path, self._at = 0.0, None
+        self.path = 0.0
+        self._at: np.ndarray | None = None
 
     def _gone(self, pose: np.ndarray) -> float:
         position = pose[:3, 3]
@@ -192,7 +193,7 @@ class ApproachSkill(_Moving):
         self._touched = SkillEnd(False, "")
 
     @property
-    def leaves(self) -> bool:
+    def leaves(self) -> bool:  # type: ignore[override] # nobody sets it
         return self._back is not None
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:

@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -39,7 +40,7 @@ _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.r
 _LENGTHS = 26  # offset in a member's local header of the lengths of its name and its extra field (ZIP, 4.3.7)
 
 
-def build_command(mesh: str | Path, sensor: str = "", tcn: str = "", out: str | Path = "") -> str:
+def build_command(mesh: str | Path, sensor: str | Path = "", tcn: str = "", out: str | Path = "") -> str:
     """Return a command, ready to paste, that builds the codebook of a mesh; empty options have their defaults."""
     options = {"--sensor": sensor, "--tcn": tcn, "--out": out}
     words = [word for option, given in options.items() if given for word in (option, str(given))]
@@ -103,11 +104,7 @@ def codebook_poses(
 
 
 def _reachable(
-    reachability: Reachability,
-    poses: np.ndarray,
-    size: int,
-    pause: Callable[[], None],
-    searched: Callable[[int], None],
+    reachability: Reachability, poses: np.ndarray, size: int, pause: Callable[[], None], searched: Callable[[int], None]
 ) -> tuple[np.ndarray, float]:
     """Return the first `size` reachable ones of the poses (N, 4, 4), settled, or fewer, and the reachable fraction of
     those tried. Works in pieces, because each pose is rendered."""
@@ -170,7 +167,7 @@ class Codebook:
                 poses=se3.to_xyzquat(self.poses).astype(np.float32),
                 codes=self.codes.astype(np.float16),
                 meta=np.array(json.dumps(self.meta)),
-                **self.derived,
+                **self.derived,  # type: ignore[arg-type] # none has the name of an option
             )
 
     @classmethod
@@ -246,7 +243,7 @@ def mapped_npz(path: str | Path) -> dict[str, np.ndarray]:
             shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)
             if dtype.hasobject:
                 raise ValueError(f"{member.filename} holds objects")
-            order = "F" if fortran else "C"
+            order: Literal["C", "F"] = "F" if fortran else "C"
             name = member.filename.removesuffix(".npy")
             empty = not np.prod(shape, dtype=int)  # nothing to map
             out[name] = np.empty(shape, dtype) if empty else np.memmap(path, dtype, "r", stream.tell(), shape, order)

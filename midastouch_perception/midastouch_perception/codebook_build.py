@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from .mesh_report import MeshReport
 from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
 from .symmetry.group import Symmetry
-from .symmetry.search import object_symmetry
-from .tcn.inference import TactileCodeNet
+from .symmetry.search import ObjectSymmetry, object_symmetry
+from .tcn.inference import AnyCodeNet
 
 CHUNK = 256
 """Number of poses that are rendered, encoded and kept together; the result must not depend on it."""
@@ -40,14 +41,14 @@ class CodebookBuild:
     def __init__(
         self,
         mesh: ObjectMesh,
-        tcn: TactileCodeNet,
+        tcn: AnyCodeNet,
         sensor: SensorModel,
         size: int = 50_000,
         seed: int = 0,
         symmetry: Symmetry | None = None,
     ):
         self._mesh, self._tcn, self._sensor = mesh, tcn, sensor
-        self._meta = {
+        self._meta: dict[str, Any] = {
             "format": FORMAT,
             "mesh_name": mesh.name,
             "mesh_sha256": mesh.sha256,
@@ -60,7 +61,8 @@ class CodebookBuild:
             "size": size,
             "seed": seed,
         }
-        self._given, self._symmetry = symmetry, None
+        self._given = symmetry
+        self._symmetry: ObjectSymmetry | None = None
         self._poses: np.ndarray | None = None  # (M, 4, 4), laid out when the work begins
         self._codes = np.empty((0, tcn.dim), np.float32)
         self._finished = np.zeros(0, bool)  # by chunk
@@ -158,15 +160,11 @@ class CodebookBuild:
 
 
 def build_codebook(
-    mesh: ObjectMesh,
-    tcn: TactileCodeNet,
-    sensor: SensorModel,
-    size: int = 50_000,
-    seed: int = 0,
+    mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel, size: int = 50_000, seed: int = 0
 ) -> Codebook:
     """Build a codebook in one go; see `CodebookBuild`."""
     return CodebookBuild(mesh, tcn, sensor, size, seed).run()
 
 
-def _part(chunk: int) -> slice:
+def _part(chunk: np.integer) -> slice:
     return slice(chunk * CHUNK, (chunk + 1) * CHUNK)

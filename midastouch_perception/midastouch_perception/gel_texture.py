@@ -9,6 +9,7 @@ show what is chance, so a likeness is given in standard deviations.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -134,7 +135,7 @@ class GelCheck:
     def reset(self) -> None:
         """Forget all images, because the no-contact image has changed."""
         self._images = self._looked_at = 0
-        self._sums: list[np.ndarray | float] = [0.0, 0.0]
+        self._sums: list[Any] = [0.0, 0.0]
         self.sigmas: float | None = None
         self.problem = ""
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from .contact import Contact, ContactDetector
 from .gel_texture import GelCheck
-from .tcn.inference import TactileCodeNet
+from .tcn.inference import AnyCodeNet
 from .tdn.background import TouchedBackground, shows_contact
 from .tdn.depth_net import DepthNet
 from .tdn.fit_check import FitCheck, explained_fraction
@@ -142,7 +142,7 @@ class CodeStage:
     Attributes: skipped, number of frames that skipped the network, by reason.
     """
 
-    def __init__(self, tcn: TactileCodeNet):
+    def __init__(self, tcn: AnyCodeNet):
         self._tcn = tcn
         self._penetration: np.ndarray | None = None
         self._code: np.ndarray | None = None
@@ -167,7 +167,7 @@ class TouchPipeline:
     Args: clock, monotonic seconds. Attributes: ms, wall time [ms] of the stages tdn and tcn in the last frame.
     """
 
-    def __init__(self, tdn: DepthNet, tcn: TactileCodeNet, clock: Callable[[], float]):
+    def __init__(self, tdn: DepthNet, tcn: AnyCodeNet, clock: Callable[[], float]):
         self._depth, self._code, self._clock = DepthStage(tdn), CodeStage(tcn), clock
         self.ms: dict[str, float] = {}
 

@@ -126,10 +126,7 @@ class SensorModel:
     def scaled(self, factor: float) -> SensorModel:
         """Return the same sensor with `factor` times as many pixels along each side."""
         return dataclasses.replace(
-            self,
-            width=round(self.width * factor),
-            height=round(self.height * factor),
-            focal=self.focal * factor,
+            self, width=round(self.width * factor), height=round(self.height * factor), focal=self.focal * factor
         )
 
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
@@ -150,7 +147,7 @@ class SensorModel:
         """Model of the same sensor at the resolution of penetration maps."""
         return self.scaled(MAP_SCALE)
 
-    def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def sag(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
         """Return the height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
 
         The gel is the cap of an ellipsoid: radii of curvature at the apex along x and y, semi-axis along z.
@@ -206,7 +203,7 @@ def given_as(name: str) -> str:
     return name if (_FOLDER / file).is_file() else file
 
 
-def _whole(value: object) -> int:
+def _whole(value: float) -> int:
     if value != int(value):
         raise ValueError(f"{value} is not a whole number of pixels")
     return int(value)

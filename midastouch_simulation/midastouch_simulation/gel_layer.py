@@ -46,7 +46,7 @@ class GelLayer:
         x, y = (tangent * small.gel_depth for tangent in small.rays)
         self._where = np.stack([x, y, small.gel_distance - small.gel_depth], axis=-1).reshape(-1, 3)
         self._area = small.pixel_area
-        self._sheared = np.zeros(2)
+        self._sheared: np.ndarray = np.zeros(2)
         self.deepest = 0.0
 
     def force(self, pose: np.ndarray, velocity: np.ndarray, period: float) -> np.ndarray:

@@ -70,7 +70,7 @@ class GelLight:
         overall = np.log(3.6) + rng.normal(0, 0.35)
         # single precision here and below, because most of the time of a simulated image is spent on these
         incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.25)) for _ in range(lights)]
-        self._incidence = np.float32(incidence)
+        self._incidence = np.array(incidence, np.float32)
         # fraction (H, W) of each colour (first) that comes from each light (second); the rest is diffuse
         self._fractions = np.empty((_COLOURS, lights, *shape), np.float32)
         for colour in range(_COLOURS):
@@ -80,10 +80,10 @@ class GelLight:
             self._fractions[colour] = [part * bright * np.exp(self._smooth(rng, 0.3)) for part, bright in parts]
         diffuse = rng.uniform(0.0, 0.5)
         self._fractions /= np.maximum(self._fractions.sum(axis=1, keepdims=True) + diffuse, 1)
-        self._shadow = np.float32(rng.uniform(0, 1, lights) * (rng.random() < 0.8))
+        self._shadow = np.array(rng.uniform(0, 1, lights) * (rng.random() < 0.8), np.float32)
         self._elevation = rng.uniform(0.02, 0.6, lights)  # tangent of the lights' height, which shortens shadows
         # limit of each light's brightening
-        self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), lights)))
+        self._brightest = np.array(np.exp(rng.uniform(np.log(1.5), np.log(8), lights)), np.float32)
         self._power = rng.uniform(0.85, 1.3)  # of the camera: gamma
 
     def ratio(self, height: np.ndarray) -> np.ndarray:
@@ -116,8 +116,8 @@ class GelLight:
         direction = lamp[:, None, None] - self._positions
         distance = np.sqrt((direction**2).sum(axis=0) + _LAMP_HEIGHT**2)
         turned = _turned(direction / distance, self._smooth(rng, 0.3))
-        pattern = rng.normal(0, patchy, _PATTERN_SHAPE).astype(np.float32)
-        pattern = cv2.resize(pattern, distance.shape[::-1], interpolation=cv2.INTER_CUBIC)
+        drawn = rng.normal(0, patchy, _PATTERN_SHAPE).astype(np.float32)
+        pattern = cv2.resize(drawn, distance.shape[::-1], interpolation=cv2.INTER_CUBIC)
         return turned, (np.hypot(away, _LAMP_HEIGHT) / distance) ** fading * np.exp(pattern)
 
     def _shadowed(self, height: np.ndarray, light: int) -> np.ndarray:
@@ -125,8 +125,8 @@ class GelLight:
         angle, shadow = self._angles[light], np.zeros_like(height)
         for step in _SHADOW_STEPS:
             # rows run against y
-            shift = np.float32(
-                [[1, 0, -np.cos(angle) * step / self._pixel], [0, 1, np.sin(angle) * step / self._pixel]]
+            shift = np.array(
+                [[1, 0, -np.cos(angle) * step / self._pixel], [0, 1, np.sin(angle) * step / self._pixel]], np.float32
             )
             towards = cv2.warpAffine(height, shift, height.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
             softness = _PENUMBRA[0] + _PENUMBRA[1] * step

@@ -85,7 +85,7 @@ class MeasuredOptics:
             if set(shape) != set(_SHAPE_KEYS):
                 raise ValueError(f"shape of {', '.join(shape)}")
             gel = GelShape(*(float(finite_array(shape[name], ())) for name in _SHAPE_KEYS))
-            return cls(shape=gel, **numbers, **arrays, **data)
+            return cls(shape=gel, **numbers, **arrays, **data)  # type: ignore[arg-type] # wrong names raise
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{path}: not a measured sensor ({error}); make one: "
@@ -149,7 +149,7 @@ def side_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
     terms, limit = [], np.float32(steepest / np.sqrt(1 - steepest**2))
     for step in _SIDE_STEPS:
         for angle in _DIRECTIONS:
-            shift = np.float32([[1, 0, np.cos(angle) * step / pixel], [0, 1, np.sin(angle) * step / pixel]])
+            shift = np.array([[1, 0, np.cos(angle) * step / pixel], [0, 1, np.sin(angle) * step / pixel]], np.float32)
             there = cv2.warpAffine(height, shift, height.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
             terms.append(np.clip((there - height) / np.float32(step), 0, limit))
     return np.stack(terms, axis=-1)

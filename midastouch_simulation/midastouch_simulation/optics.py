@@ -67,9 +67,9 @@ class TactoOptics:
         else:
             # only touched pixels change, a small part of the image
             touched = np.flatnonzero(penetration > 0)
-            gel_depth, *tangents = (a.ravel()[None, touched] for a in (self.sensor.gel_depth, *self.sensor.rays))
+            gel_depth, *tangent = (a.ravel()[None, touched] for a in (self.sensor.gel_depth, *self.sensor.rays))
             depth = gel_depth - penetration.ravel()[touched]
-            pressed = shade(depth, normals.reshape(-1, 3)[None, touched], *tangents, self._illumination)[0]
+            pressed = shade(depth, normals.reshape(-1, 3)[None, touched], tangent[0], tangent[1], self._illumination)[0]
             change = np.zeros_like(self._rest)
             change.reshape(-1, 3)[touched] = pressed - self._rest.reshape(-1, 3)[touched]
         return cv2.GaussianBlur(0.5 * change, (0, 0), self._blur)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -87,7 +88,7 @@ def difference(shape: Sdf, *tools: Sdf) -> Sdf:
     return lambda p: np.maximum(shape(p), -np.min([tool(p) for tool in tools], axis=0))
 
 
-def rippled(shape: Sdf, amplitude: float, wavelength: float, direction: np.ndarray) -> Sdf:
+def rippled(shape: Sdf, amplitude: float, wavelength: float, direction: npt.ArrayLike) -> Sdf:
     """Return `shape` with ridges of `amplitude` and `wavelength` m across `direction` (3,)."""
     wave = 2 * np.pi / wavelength * np.asarray(direction) / np.linalg.norm(direction)
     return lambda p: shape(p) - amplitude * np.sin(p @ wave)
@@ -127,9 +128,9 @@ def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> Ob
     # one vertex per cell that the surface crosses: the mean of the crossings on its edges
     total, crossings = np.zeros((len(active), 3)), np.zeros(len(active))
     for a in corners:
-        for axis in np.flatnonzero(a == 0):
+        for k in np.flatnonzero(a == 0):
             b = a.copy()
-            b[axis] = 1
+            b[k] = 1
             va, vb = values[tuple((active + a).T)], values[tuple((active + b).T)]
             crossed = (va < 0) != (vb < 0)
             t = np.where(crossed, va / np.where(crossed, va - vb, 1), 0)

@@ -99,11 +99,7 @@ class RandomSensor:
         return out, reference
 
     def image(
-        self,
-        penetration: np.ndarray,
-        normals: np.ndarray,
-        rng: np.random.Generator,
-        drift: np.ndarray | float = 1.0,
+        self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator, drift: np.ndarray | float = 1.0
     ) -> np.ndarray:
         """Return the image (H, W, 3) float32 grey levels of one touch, as in `images`.
 
@@ -180,7 +176,7 @@ class RandomSensor:
             direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)
             # the gel that casts a shadow lies towards the light; rows run against y
             reach = 1.5e-3 / self.sensor.pixel_size
-            shift = np.float32([[1, 0, -direction[0] * reach], [0, 1, direction[1] * reach]])
+            shift = np.array([[1, 0, -direction[0] * reach], [0, 1, direction[1] * reach]], np.float32)
             higher = cv2.warpAffine(penetration, shift, penetration.shape[::-1]) - penetration
             out[..., k] = np.clip(cv2.GaussianBlur(higher, (0, 0), 2.0) / 1e-3, 0, 1)
         return out

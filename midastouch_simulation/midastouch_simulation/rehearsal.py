@@ -109,7 +109,8 @@ class Rehearsal:
         self._fps, self._delay = fps, delay
         self._images: Late[Measured] = Late()
         self._due = self.now = 0.0
-        self.seen, self.frozen = Seen(listeners=1, commanders=1), set()
+        self.seen = Seen(listeners=1, commanders=1)
+        self.frozen: set[str] = set()
         while controller.servo.stamp < 0:  # the first image
             self._pass()
 

@@ -58,15 +58,15 @@ class Grip:
     `max_tilt`."""
 
     def __init__(self, rng: np.random.Generator, press: tuple[float, float], max_tilt: float):
-        self._rng, self._press, self._max_tilt = rng, press, max_tilt
-        self.depth, self.tilt = rng.uniform(*press), np.zeros(2)
+        self._rng, self._press, self._max_tilt, self.depth = rng, press, max_tilt, rng.uniform(*press)
+        self.tilt: np.ndarray = np.zeros(2)
 
     def shake(self) -> None:
         """Change depth and tilt by one random step."""
         low, high = self._press
         self.depth = _bounced(self.depth + self._rng.uniform(-1, 1) * (high - low) / 10, low, high)
         tilt = 0.97 * self.tilt + self._rng.normal(0, 0.08 * self._max_tilt, 2)
-        self.tilt = tilt * min(1.0, self._max_tilt / max(np.linalg.norm(tilt), 1e-12))
+        self.tilt = tilt * min(1.0, self._max_tilt / max(float(np.linalg.norm(tilt)), 1e-12))
 
 
 def _bounced(value: float, low: float, high: float) -> float:

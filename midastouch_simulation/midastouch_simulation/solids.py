@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
@@ -144,7 +145,7 @@ def _rim(triangles: np.ndarray) -> np.ndarray:
     return sides[count[index.reshape(-1)] == 1]
 
 
-def lofted(rings: Sequence[np.ndarray], name: str) -> ObjectMesh:
+def lofted(rings: npt.ArrayLike, name: str) -> ObjectMesh:
     """Join rings (N, 3) of equal numbers of points, ordered upwards and counter-clockwise from above, by walls.
 
     The first and the last ring are closed by a fan, so they must be flat and star-shaped about their middle."""
@@ -191,7 +192,7 @@ def gear_outline(teeth: int, root: float, tip: float, missing: int = 0) -> Outli
     return np.array(corners)
 
 
-def repeated(outline: Outline, count: int) -> tuple[Outline, ...]:
+def repeated(outline: Outline, count: int | np.integer) -> tuple[Outline, ...]:
     """Return `count` copies of the outline, evenly turned about the origin."""
     turns = 2 * np.pi * np.arange(count) / count
     cos, sin = np.cos(turns), np.sin(turns)

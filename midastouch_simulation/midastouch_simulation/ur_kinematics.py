@@ -84,7 +84,7 @@ class Kinematics:
         meets nothing. If not, the joints stay where the way ended. passing: whether it may meet things on the way."""
         for _ in range(_MOST_ITERATIONS):
             error = se3.log(se3.inverse(self.pose) @ goal)
-            there = np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1]
+            there = bool(np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1])
             if there or (self.meets and not passing):
                 return there and not self.meets and self.follows
             step = self.speeds_of(error)

@@ -87,7 +87,7 @@ def _object(world: ElementTree.Element, base_from_object: np.ndarray, holding: f
 
 
 def _body(parent: ElementTree.Element, name: str, pose: np.ndarray, **attributes: str) -> ElementTree.Element:
-    body = ElementTree.SubElement(parent, "body", name=name, **attributes)
+    body = ElementTree.SubElement(parent, "body", {"name": name, **attributes})
     _place(body, pose)
     return body
 
@@ -103,4 +103,4 @@ def _capsule(body: ElementTree.Element, to: np.ndarray, radius: float, mass: flo
     if np.linalg.norm(to) < 1e-6:
         shape = {"type": "sphere", "size": f"{radius}"}
     # links do not meet each other while the gel is in a box in front of the arm, but they may meet the table
-    ElementTree.SubElement(body, "geom", mass=f"{mass}", contype="2", conaffinity="1", **shape)
+    ElementTree.SubElement(body, "geom", {"mass": f"{mass}", "contype": "2", "conaffinity": "1", **shape})

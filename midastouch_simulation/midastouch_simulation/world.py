@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from typing import TypeVar
 
 import numpy as np
@@ -41,7 +41,7 @@ class World:
         self.finger = SimulatedFinger(mesh, self._sensor, self._rng, self._step)
         self.mesh = mesh
 
-    def push(self) -> Iterator[np.ndarray]:
+    def push(self) -> Generator[np.ndarray, None, None]:
         """Move the object, 6 mm in a random direction of the gel's plane and 5 deg about its axis; the finger stays.
 
         Yields T_obj_gel (4, 4), one per image.
@@ -58,7 +58,7 @@ class World:
 
     def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
         """Carry out a plan; yields T_obj_gel (4, 4), one per image, and returns the plan's result."""
-        return (yield from carried_out(plan, self.carry_out))
+        return (yield from carried_out(plan, self.carry_out))  # type: ignore[arg-type] # only of acts
 
     def carry_out(self, act: Act) -> Generator[np.ndarray, None, Done]:
         """Carry out an act; yields T_obj_gel (4, 4), one per image, and returns how it ended."""

@@ -17,7 +17,7 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.group import Symmetry
-from midastouch_perception.tcn import TactileCodeNet, load_tcn
+from midastouch_perception.tcn import AnyCodeNet, load_tcn
 
 from .cluster import Cluster
 from .progress import Bars
@@ -27,11 +27,11 @@ SAVE_INTERVAL_S = 30.0  # work that a kill or a power cut may cost
 
 def build_and_save(
     mesh: ObjectMesh,
-    tcn: TactileCodeNet,
+    tcn: AnyCodeNet,
     sensor: SensorModel,
     size: int,
     seed: int,
-    path: str | os.PathLike,
+    path: str | Path,
     jobs: int | None,
     symmetry: Symmetry | None = None,
 ) -> tuple[Codebook, float]:
@@ -83,14 +83,14 @@ def build_and_save(
     return codebook, time.perf_counter() - start
 
 
-def unfinished_path(path: str | os.PathLike) -> Path:
+def unfinished_path(path: str | Path) -> Path:
     """Path where an interrupted build of the codebook `path` keeps its progress."""
     return Path(path).with_suffix(".unfinished.npz")
 
 
 def cached_codebook(
     mesh: ObjectMesh,
-    tcn: TactileCodeNet,
+    tcn: AnyCodeNet,
     sensor: SensorModel,
     size: int,
     folder: Path = CACHED_CODEBOOKS,
@@ -101,12 +101,7 @@ def cached_codebook(
 
 
 def ensure_codebook(
-    path: str | os.PathLike,
-    mesh: ObjectMesh,
-    tcn: TactileCodeNet,
-    sensor: SensorModel,
-    size: int,
-    jobs: int | None = None,
+    path: str | Path, mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel, size: int, jobs: int | None = None
 ) -> Codebook:
     """Return the codebook at `path`; build one of `size` poses there if it is not of this mesh, network and sensor."""
     if (book := _fitting(path, mesh, tcn, sensor)) is not None:
@@ -115,9 +110,9 @@ def ensure_codebook(
 
 
 def is_up_to_date(
-    path: str | os.PathLike,
+    path: str | Path,
     mesh: ObjectMesh,
-    tcn: TactileCodeNet,
+    tcn: AnyCodeNet,
     sensor: SensorModel,
     size: int,
     seed: int,
@@ -132,7 +127,7 @@ def is_up_to_date(
     return book.symmetry.given and book.symmetry.exact.as_json() == symmetry.as_json()
 
 
-def _fitting(path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel) -> Codebook | None:
+def _fitting(path: str | Path, mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel) -> Codebook | None:
     """The codebook at `path`; None if there is none of this mesh, network and sensor."""
     with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
         book = Codebook.load(path, mesh=mesh, tcn=tcn.network_id)

@@ -55,7 +55,7 @@ class _Lines(io.TextIOBase):
         self._out = out
 
     @property
-    def encoding(self) -> str:
+    def encoding(self) -> str:  # type: ignore[override] # nobody sets it
         return self._out.encoding
 
     def write(self, text: str) -> int:

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
 
-def to_json(value: object) -> object:
+def to_json(value: object) -> Any:
     """`value` in JSON's own types: NumPy scalars and arrays converted, non-finite numbers become null."""
     if isinstance(value, dict):
         return {str(key): to_json(item) for key, item in value.items()}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shutil
 import textwrap
+from collections.abc import Iterable, Sequence
 
 _NARROWEST = 20  # characters of a column that is wrapped
 
 
-def text_table(header: list[str], rows: list[list[object]], left: int = 1) -> str:
+def text_table(header: list[str], rows: Iterable[Sequence[object]], left: int = 1) -> str:
     """Rows under a header, columns padded; the first `left` columns are aligned left, the others right.
 
     If a row does not fit into the terminal, the last column is wrapped, and all columns are aligned left.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
@@ -168,7 +168,7 @@ class DigitDriver(ManagedNode):
                 self.get_logger().warning(str(error))
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node until a signal stops it. Exit code 2: unusable input, 1: the sensor never came."""
     return spin.run(lambda: [DigitDriver()], args)
 

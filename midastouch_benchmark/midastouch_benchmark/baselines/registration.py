@@ -140,7 +140,8 @@ class Registration(DeadReckoning):
         super().reset(seed)
         self._open3d.utility.random.seed(seed)
         self._since_start = np.eye(4)
-        self._points, self._normals = np.empty((0, 3)), np.empty((0, 3))
+        self._points: np.ndarray = np.empty((0, 3))
+        self._normals: np.ndarray = np.empty((0, 3))
         self._touches = 0
 
     def _start(self, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:

@@ -7,6 +7,7 @@ import argparse
 from midastouch_tools.commands import arguments
 
 from . import options
+from .bench import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_tools.codebooks import cached_codebook
     from midastouch_tools.progress import progress_bar
 
-    from ..speed.scaling import PARTICLES, POSES, TimedSlide, measure, sizes
+    from ..speed.scaling import PARTICLES, POSES, FilterInput, measure, sizes
     from ..tables.speed import scaling_table
     from ..tables.table import terminal
     from ..trials.cache import Touches
@@ -46,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
     measurements = Touches.perceive(sequence, networks).measurements
-    slide = TimedSlide(measurements, sequence.poses_measured)
+    slide = FilterInput(measurements, sequence.poses_measured)
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from midastouch_tools.commands import arguments
 
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_in_looks(plan, meshes, log, workforce, args.looks)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
-    result = {
+    result: dict[str, Any] = {
         "config": plan.describe() | {"looks": args.looks, "jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [

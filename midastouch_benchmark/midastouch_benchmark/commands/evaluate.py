@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from midastouch_tools.commands import arguments
 
@@ -74,14 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.accuracy import summarise_trials
     from ..tables.accuracy import objects, real_row
     from ..tables.table import terminal
-    from ..trials.sequence_trials import (
-        PAPER_REAL,
-        PAPER_REAL_BETA,
-        TrialPlan,
-        mesh_doubt,
-        require_real,
-        run_sequence,
-    )
+    from ..trials.sequence_trials import PAPER_REAL, PAPER_REAL_BETA, TrialPlan, mesh_doubt, require_real, run_sequence
     from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
 
     config = load_filter_config(args.config, args.preset)
@@ -108,12 +101,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {doubt}", file=sys.stderr)
     if args.objects:
         return _identify(args, sequences, untouched, networks, config, plan)
-    result = {
-        "config": {
-            **dataclasses.asdict(plan),
-            "filter": dataclasses.asdict(config),
-            "networks": networks.describe(),
-        },
+    result: dict[str, Any] = {
+        "config": {**dataclasses.asdict(plan), "filter": dataclasses.asdict(config), "networks": networks.describe()},
         "machine": machine_info(),
         "warnings": doubts,
         "sequences": [],

@@ -53,12 +53,13 @@ def run(args: argparse.Namespace) -> int:
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
     summary = summarise_exploration(trials)
+    config_used = plan.describe()
     result = {
-        "config": plan.describe(),
+        "config": config_used,
         "machine": machine_info(),
         "missing_trials": missing,
         "exploration": summary,
         "trials": trials,
     }
-    table = terminal(exploration_table(trials, result["config"]["policies"]))
+    table = terminal(exploration_table(trials, config_used["policies"]))
     return options.conclude(args, result, table, *options.left(missing, "trial"))

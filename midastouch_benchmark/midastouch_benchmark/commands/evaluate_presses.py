@@ -129,6 +129,6 @@ def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) 
         raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")
     ball, radius = FittedBall(presses, args.ball_diameter, sensor), args.ball_diameter / 2
     return {
-        "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],
+        "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],  # type: ignore[arg-type] # it replaces one
         "against_fit": measure_presses(tdn, ball.presses, radius, calibrations=calibrations)[1],
     }

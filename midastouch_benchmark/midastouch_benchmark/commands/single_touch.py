@@ -137,5 +137,5 @@ def _load(
     args: argparse.Namespace, mesh: str | None, codebook: Path | None, networks: Networks
 ) -> tuple[ObjectMesh, Codebook, Path]:
     path = codebook or codebook_path(Path(mesh).stem, networks.sensor.name)
-    name, given = Path(mesh or path).stem, codebook and str(codebook)
+    name, given = Path(mesh or path).stem, str(codebook) if codebook else None
     return *options.load_object(name, mesh, given, networks, args.sensor, args.tcn), path

@@ -28,8 +28,8 @@ from .scene import ProbeScene
 
 _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.1)
 """Differences that do not matter, by number of `_answer`: m, rotation entries, masses, logarithms, nats, a state."""
-_FEW = {"max_particles": 1_000}
-"""Settings of most probes."""
+_FEW = 1_000
+"""Particles of most probes."""
 _MOST = 16  # frames
 _ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in object or sensor
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
@@ -38,7 +38,7 @@ Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
 def filter_probes(scenes: list[ProbeScene], config: FilterConfig, nudge: Nudge = lambda frames: frames) -> Probes:
     """Return probes of two scenes by name; nudge: changes frames before a filter gets them."""
     config = dataclasses.replace(config, threads=1)
-    few = dataclasses.replace(config, **_FEW)
+    few = dataclasses.replace(config, max_particles=_FEW)
     tool, eyebolt = scenes
     out = {}
     for k, (name, protocol) in enumerate(PROTOCOLS.items()):

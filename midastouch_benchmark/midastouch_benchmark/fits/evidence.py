@@ -77,7 +77,8 @@ def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
             hypotheses, fit = follow(hypotheses, last, alignment)
             ratios.append(1.0 - fit)
             weights.append(last.weight)
-        residual_ratio, differ, kept = np.stack(ratios, axis=1), another(symmetry), []
+        residual_ratio, differ = np.stack(ratios, axis=1), another(symmetry)
+        kept: list[int] = []
         for i in np.argsort(residual_ratio.mean(axis=1), kind="stable"):  # hypotheses that have met are one
             if not kept or differ(hypotheses.poses[kept], hypotheses.poses[i]).all():
                 kept.append(i)
@@ -139,7 +140,7 @@ def collected(cache: Cache, meshes: Sequence[ObjectMesh], slides: int) -> list[l
     """Return the comparisons with a right hypothesis on `slides` slides over each object."""
     objects, every, kept, done = [], 0, 0, 0
     for mesh in meshes:
-        found = []
+        found: list[Judged] = []
         for number in range(FIRST, FIRST + slides):
             try:
                 found += judged(cache, mesh, number)

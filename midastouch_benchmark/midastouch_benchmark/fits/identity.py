@@ -27,6 +27,7 @@ from midastouch_benchmark.trials import disturbances
 from midastouch_benchmark.trials.disturbances import Disturbance, UndisturbedSlide
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.belief import Hypotheses
 from midastouch_filter.core.measurement_model import log_ratios
 from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
@@ -39,13 +40,7 @@ from .training_scans import cache_of, parser_of, scans_of
 
 HALF = 0.5  # of the slides are over an object that the filter does not know
 FITTED = ("code_support", "contradiction")
-DISTURBED = (
-    disturbances.plain,
-    disturbances.tool_bias,
-    disturbances.late,
-    disturbances.push,
-    disturbances.slow_camera,
-)
+DISTURBED = (disturbances.plain, disturbances.tool_bias, disturbances.late, disturbances.push, disturbances.slow_camera)
 """Disturbances of slides over a single object, in turn, with `--disturbed`: an arm or an object that moves otherwise
 than reported must not be taken for another object."""
 REFUSED = 0.95  # probability of another object at which the state reports it
@@ -85,7 +80,8 @@ def slid(
     """Run a slide over an object with a filter that knows some objects; None with fewer than two keyframes."""
     running = ParticleFilter.on(known, CONFIG)
     running.initialise_uniform()
-    weights, codes, unexplained, leading = [], [], [], {}
+    weights, codes, unexplained = [], [], []
+    leading: dict[int, Hypotheses] = {}
     for keyframe in keyframes(running, disturb(UndisturbedSlide(frames, np.random.default_rng(seed))).frames):
         before = {k: follow(one, keyframe, known[k].alignment)[1][0] for k, one in leading.items()}
         hypotheses = running.belief.hypotheses

@@ -41,9 +41,9 @@ def converged_frames(
     the truth, and the region's RMS in m and rad, as if `REGION_WIDTH` were 1."""
     rows = []
 
-    def observe(frame: TrialFrame, estimate: Estimate, running: ParticleFilter) -> None:
+    def observe(frame: TrialFrame, estimate: Estimate, _: object) -> None:
         if estimate.status.state == CONVERGED:
-            truth = running.object.symmetry.exact.nearest(frame.truth[None], estimate.pose)[0]
+            truth = particle_filter.object.symmetry.exact.nearest(frame.truth[None], estimate.pose)[0]
             sizes = [np.sqrt(np.trace(estimate.covariance[k : k + 3, k : k + 3]) / REGION_WIDTH) for k in (0, 3)]
             rows.append([REGION_WIDTH * nees(estimate, truth), *sizes])
 

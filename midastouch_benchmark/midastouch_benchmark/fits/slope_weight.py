@@ -75,7 +75,7 @@ def main() -> None:
         maps = PenetrationRenderer(mesh, sensor.for_maps).render(poses)
         for each, tdn in zip(optics, nets, strict=True):
             camera = MeasuredSensor(each, sensor, np.random.default_rng(number))
-            found.append(slope_errors(tdn, list(camera.images(maps)), camera.background, maps))
+            found.append(slope_errors(tdn, list(camera.images(maps)), camera.background, maps))  # type: ignore[arg-type] # "fast" is one
         print(f"{mesh.name}: {best_weight(np.concatenate(found[-len(nets) :], axis=1)):.2f}", flush=True)
     print(f"NETWORK_WEIGHT {best_weight(np.concatenate(found, axis=1)):.2f}, {len(found) // len(nets)} objects")
 

@@ -7,7 +7,7 @@ themselves, each judged against the mean of the others.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -169,15 +169,15 @@ class CheckQuality:
 
     def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
         check, touched = judge(self._tdn, images, background)
-        figures = [np.nan if value is None else value for value in (check.quiet, check.explained)]
+        quiet, explained = (np.nan if value is None else value for value in (check.quiet, check.explained))
         turned = bool(check.problem) and bool(turned_since(images[-1], background))
-        self._scores.setdefault(name, []).append((*figures, bool(check.problem or touched.problem), turned))
+        self._scores.setdefault(name, []).append((quiet, explained, bool(check.problem or touched.problem), turned))
 
     def _in_contact(self, image: np.ndarray, background: np.ndarray) -> bool:
         return DepthStage(self._tdn).process(image, background).in_contact
 
 
-def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:
+def judge(tdn: DepthNet, images: Collection[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:
     """Return both checks after they saw the images (320, 240, 3) uint8 of a sensor with this no-contact image."""
     check = FitCheck(tdn.sensor, every=1, window=len(images))
     touched = TouchedBackground(tdn, every=1, window=len(images))
@@ -199,7 +199,7 @@ def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
 
     Each is compared with the mean of the others.
     """
-    wrong = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
+    wrong: dict[str, Callable] = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
     wrong["saturated"] = lambda image: as_bytes(image * 2.5)
     refused: dict[str, list[bool]] = {name: [] for name in wrong}
     for image, layout in _each_against_the_others(backgrounds):
@@ -270,7 +270,8 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
     """Return the quality of the check of ball diameters on `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full
     size: median of measured over true radius, standard deviation of its logarithm; by factor, fraction of diameters in
     doubt, which are refused unless you confirm them."""
-    ratios, outcomes = [], {factor: [] for factor in FACTORS}
+    ratios = []
+    outcomes: dict[float, list[bool]] = {factor: [] for factor in FACTORS}
     for radius, measured in measured_balls(sensor, backgrounds, n, rng):
         if measured is not None:
             ratios.append(measured / radius)

@@ -48,10 +48,7 @@ def measured_readings(tdn: str, rng: np.random.Generator) -> list[Reading]:
     sensor, out = SensorModel.load("digit_real"), []
     for optics in map(MeasuredOptics.load, measured_sensors()):
         background = MeasuredSensor(optics, sensor, rng).background
-        for what, calibration in (
-            ("DIGIT", None),
-            ("DIGIT, calibrated", calibrate_measured(optics, sensor, rng)),
-        ):
+        for what, calibration in (("DIGIT", None), ("DIGIT, calibrated", calibrate_measured(optics, sensor, rng))):
             out.append(Reading(what, load_tdn(tdn, sensor, calibration=calibration), background, optics))
     return out
 
@@ -77,7 +74,7 @@ def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generat
                 some = seen.setdefault((reading.what, frames, most), [])
                 for _ in range(records):
                     stage, background = DepthStage(reading.tdn), reading.background
-                    lobes = most * rng.choice([-1, 1], _LAMPS) * _lobes(*background.shape[:2], rng)
+                    lobes = most * rng.choice([-1, 1], _LAMPS) * _lobes(background.shape, rng)
                     for time in np.linspace(0, 1, frames):
                         image = background * (1 + time * lobes) + rng.normal(0, _NOISE, background.shape)
                         some.append(stage.process(as_bytes(image), background).in_contact)
@@ -93,9 +90,9 @@ def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generat
     ]
 
 
-def _lobes(height: int, width: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the light (H, W, 3) of lamps centred anywhere on the image, 1 at the centre of each."""
-    rows, columns = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+def _lobes(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Return the light (H, W, 3) of lamps centred anywhere on an image (H, W, ...), 1 at the centre of each."""
+    rows, columns = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j]
     lobes = [np.exp(-((columns - x) ** 2) - (rows - y) ** 2) for x, y in rng.uniform(-1, 1, (_LAMPS, 2))]
     return np.stack(lobes, axis=-1)
 

@@ -99,7 +99,7 @@ def _calibrations(
         presses=len(presses.images),
         date="",
         texture=texture,
-        texture_sigmas=likeness(texture, seen).sigmas,
+        texture_sigmas=likeness(texture, seen).sigmas,  # type: ignore[arg-type] # there are presses
     )
     return [(calibration, ""), (dataclasses.replace(calibration, texture_sigmas=0.0), ", by colours alone")]
 

@@ -155,7 +155,7 @@ def held_out_calibrations(
         raise InputError(f"to calibrate with {n} of {len(names)} presses: give from {FEWEST} to {len(names) - 1}")
     groups = max(2, -(-len(names) // (len(names) - n)))
     order = rng.permutation(len(names))
-    out = {}
+    out: dict[str, SensorCalibration] = {}
     for group in np.array_split(order, groups):
         drawn = rng.choice(np.setdiff1d(order, group), n, replace=False)
         images = {names[i]: presses.images[names[i]] for i in sorted(drawn)}

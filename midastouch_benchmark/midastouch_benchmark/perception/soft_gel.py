@@ -23,7 +23,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import TactileCodeNet
+from midastouch_perception.tcn import AnyCodeNet
 from midastouch_perception.tdn import load_tdn
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
 from midastouch_simulation.soft_gel import ElasticLayer
@@ -91,9 +91,7 @@ class SoftSensor:
 class SoftGelTouches:
     """Touches on one object. Args: mesh; sensor: at full size; tcn; touches: their number; rng."""
 
-    def __init__(
-        self, mesh: ObjectMesh, sensor: SensorModel, tcn: TactileCodeNet, touches: int, rng: np.random.Generator
-    ):
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, tcn: AnyCodeNet, touches: int, rng: np.random.Generator):
         self._mesh, self._tcn = mesh, tcn
         self._poses = sample_contact_poses(mesh, touches, rng, sensor, _TOUCHES_ONLY)
         self._depths = PenetrationRenderer(mesh, sensor.for_maps, _AROUND).render(self._poses)
@@ -140,7 +138,8 @@ class CommandedPresses:
             radius = rng.uniform(*_RADII)
             centre = np.array([across, along, float(sensor.sag(across, along)) + commanded - radius])
             self._depths["ball"].append(ball_penetration(centre, radius, sensor.for_maps))
-            face = stacked([Layer(0.01, (rectangle(*rng.uniform(*_FACES, 2), across, along),))], "face")
+            width, depth = rng.uniform(*_FACES, 2)
+            face = stacked([Layer(0.01, (rectangle(width, depth, across, along),))], "face")
             pose = np.eye(4)
             pose[2, 3] = 0.005 - commanded
             self._depths["flat face"].append(PenetrationRenderer(face, sensor.for_maps, _AROUND).render(pose[None])[0])

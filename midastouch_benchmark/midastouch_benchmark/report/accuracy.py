@@ -9,13 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from midastouch_tools.drawing.figures import (
-    ESTIMATE_COLOUR,
-    MODE_COLOUR,
-    PARTICLE_COLOUR,
-    save,
-    style_error_axes,
-)
+from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save, style_error_axes
 from midastouch_tools.drawing.page import Page
 
 from ..statistics.comparison import pareto_front, rows_by_init
@@ -37,7 +31,7 @@ def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str
     where there is room, preferably away from the crowd. A line joins a label to its point unless it is next to it."""
     scale = 72 / axes.figure.dpi
     where = scale * axes.transData.transform(np.array(points, float))
-    frame = scale * axes.bbox.extents
+    frame = scale * np.array(axes.bbox.extents)
     crowd = np.median(where, axis=0)
     taken = [(*(point - _POINT), *(point + _POINT)) for point in where]
     for point, place, label in zip(points, where, labels, strict=True):
@@ -47,7 +41,7 @@ def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str
         axes.annotate(
             label,
             point,
-            offset,
+            (offset[0], offset[1]),
             textcoords="offset points",
             fontsize=_SIZE,
             va="bottom",
@@ -118,12 +112,7 @@ def _draw(axes: Axes, rows: list[dict], variants: dict[str, dict]) -> None:
         if own:
             place = [row["cpu_ms_filter"] for row in own], [row[_ERROR] for row in own]
             axes.plot(
-                *place,
-                marker,
-                color=colour,
-                ms=_MARKED.get(group, 6),
-                label=label,
-                zorder=2 + (group in _MARKED),
+                *place, marker, color=colour, ms=_MARKED.get(group, 6), label=label, zorder=2 + (group in _MARKED)
             )
     style_error_axes(axes, "mean final error of the particles [mm]", "filter, CPU ms per frame")
     axes.set_xscale("log")
@@ -199,7 +188,7 @@ def _likelihood(page: Page, content: dict, path: Path) -> None:
     counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
     if not counts:
         return
-    curves = {name: (observed_fractions(one), {"lw": 1, "alpha": 0.7}) for name, one in counts.items()}
+    curves: dict[str, tuple] = {key: (observed_fractions(one), {"lw": 1, "alpha": 0.7}) for key, one in counts.items()}
     total = np.sum(list(counts.values()), axis=0)
     curves[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
     page.heading("Calibration of the likelihood")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -120,16 +122,14 @@ def _pictures(page: Page, objects: list[dict], stem: Path) -> None:
     shown = [one for one in objects if one["object"] in views]
     if not shown:
         return
-    errors = {
-        _title(one): lambda one=one: error_picture(views[one["object"]], np.array(one["cells"], float)) for one in shown
-    }
+    errors = {_title(one): partial(error_picture, views[one["object"]], np.array(one["cells"], float)) for one in shown}
     path = save(grid_figure(errors, "error / random touches"), stem.with_name(f"{stem.name}_errors.png"))
     page.picture(path, "Where a touch tells the place (blue) and where it does not (red), means over 5 mm")
     books = {}
     for one in shown:
         try:
             book = Codebook.load(one["codebook_file"])
-            books[one["object"]] = lambda one=one, book=book: codebook_picture(views[one["object"]], book)
+            books[one["object"]] = partial(codebook_picture, views[one["object"]], book)
         except InputError as error:
             page.note(f"{one['object']}: no picture of the codebook ({error})")
     if books:
@@ -163,7 +163,7 @@ def codebook_picture(view: ObjectView, codebook: Codebook) -> np.ndarray:
     return view.painted(places, outward, code_colours(codes), lambda colours: colours)
 
 
-def grid_figure(pictures: dict[str, Callable[[], np.ndarray]], bar: str | None = None) -> Figure:
+def grid_figure(pictures: Mapping[str, Callable[[], np.ndarray]], bar: str | None = None) -> Figure:
     """Draw pictures with their titles, five a row; bar: label of a colour bar of the errors' colours."""
     columns = min(_COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
@@ -204,7 +204,7 @@ def violin_figure(results: dict[str, list[dict]]) -> Figure:
     places = np.arange(len(objects)) + 1.0
     for k, (way, entries) in enumerate(results.items()):
         name, colour = _WAYS[way]
-        side = ("low", "high")[k] if len(results) == 2 else "both"
+        side: Literal["low", "high", "both"] = "both" if len(results) != 2 else "high" if k else "low"
         shift = 0.0 if len(results) < 3 else 0.28 * (k - (len(results) - 1) / 2)
         drawn = axes.violinplot(
             [one["errors"] for one in entries],
@@ -214,7 +214,7 @@ def violin_figure(results: dict[str, list[dict]]) -> Figure:
             showmedians=True,
             side=side,
         )
-        for body in drawn["bodies"]:
+        for body in drawn["bodies"]:  # type: ignore[attr-defined] # it is a list
             body.set(facecolor=colour, alpha=0.65, linewidth=0)
         drawn["cmedians"].set(color=colour, linewidth=1.6)
         axes.fill_between([], [], color=colour, alpha=0.65, linewidth=0, label=name)

@@ -73,7 +73,8 @@ def _listen(context: rclpy.Context, step: Callable[[], object], images: int, sec
     node = Node("pose_age", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    ages, waiting = [], deque()
+    ages: list[float] = []
+    waiting: deque[int] = deque()
 
     def answer() -> None:
         while waiting:

@@ -44,7 +44,7 @@ def exhaustive_matches(
     out = np.empty((len(maps), top), np.int64)
     for row, penetration in zip(out, maps, strict=True):
         touch = Measurement(True, penetration=reduced_penetration(penetration))
-        explained = np.zeros(len(poses))
+        explained: np.ndarray = np.zeros(len(poses))
         if penetration.any():
             explained = alignment.align_each(poses[order], spread, [touch]).fits[:, 0]
         row[:] = order[np.argpartition(-explained, top - 1)[:top]]

@@ -15,7 +15,7 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.tcn import TactileCodeNet
+from midastouch_perception.tcn import AnyCodeNet
 
 from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
@@ -45,7 +45,7 @@ class SingleTouchPlan:
     queries: int
     lighting: Lighting
     baseline_size: int = 0
-    minkloc3d: TactileCodeNet | None = None
+    minkloc3d: AnyCodeNet | None = None
     exhaustive: int = 0
 
     @property
@@ -107,7 +107,7 @@ def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str,
     encoders: dict[str, Encoder] = {}
     missing = {}
     if networks.tdn.has_embedding:
-        encoders["image_embedding"] = lambda percepts: networks.tdn.embedding(percepts.difference)
+        encoders["image_embedding"] = lambda percepts: networks.tdn.embedding(percepts.difference)  # type: ignore[attr-defined] # `has_embedding`
     else:
         missing["image_embedding"] = f"the depth network {networks.tdn.network_id} does not give its bottleneck"
     if plan.minkloc3d is not None:
@@ -201,11 +201,7 @@ def _limits(objects: list[dict]) -> dict | None:
         return None
     errors = {way: np.concatenate([one[way] for one in known]) for way in known[0]}
     return {
-        way: {
-            "trials": len(each),
-            "error": _with_interval(each),
-            "over_codes": _with_interval(each - errors[OURS]),
-        }
+        way: {"trials": len(each), "error": _with_interval(each), "over_codes": _with_interval(each - errors[OURS])}
         for way, each in errors.items()
     }
 

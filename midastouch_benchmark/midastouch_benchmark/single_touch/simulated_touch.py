@@ -113,7 +113,7 @@ class TouchSimulator:
     def _see(self, difference: np.ndarray, images: np.ndarray) -> np.ndarray:
         """Return the penetration (N, 160, 120) float32 m that the depth network predicts."""
         if not isinstance(self._tdn, FcrnDepthNet):
-            return self._tdn.penetration(difference)
+            return self._tdn.penetration(difference)  # type: ignore[attr-defined] # of our own networks
         # FCRN takes whole camera images, and no background
         whole = np.clip(np.rint(images), 0, 255).astype(np.uint8).repeat(2, axis=1).repeat(2, axis=2)
         return np.stack([self._tdn.predict(image, image) for image in whole])
@@ -130,9 +130,9 @@ class TouchSimulator:
         A touch that does not gets a random code, as in the paper (appendix C). Raises InputError if hardly any does.
         """
         codes: dict[str, list[np.ndarray]] = {name: [] for name in encoders}
-        in_contact = []
+        touching = []
         for percepts in self.percepts(poses, rng):
-            in_contact.append(percepts.in_contact)
+            touching.append(percepts.in_contact)
             for name, encoder in encoders.items():
                 encoded = encoder(percepts)
                 missed = np.flatnonzero(~percepts.in_contact)
@@ -140,7 +140,7 @@ class TouchSimulator:
                 encoded[missed] = random / np.linalg.norm(random, axis=1, keepdims=True)
                 codes[name].append(encoded)
             progress(len(percepts.in_contact))
-        in_contact = np.concatenate(in_contact)
+        in_contact = np.concatenate(touching)
         if in_contact.mean() < _LEAST_IN_CONTACT:
             raise InputError(
                 f"{self.mesh.name}: {in_contact.sum()} of {len(in_contact)} touches pass for a contact; "

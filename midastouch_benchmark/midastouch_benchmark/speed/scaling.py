@@ -29,7 +29,7 @@ POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
 
 
 @dataclass(frozen=True)
-class TimedSlide:
+class FilterInput:
     """Input of every filter. touches; measured: poses (N, 4, 4) of the gel in any fixed frame, of which only steps
     count."""
 
@@ -37,7 +37,7 @@ class TimedSlide:
     measured: np.ndarray
 
 
-def measure(mesh: Path, codebook: Path, slide: TimedSlide, particles: int) -> dict:
+def measure(mesh: Path, codebook: Path, slide: FilterInput, particles: int) -> dict:
     """Measure one step, with its deferred work, on a codebook of which `particles` poses are hypotheses at the start.
 
     step_ms: as of `CallTimer`; memory_mb: the most that a process with this filter alone needs, MiB.
@@ -54,7 +54,7 @@ def measure(mesh: Path, codebook: Path, slide: TimedSlide, particles: int) -> di
             ) from error
 
 
-def _measure(mesh_path: Path, codebook: Path, slide: TimedSlide, particles: int) -> dict:
+def _measure(mesh_path: Path, codebook: Path, slide: FilterInput, particles: int) -> dict:
     mesh, stopwatch = ObjectMesh.load(mesh_path), CallTimer()
     config = FilterConfig(max_particles=particles)
     particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config)

@@ -139,7 +139,7 @@ def recovery(trials: list[dict]) -> dict | None:
     if not disturbed:
         return None
     frames = [frames_until_right(t) for t in disturbed if t["right_from_frame"] is not None]
-    out = {"trials": len(disturbed), "recovered": len(frames)}
+    out: dict[str, float] = {"trials": len(disturbed), "recovered": len(frames)}
     if frames:
         out |= {"median_frames": float(np.median(frames)), "p90_frames": float(np.percentile(frames, 90))}
     return out

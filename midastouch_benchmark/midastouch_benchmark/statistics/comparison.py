@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from midastouch_filter.core.state import CONVERGED
@@ -74,7 +76,7 @@ def _row(trials: list[dict], default: list[dict], level: float) -> dict:
         )
     }
     groups = [(t["object"], t["slide"]) for t in trials]
-    differences = {}
+    differences: dict[str, float | list[float]] = {}
     for name, figure in _PAIRED.items():
         of_trials = figure(trials) - figure(default)
         known = of_trials[np.isfinite(of_trials)]
@@ -89,7 +91,7 @@ SAME_TIME = 0.25
 may have run hours apart, while the machine did other work, which can make a fifth."""
 
 
-def verdict(row: dict) -> str:
+def verdict(row: Mapping) -> str:
     """Return text on the figures in which a row is shown to be worse or better; "too few" below `ENOUGH` trials."""
     if row["trials"] < ENOUGH:
         return f"too few ({row['trials']:.0f})"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.stats import norm
 
 from midastouch_common.errors import InputError
@@ -21,7 +22,7 @@ _RESAMPLES = 1000
 _TELLING = 10  # groups with some of the part, and with some of the rest, that make their variance known
 
 
-def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
+def fraction_interval(part: npt.ArrayLike, whole: npt.ArrayLike, groups: Sequence[Hashable]) -> list[float] | None:
     """Return the interval [low, high] of sum(part) / sum(whole); None if nothing was counted.
 
     part, whole: (N,), one number per trial; groups: (N,), equal for trials that belong together. If few groups hold any
@@ -45,7 +46,7 @@ def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Seq
 
 
 def bootstrap_interval(
-    values: Sequence[float],
+    values: npt.ArrayLike,
     groups: Sequence[Hashable],
     statistic: Callable[..., np.ndarray] = np.mean,
     level: float = LEVEL,
@@ -103,7 +104,7 @@ class Figures:
         """Group trials by object and seed: those with one seed begin alike, so they are not independent."""
         return cls([(trial["object"], trial["seed"]) for trial in trials])
 
-    def fraction(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
+    def fraction(self, part: np.ndarray | Sequence, whole: np.ndarray | Sequence | None = None) -> dict:
         """Return {"share", "interval"} of sum(part) / sum(whole); without `whole`, of the number of trials."""
         whole = np.ones(len(part)) if whole is None else whole
         total = float(np.sum(whole))
@@ -112,7 +113,7 @@ class Figures:
             "interval": fraction_interval(part, whole, self._groups),
         }
 
-    def value(self, some: Sequence[float], statistic: Callable[..., np.ndarray]) -> dict:
+    def value(self, some: npt.ArrayLike, statistic: Callable[..., np.ndarray]) -> dict:
         """Return {"value", "interval"} of the numbers that are not nan; statistic: `np.mean` or `np.median`."""
         some = np.array(some, float)
         known = some[~np.isnan(some)]
@@ -121,7 +122,7 @@ class Figures:
             "interval": bootstrap_interval(some, self._groups, statistic),
         }
 
-    def values(self, some: Sequence[float]) -> dict:
+    def values(self, some: npt.ArrayLike) -> dict:
         """Return mean and median, each as {"value", "interval"}."""
         return {"mean": self.value(some, np.mean), "median": self.value(some, np.median)}
 

@@ -73,7 +73,7 @@ def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
     return written(tidy(_held(grasps)), {"contacts": text("what"), "held": text("seconds", "{} s")}, GRASPS)
 
 
-def _held(grasps: Mapping[str, list[dict]], **about: object) -> list[dict]:
+def _held(grasps: Mapping[int, list[dict]] | Mapping[str, list[dict]], **about: object) -> list[dict]:
     pairs = ((what, zip(HOLDS, each, strict=True)) for what, each in grasps.items())
     return [{"what": what, "seconds": after} | about | one for what, each in pairs for after, one in each]
 

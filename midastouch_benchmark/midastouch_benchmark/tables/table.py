@@ -8,7 +8,7 @@ table is a frame of such texts, its columns named as a reader sees them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -55,7 +55,7 @@ def written(
     return pd.DataFrame(lines, columns=list(map(str.strip, labels)), dtype=object)
 
 
-def listed(labels: tuple[str, ...], rows: Iterable[tuple]) -> pd.DataFrame:
+def listed(labels: tuple[str, ...], rows: Iterable[Sequence]) -> pd.DataFrame:
     """Return a table of finished cells, such as a list of quantities with a value each."""
     return pd.DataFrame(list(rows), columns=list(labels), dtype=object)
 
@@ -105,12 +105,12 @@ def percent(key: str, digits: int = 0) -> Form:
     return lambda row: "-" if is_missing(row.get(key)) else f"{100 * row[key]:.{digits}f} %"
 
 
-def part(key: str) -> Form:
+def part(key: str) -> Callable[[Row], str]:
     """Form of a number of trials, of all trials."""
     return lambda row: f"{row[key]:.0f} of {row['trials']:.0f}"
 
 
-def pose(prefix: str, statistic: str, interval: str | None = None) -> Form:
+def pose(prefix: str, statistic: str, interval: str | None = None) -> Callable[[Row], str]:
     """Form of an error in mm and deg, `<prefix>_trans_mm.<statistic>` and `<prefix>_rot_deg.<statistic>`; interval: key
     of the interval in mm."""
 
@@ -135,7 +135,7 @@ def fraction(key: str, digits: int = 0) -> Form:
     return form
 
 
-def value(key: str, form: str, unit: str = "", never: bool = False, scale: float = 1.0) -> Form:
+def value(key: str, form: str, unit: str = "", never: bool = False, scale: float = 1.0) -> Callable[[Row], str]:
     """Form of a value with its 95 % interval: `<key>.value` and `<key>.interval`, times `scale`. never: a missing value
     is infinite."""
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -27,10 +28,10 @@ FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"
 """Key of the digest in the PNG."""
 
-_BARS = {"lw": 0, "marker": "o", "elinewidth": 1.4, "capsize": 2}
+_BARS: dict[str, Any] = {"lw": 0, "marker": "o", "elinewidth": 1.4, "capsize": 2}
 _POINT = "#4a5260"
 _COLOURS, _DASHES = colormaps["tab10"], ("-", "--", ":")
-_OTHERS = {"color": "#c3c8d0", "lw": 1.2, "zorder": 2, "label": "any other condition"}
+_OTHERS: dict[str, Any] = {"color": "#c3c8d0", "lw": 1.2, "zorder": 2, "label": "any other condition"}
 _TOO_MANY = "#f6dedb"
 
 
@@ -70,7 +71,7 @@ def regions_figure(content: dict[str, dict]) -> Figure:
     Conditions whose 95 % region is too small in either kind of frame have colours and names; the others are grey."""
     figure = Figure(figsize=(11, 5.4), layout="constrained")
     too_small = [what for what, one in content.items() if _too_small(one["regions"])]
-    named = {
+    named: dict[str, dict[str, Any]] = {
         what: {"color": _COLOURS(k % 10), "ls": _DASHES[k // 10 % 3], "lw": 1.8, "zorder": 3, "label": what}
         for k, what in enumerate(too_small)
     }
@@ -90,7 +91,7 @@ def regions_figure(content: dict[str, dict]) -> Figure:
         axes.set_ylim(0, 1.01)
         _plain(axes)
     figure.axes[0].set_ylabel("fraction of frames whose region holds the truth", fontsize=9)
-    lines = {line.get_label(): line for line in (Line2D([], [], **style) for style in (*named.values(), _OTHERS))}
+    lines = {str(line.get_label()): line for line in (Line2D([], [], **style) for style in (*named.values(), _OTHERS))}
     figure.legend(lines.values(), lines, loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
@@ -108,7 +109,7 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     axes.errorbar(fractions, rows, xerr=np.maximum([fractions - low, high - fractions], 0), color=_POINT, ms=5, **_BARS)
     axes.set_yticks(rows, list(kept), fontsize=9)
     axes.set_xscale("symlog", linthresh=promised)  # linear up to the promise; the wrong object is at 100
-    axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], ticks)
+    axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], list(map(str, ticks)))
     axes.set_xlim(0, 102)
     axes.set_xlabel("converged frames at a wrong pose, %, with 95 % interval", fontsize=9)
     _plain(axes)

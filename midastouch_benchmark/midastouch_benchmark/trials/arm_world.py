@@ -56,7 +56,8 @@ class ArmWorld:
         guard = Guard(*box, of_slider["max_depth"], force=of_slider["max_force"], cone=np.radians(of_slider["cone"]))
         cone = np.radians(of_explorer["reach_cone"])
         self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=True)
-        self._perceive, self._coming = perceive, []
+        self._perceive = perceive
+        self._coming: list[tuple[np.ndarray, Sensed]] = []
         self.deepest = 0.0
         self._rig: ArmRig | None = None  # takes its first image while it is made
         base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)

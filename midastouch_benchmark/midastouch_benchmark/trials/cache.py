@@ -73,7 +73,7 @@ class Touches:
             "made_from": np.array(json.dumps(self.made_from)),
         }
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **content)
+            np.savez_compressed(stream, **content)  # type: ignore[arg-type] # none has the name of an option
 
     @classmethod
     def load(cls, path: Path) -> Touches:

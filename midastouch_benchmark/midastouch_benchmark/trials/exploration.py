@@ -160,7 +160,8 @@ class _Trial:
         self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
         self._measured: np.ndarray | None = None
         self._length = length
-        self._path, self._before = 0.0, None
+        self._path = 0.0
+        self._before: np.ndarray | None = None
         self._converged_at: float | None = None
         self._alike = 0
         self._asked_ms: list[float] = []

@@ -129,14 +129,15 @@ class Answers:
     """Answers along a slide, with the path at each. Args: truth: the right answer. Attributes: path [m]: so far."""
 
     def __init__(self, truth: str):
-        self._truth, self.path, self._last = truth, 0.0, None
+        self._truth, self.path = truth, 0.0
+        self._last: TrialFrame | None = None
         self._given: list[tuple[float, float, bool]] = []
 
     def note(self, frame: TrialFrame, identity: Identity) -> None:
         """Note the identity after a frame."""
         if self._last is not None:
-            self.path += Odometry.from_matrix(se3.inverse(self._last) @ frame.measured).distance
-        self._last, self._answer = frame.measured, identity.answer
+            self.path += Odometry.from_matrix(se3.inverse(self._last.measured) @ frame.measured).distance
+        self._last, self._answer = frame, identity.answer
         sure = max(identity.unknown, identity.leading.probability)
         self._given.append((self.path, sure, identity.answer == self._truth))
 

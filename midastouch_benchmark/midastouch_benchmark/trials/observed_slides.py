@@ -66,8 +66,8 @@ class ObservedPlan:
     def observer(self, evidence: str) -> FilterConfig:
         """Return settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
         every = max(self.config.max_particles, self.cache.codebook_size)
-        free = {"alignments_per_second": 0, "max_particles": every, "refinement": evidence == "maps"}
-        return dataclasses.replace(self.config, **free)
+        maps = evidence == "maps"
+        return dataclasses.replace(self.config, alignments_per_second=0, max_particles=every, refinement=maps)
 
     def describe(self) -> dict:
         """Return the settings for the JSON."""

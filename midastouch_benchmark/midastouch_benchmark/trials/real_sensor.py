@@ -77,7 +77,8 @@ class RealSensorCache(Cache):
         camera = MeasuredSensor(self.optics[which], sensor, np.random.default_rng(number))
         calibration = self.calibration(which) if self.calibrated else None
         networks = dataclasses.replace(self.networks, tdn=load_tdn(self.tdn, sensor, calibration=calibration))
-        renderer, images = PenetrationRenderer(mesh, sensor.for_maps), []
+        renderer = PenetrationRenderer(mesh, sensor.for_maps)
+        images: list[np.ndarray] = []
         for start in range(0, sequence.n_frames, _CHUNK):
             images += camera.images(renderer.render(sequence.poses_true[start : start + _CHUNK]))
         return Touches.of_images(images, camera.background, networks, {})

@@ -7,6 +7,7 @@ import difflib
 import time
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from midastouch_filter.core.presets import BALANCED, PAPER, preset
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import TactileCodeNet, load_tcn
+from midastouch_perception.tcn import AnyCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 from midastouch_tools.datasets import Sequence
@@ -32,7 +33,7 @@ class Networks:
     """Both networks and the sensor they are used with."""
 
     tdn: DepthNet
-    tcn: TactileCodeNet
+    tcn: AnyCodeNet
     sensor: SensorModel
 
     @classmethod
@@ -140,7 +141,7 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
         raise InputError(f"{Path(path)}: {error}") from error
 
 
-def _settings(name: str) -> dict[str, int]:
+def _settings(name: str) -> dict[str, Any]:
     if name == PAPER:
         raise InputError(f"preset {PAPER} is another filter; `midastouch benchmark --variant {PAPER}` measures it")
     return preset(name)

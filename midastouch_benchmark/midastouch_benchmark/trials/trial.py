@@ -68,7 +68,7 @@ class Event:
     end: int
 
 
-Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
+Observer = Callable[[TrialFrame, Estimate, AnyFilter], object]
 
 
 def run_trial(
@@ -158,7 +158,7 @@ class _Record:
         poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
         modes = counted(_mode_poses(estimate), truth)
         pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
-        row = {"frame": frame.index}
+        row: dict[str, float] = {"frame": frame.index}
         row |= _error("e", particle_rmse(poses, truth, weights))
         row |= _error("e_unweighted", particle_rmse(poses, truth))
         row |= _error("min_cluster", min_cluster_error(modes, truth))
@@ -244,5 +244,5 @@ def _mode_poses(estimate: Estimate) -> np.ndarray:
     return np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
 
 
-def _error(prefix: str, error: Sequence[float]) -> dict[str, float]:
+def _error(prefix: str, error: Sequence[float | np.ndarray]) -> dict[str, float]:
     return {f"{prefix}_trans_mm": 1e3 * float(error[0]), f"{prefix}_rot_deg": float(np.degrees(error[1]))}

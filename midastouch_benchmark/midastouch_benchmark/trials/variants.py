@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class Variant:
 
     summary: str
     group: str
-    settings: dict[str, object] = dataclasses.field(default_factory=dict)
+    settings: dict[str, Any] = dataclasses.field(default_factory=dict)
     open_gates: tuple[str, ...] = ()
     codebook_size: int | None = None
     codes: bool = True
@@ -94,11 +95,11 @@ class Variant:
         """Return a filter of this variant, its stages timed."""
         config = self.config(base, threads)
         if self.method == "paper":
-            return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)
+            return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)  # type: ignore[arg-type] # its own
         if self.method:
             method = {"odometry": DeadReckoning, "registration": Registration}[self.method]
             return method(mesh, codebook, config, clock=time.perf_counter)
-        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)
+        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)  # type: ignore[arg-type] # its own
 
 
 def _alike(codes: np.ndarray) -> np.ndarray:

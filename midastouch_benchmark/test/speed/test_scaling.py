@@ -3,7 +3,7 @@ import signal
 import pytest
 import trimesh
 
-from midastouch_benchmark.speed.scaling import TimedSlide, measure, sizes
+from midastouch_benchmark.speed.scaling import FilterInput, measure, sizes
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import Measurement
@@ -27,7 +27,7 @@ def test_each_filter_is_timed_in_a_process_of_its_own(mesh, codebook, tmp_path):
     saved["mesh_sha256"] = ObjectMesh.load(files[0]).sha256
     Codebook(codebook.poses, codebook.codes, codebook.meta | saved).save(files[1])
     poses = codebook.poses[:5]
-    slide = TimedSlide([Measurement(True, code, 1e-4) for code in codebook.codes[:5]], poses)
+    slide = FilterInput([Measurement(True, code, 1e-4) for code in codebook.codes[:5]], poses)
     measured = measure(*files, slide, 4000)
     assert set(measured["step_ms"]) == {"p50", "p95", "cpu"}
     assert min(*measured["step_ms"].values(), measured["memory_mb"]) > 0
@@ -35,7 +35,7 @@ def test_each_filter_is_timed_in_a_process_of_its_own(mesh, codebook, tmp_path):
 
 def test_a_process_that_dies_says_so(tmp_path):
     with pytest.raises(InputError, match=r"block\.npz: .*100 hypotheses.*give fewer"):
-        measure(tmp_path / "block.ply", tmp_path / "block.npz", TimedSlide([Deadly()], []), 100)
+        measure(tmp_path / "block.ply", tmp_path / "block.npz", FilterInput([Deadly()], []), 100)
 
 
 def test_one_number_is_varied_at_a_time():

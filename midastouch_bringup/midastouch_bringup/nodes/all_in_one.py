@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -22,12 +22,12 @@ from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.pipeline import DepthStage, TouchReading
-from midastouch_perception.tcn import TactileCodeNet
+from midastouch_perception.tcn import AnyCodeNet
 
 
 def make_nodes(
     depth: DepthStage | None = None,
-    tcn: TactileCodeNet | None = None,
+    tcn: AnyCodeNet | None = None,
     load: Callable[..., LoadedObject] = load_object,
     options: dict[str, dict] | None = None,
 ) -> list[Node]:
@@ -57,7 +57,7 @@ def make_driver() -> Node:
     return DigitDriver()
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Entry point of the executable; exit code 1: the driver gave up."""
     parser = argparse.ArgumentParser(
         prog="all_in_one",

@@ -209,7 +209,7 @@ def mount_description() -> Command:
 def bound_to_launch(executable: str) -> dict[str, str | list[str | LaunchConfiguration]]:
     """Return action arguments that make a node's process end even if launch is killed and cannot end it."""
     # followed by the prefix that launch itself would use (a debugger)
-    prefix = [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
+    prefix = [f"{shlex.join(map(str, bound_to_us([])))} ", LaunchConfiguration("launch-prefix", default="")]
     # launch would name the process after the first word of the prefix
     return {"prefix": prefix, "exec_name": executable}
 

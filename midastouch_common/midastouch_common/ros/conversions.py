@@ -10,6 +10,7 @@ import array
 import sys
 
 import numpy as np
+import numpy.typing as npt
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import Image, PointCloud2, PointField
@@ -92,6 +93,6 @@ def stamped_transform(stamp: Time, parent: str, child: str, transform: np.ndarra
     return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(transform))
 
 
-def float32_to_msg(values: np.ndarray) -> array.array:
+def float32_to_msg(values: npt.ArrayLike) -> array.array:
     """Return the values as a float32[] field."""
     return array.array("f", np.ascontiguousarray(values, np.float32).tobytes())

@@ -217,14 +217,13 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         return TransitionCallbackReturn.FAILURE
 
     def _describe_state(self) -> tuple[bytes, str, dict]:
-        state = self.lifecycle_state
+        state = {"lifecycle": self.lifecycle_state}
         if self.failure:
-            level, message, values = diagnostics.ERROR, self.failure, {}
-        elif self._doing:
-            level, message, values = diagnostics.WARN, self._doing, {}
-        else:
-            level, message, values = self.describe()
-        return level, message, {"lifecycle": state, **values}
+            return diagnostics.ERROR, self.failure, state
+        if self._doing:
+            return diagnostics.WARN, self._doing, state
+        level, message, values = self.describe()
+        return level, message, {**state, **values}
 
     def _change_state_or_refuse(
         self, request: ChangeState.Request, response: ChangeState.Response

@@ -31,18 +31,18 @@ class PipelineNode(Node):
         if hasattr(self.context, "untrack_node"):
             self.context.untrack_node(self)
 
-    def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile, **options) -> Publisher:
+    def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options) -> Publisher:
         """Create a publisher as rclpy does; the QoS can be overridden by parameters."""
         return self._overridable(super().create_publisher, msg_type, topic, (), qos_profile, options)
 
     def create_subscription(
-        self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile, **options
+        self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile | int, **options
     ) -> Subscription:
         """Create a subscription as rclpy does; the QoS can be overridden by parameters."""
         return self._overridable(super().create_subscription, msg_type, topic, (callback,), qos_profile, options)
 
     def _overridable(
-        self, create, msg_type: type, topic: str, arguments: tuple, qos_profile: QoSProfile, options: dict
+        self, create, msg_type: type, topic: str, arguments: tuple, qos_profile: QoSProfile | int, options: dict
     ):
         if topic not in _OWN_OF_RCLPY:
             options.setdefault("qos_overriding_options", QoSOverridingOptions.with_default_policies())

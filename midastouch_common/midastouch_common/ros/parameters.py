@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -46,14 +46,14 @@ class Parameter:
     def problem(self, value: Any) -> str | None:
         """Return the reason why `value` is illegal, as text; None if it is legal."""
         expected = type(self.default)
-        if expected is list and isinstance(value, Iterable) and not isinstance(value, str):
+        if expected is list and isinstance(value, Collection) and not isinstance(value, str):
             if len(value) != len(self.default):
                 return f"parameter '{self.name}' needs {len(self.default)} values, got {len(value)}"
             problems = (self._problem_of(v, type(d)) for v, d in zip(value, self.default, strict=True))
             return next((p for p in problems if p), None)
         return self._problem_of(value, expected)
 
-    def _problem_of(self, value: Any, expected: type) -> str | None:
+    def _problem_of(self, value: Any, expected: type[Any]) -> str | None:
         if type(value) is not expected:
             hint = f"; write {float(value)}" if expected is float and type(value) is int else ""
             return f"parameter '{self.name}' must be {expected.__name__}, got {type(value).__name__} {value!r}{hint}"
@@ -80,9 +80,9 @@ class Parameter:
             return out
         element = self.default[0] if isinstance(self.default, list) else self.default
         if isinstance(element, int):
-            low = -(2**63) if self.minimum is None else int(self.minimum)
-            high = 2**63 - 1 if self.maximum is None else int(self.maximum)
-            out.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+            lowest = -(2**63) if self.minimum is None else int(self.minimum)
+            highest = 2**63 - 1 if self.maximum is None else int(self.maximum)
+            out.integer_range = [IntegerRange(from_value=lowest, to_value=highest, step=0)]
         else:
             low = -math.inf if self.minimum is None else float(self.minimum)
             high = math.inf if self.maximum is None else float(self.maximum)

@@ -20,7 +20,7 @@ from .node import refuse_unused_overrides
 _ROS_FIX = "check what follows --ros-args, and that logs can be written: $ROS_LOG_DIR, or without it ~/.ros/log"
 
 
-def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = None) -> int:
+def run(make_nodes: Callable[[], Iterable[Node]], args: list[str] | None = None) -> int:
     """Spin the nodes that `make_nodes` returns in one executor, and return the exit code of the process.
 
     If `make_nodes` is a generator and a later node cannot be made, the earlier ones are destroyed. `args`: the command
@@ -42,7 +42,7 @@ def stop() -> None:
     signal.raise_signal(signal.SIGTERM)
 
 
-def _spin(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None) -> int:
+def _spin(make_nodes: Callable[[], Iterable[Node]], args: list[str] | None) -> int:
     end_at_once()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

@@ -28,7 +28,8 @@ class TopicReader:
     """
 
     def __init__(self, node: Node):
-        self._node, self._readers = node, []
+        self._node = node
+        self._readers: list[tuple[Subscription, Callable[[bytes], None]]] = []
         self._stopping = False
         self._stop = GuardCondition(callback=None, callback_group=None, context=node.context)
         self._thread = threading.Thread(target=self._run, name="topic_reader")
@@ -54,7 +55,8 @@ class TopicReader:
 
     def _run(self) -> None:
         handles = [subscription.handle for subscription, _ in self._readers]
-        events = [event for subscription, _ in self._readers for event in subscription.event_handlers]
+        lists = (subscription.event_handlers for subscription, _ in self._readers)
+        events = [event for handlers in lists for event in handlers]  # type: ignore[attr-defined] # rclpy says it is one
         with contextlib.ExitStack() as kept_alive:
             for handle in (self._node.context.handle, self._stop.handle, *handles, *events):
                 kept_alive.enter_context(handle)

@@ -81,7 +81,7 @@ def interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
     """Interpolate linearly in translation and spherically in rotation, along the shorter arc."""
     a, b = start[3:], end[3:]
     if sum(u * v for u, v in zip(a, b, strict=True)) < 0:
-        b = tuple(-v for v in b)
+        b = (-b[0], -b[1], -b[2], -b[3])
     # half-angle form: accurate for tiny angles, where acos of the scalar product is not
     apart = math.sqrt(sum((u - v) ** 2 for u, v in zip(a, b, strict=True)))
     together = math.sqrt(sum((u + v) ** 2 for u, v in zip(a, b, strict=True)))
@@ -91,8 +91,9 @@ def interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
     else:
         weight_a = math.sin((1 - fraction) * angle) / math.sin(angle)
         weight_b = math.sin(fraction * angle) / math.sin(angle)
-    position = (u + fraction * (v - u) for u, v in zip(start[:3], end[:3], strict=True))
-    return (*position, *(weight_a * u + weight_b * v for u, v in zip(a, b, strict=True)))
+    x, y, z = (u + fraction * (v - u) for u, v in zip(start[:3], end[:3], strict=True))
+    qx, qy, qz, qw = (weight_a * u + weight_b * v for u, v in zip(a, b, strict=True))
+    return x, y, z, qx, qy, qz, qw
 
 
 def to_matrix(pose: Pose) -> np.ndarray:

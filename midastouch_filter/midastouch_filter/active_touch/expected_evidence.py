@@ -99,11 +99,7 @@ def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel)
 
 
 def map_evidence(
-    right: Hypothesis,
-    wrong: Sequence[Hypothesis],
-    at_right: np.ndarray,
-    at_wrong: np.ndarray,
-    noise: NoiseModel,
+    right: Hypothesis, wrong: Sequence[Hypothesis], at_right: np.ndarray, at_wrong: np.ndarray, noise: NoiseModel
 ) -> np.ndarray:
     """Return the nats (N, W) >= 0 of the maps of touches at poses `at_right` (N, 4, 4) for the right hypothesis against
     each of W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the
@@ -123,7 +119,7 @@ def map_evidence(
     real = right.residual_ratio if right.residual_ratio is not None else 1.0 - right.model.config.penetration_fit
     own = np.zeros(len(at_right))
     own[reached] = unexplained(right.model, at_right[reached], maps[reached], noise)
-    usual = np.minimum(np.maximum(usual, own) + real, 1.0)[:, None]
+    at_most = np.minimum(np.maximum(usual, own) + real, 1.0)[:, None]
     found = np.minimum(found + real, 1.0)
     # a touch that leaves less than usual is simple, not evidence against the right hypothesis
-    return np.maximum(noise.residual_evidence(usual) - noise.residual_evidence(found), 0.0)
+    return np.maximum(noise.residual_evidence(at_most) - noise.residual_evidence(found), 0.0)

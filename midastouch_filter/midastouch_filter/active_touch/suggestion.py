@@ -122,14 +122,14 @@ class _Outlook:
         starts = np.where(narrow, np.stack([each.pose for each in self._hypotheses]), self._tracks[:, 0, 0])
         poses = carried_along(starts, flat)
         evidence = code_evidence(self._hypotheses, poses)
-        narrow = self._with_maps()
-        for i in narrow:
-            others = [j for j in narrow if j != i]
+        compared = self._with_maps()
+        for i in compared:
+            others = [j for j in compared if j != i]
             evidence[i][:, others] = 0.0  # a touch that distinguishes two competitors does not show which one is right
             others = others if i == 0 else [0]
             within_reach = self._touchable if self._wanted.lifts else self._slid
             some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in others]
-            at = np.ix_([i], some, others)
+            at = np.ix_(np.array([i]), some, np.array(others))
             evidence[at] = map_evidence(self._hypotheses[i], against, flat[i, some], poses[at][0], self._noise)
         return evidence.reshape(*ways.shape[:3], -1)
 

@@ -49,12 +49,7 @@ class Hypotheses:
 
     @classmethod
     def at(
-        cls,
-        poses: np.ndarray,
-        covariance: np.ndarray,
-        log_weights: np.ndarray,
-        number: int,
-        odometer: float,
+        cls, poses: np.ndarray, covariance: np.ndarray, log_weights: np.ndarray, number: int, odometer: float
     ) -> Hypotheses:
         """Return hypotheses on object `number`, with the same covariance (6, 6), aligned at an odometer reading [m]."""
         n = len(poses)
@@ -125,7 +120,7 @@ class Belief:
         self.objects = objects
         self.hypotheses = Hypotheses.none()
         self.untested = [_no_particles() for _ in objects]
-        self.support = np.zeros(len(objects))
+        self.support: np.ndarray = np.zeros(len(objects))
         self._summed: list[np.ndarray | None] = [None for _ in objects]
         self._untested_sum = -np.inf
         self.since = np.eye(4)
@@ -166,12 +161,11 @@ class Belief:
         self.hypotheses = self.hypotheses.moved(self.since).drifted(odometer, drift)
         row, still = Odometry.from_matrix(self.since).row, np.zeros(6, np.float32)
         for model, some in zip(self.objects, self.untested, strict=True):
-            model.workers.run(
-                len(some),
-                lambda low, high, _, some=some: kernels.compose(
-                    low, high, some.positions, some.quaternions, row, still, None
-                ),
-            )
+
+            def move(low: int, high: int, _: int, some: Particles = some) -> None:
+                kernels.compose(low, high, some.positions, some.quaternions, row, still, None)
+
+            model.workers.run(len(some), move)
         self.since = np.eye(4)
 
     def expect(

@@ -62,10 +62,11 @@ class Comparison:
         hypotheses = belief.hypotheses
         self._known = n = len(hypotheses)  # later ones are freshly tested
         self._by_maps = belief.objects[0].alignment is not None
-        self._prior, self._gain = hypotheses.log_weights.copy(), np.full(n, np.nan)
+        self._prior = hypotheses.log_weights.copy()
+        self._gain: np.ndarray = np.full(n, np.nan)
         self._fresh_gain: list[float] = []
         self._fresh_code: list[float] = []
-        self._code = np.full(n, np.nan)
+        self._code: np.ndarray = np.full(n, np.nan)
         self._queue = np.argsort(-self._prior, kind="stable")
         for number, some in enumerate(belief.untested):
             if len(some):

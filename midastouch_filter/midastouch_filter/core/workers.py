@@ -12,7 +12,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 
 CHUNKS = 8
 """Number of ranges a parallel loop is cut into. Fixed, so that sums do not depend on the number of threads."""

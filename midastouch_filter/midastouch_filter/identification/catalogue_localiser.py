@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..active_touch.suggestion import Advisor
+from ..core.answer import Group
 from ..core.config import FilterConfig
 from ..core.estimate import Estimate
 from ..core.state import AMBIGUOUS, CONVERGED
@@ -42,8 +43,9 @@ class CatalogueLocaliser(Localiser):
         self._catalogue: Catalogue | None = catalogue
         self._on_object, self._on_identity = on_object, on_identity
         self._leading: Entry | None = None
+        self._groups: list[Group] | None = None
         models = [entry.model for entry in catalogue.entries]
-        running = ParticleFilter.on(models, config, seed, clock=time.perf_counter)
+        self._running = running = ParticleFilter.on(models, config, seed, clock=time.perf_counter)
         largest = max(entry.mesh.diagonal for entry in catalogue.entries)
         self._object = LoadedObject(running, largest, "", catalogue.sensor, catalogue.network_id, Advisor(running))
         self._begin(None)
@@ -53,7 +55,7 @@ class CatalogueLocaliser(Localiser):
         """Identity of the touched object, as far as it is known; None once `set_object` has named it."""
         if self._catalogue is None:
             return None
-        return Identity.of([entry.name for entry in self._catalogue.entries], self._object.filter)
+        return Identity.of([entry.name for entry in self._catalogue.entries], self._running)
 
     @property
     def waiting_for(self) -> str:
@@ -64,7 +66,7 @@ class CatalogueLocaliser(Localiser):
 
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on this object and ignore the catalogue."""
-        self._catalogue = self._leading = None
+        self._catalogue = self._leading = self._running = None
         super().set_object(loaded)
 
     def _begin(self, start: Start | None) -> None:
@@ -81,7 +83,7 @@ class CatalogueLocaliser(Localiser):
         estimate = super().process(T_base_gel, measurement, others, stamp)
         if self._catalogue is None:
             return estimate
-        if (groups := self._object.filter.groups) is not self._groups:
+        if (groups := self._running.groups) is not self._groups:
             self._groups, self._found = groups, self.identity
             if groups:
                 self._on_identity(self._found, T_base_gel, stamp)
@@ -91,7 +93,7 @@ class CatalogueLocaliser(Localiser):
 
     def _follow(self) -> None:
         """Make the object that the estimate is on the leading one."""
-        running = self._object.filter
+        running = self._running
         if not running.groups:
             self._leading = None
         elif self._leading is not None or self._found.answer != UNKNOWN:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -87,12 +88,7 @@ class StartTopics:
         self._base, self._object = parameters["base_frame_id"], parameters["object_frame_id"]
         self._localiser, self._transforms, self._on_bad = localiser, transforms, on_bad
         for topic, use in (("initialpose", self._start_at), ("object_pose_prior", self._expect_object)):
-            node.create_subscription(
-                PoseWithCovarianceStamped,
-                topic,
-                lambda msg, topic=topic, use=use: self._on_pose(topic, use, msg),
-                qos.COMMAND,
-            )
+            node.create_subscription(PoseWithCovarianceStamped, topic, partial(self._on_pose, topic, use), qos.COMMAND)
 
     def _on_pose(self, topic: str, use: Callable, msg: PoseWithCovarianceStamped) -> None:
         try:

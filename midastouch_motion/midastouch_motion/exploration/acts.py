@@ -61,7 +61,9 @@ class Done:
     pose: np.ndarray
 
 
-_T, _Y, _S = TypeVar("_T"), TypeVar("_Y"), TypeVar("_S")
+_T = TypeVar("_T")
+_Y = TypeVar("_Y")
+_S = TypeVar("_S")
 Plan = Generator[Act | CheckReach, Done, _T]
 """Generator of acts, each chosen by the ends of those before it; for a question, `success` is the answer."""
 

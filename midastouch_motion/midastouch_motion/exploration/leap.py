@@ -6,7 +6,7 @@ A way (N, 4, 4) holds the gel poses T_base_gel on the surface that a leap passes
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def _down(pose: np.ndarray, height: float, searched: float) -> Plan[bool]:
     return (yield Touch(height + searched)).touching
 
 
-def _fly(poses: Sequence[np.ndarray]) -> Plan[list[np.ndarray]]:
+def _fly(poses: Iterable[np.ndarray]) -> Plan[list[np.ndarray]]:
     """Fly from pose to pose (4, 4) until something is in the way; return the poses reached."""
     passed = []
     for pose in poses:

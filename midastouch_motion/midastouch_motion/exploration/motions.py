@@ -171,7 +171,7 @@ class Motions:
         """Carry out a plan; the end of each act is noted."""
         return (yield from carried_out(plan, self._do))
 
-    def _do(self, act: Act) -> Plan[Done]:
+    def _do(self, act: Act | CheckReach) -> Plan[Done]:
         """Carry out one act, and note its end."""
         done = yield act
         self.touching, self.gel = done.touching, done.pose

@@ -24,7 +24,7 @@ class SurfaceTrack:
 
     def index(self, length: float) -> int:
         """Index of the first pose that is `length` m or more along the track, or of the last one."""
-        return int(min(np.searchsorted(self.gone, length - 1e-9), len(self.gone) - 1))
+        return min(int(np.searchsorted(self.gone, length - 1e-9)), len(self.gone) - 1)
 
     def at(self, length: float) -> np.ndarray:
         """Pose (4, 4) of that index."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -147,7 +147,7 @@ class Explorer(PipelineNode):
             self._report.tell()
             self._go_on()
         else:
-            (self._reach.ask if isinstance(act, CheckReach) else self._arm.carry_out)(act)
+            self._reach.ask(act) if isinstance(act, CheckReach) else self._arm.carry_out(act)
 
     def _on_reach(self, reached: bool, why_not: str) -> None:
         self._advance(Done(reached, why_not, 0.0, self._exploration.motions.touching, self._sight.gel))
@@ -241,7 +241,7 @@ class Explorer(PipelineNode):
         self._on_end()
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Entry point of the executable; exit code 1: the exploration ended without knowing the pose."""
     return spin.run(lambda: [Explorer(on_end=spin.stop)], args)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PointStamped
@@ -48,7 +49,7 @@ class ExplorerControl:
         self._log = node.get_logger()
         self.commands = {"pause": self._pause, "resume": self._go_on, "push": self._push, "lift": self._lift}
         for name, do in self.commands.items():
-            node.create_service(Trigger, f"~/{name}", lambda _, response, do=do: _answer(response, do()))
+            node.create_service(Trigger, f"~/{name}", partial(lambda do, _, response: _answer(response, do()), do))
         node.create_service(SetObject, "~/set_object", self._on_set_object)
         node.create_subscription(Suggestion, "~/move", self._on_move, qos.COMMAND)
 

@@ -58,14 +58,15 @@ class QuestionClient:
     def __init__(
         self,
         node: Node,
-        kind: type,
+        kind: type[Any],
         name: str,
         on_answer: Callable[[Any], None],
         timeout: Callable[[], float] = lambda: TIMEOUT_S,
     ):
         self.name, self._client, self._kind = name, node.create_client(kind, name), kind
         self._on_answer, self._timeout = on_answer, timeout
-        self._asked_at, self._future = 0.0, None
+        self._asked_at = 0.0
+        self._future: Future | None = None
 
     @property
     def ready(self) -> bool:

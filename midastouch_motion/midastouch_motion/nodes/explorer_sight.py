@@ -29,11 +29,7 @@ class Sight:
     """
 
     def __init__(
-        self,
-        node: Node,
-        frames: Mapping[str, str],
-        on_jump: Callable[[], None],
-        problem: Callable[[str, str], None],
+        self, node: Node, frames: Mapping[str, str], on_jump: Callable[[], None], problem: Callable[[str, str], None]
     ):
         self.base, self._object, self._sensor, self._problem = (
             frames["base"],
@@ -42,7 +38,8 @@ class Sight:
             problem,
         )
         self.shown: ObjectMesh | None = None
-        self._mesh, self._modes = None, PoseModes()
+        self._mesh: ObjectMesh | None = None
+        self._modes = PoseModes()
         self._gel = np.eye(4)
         node.create_subscription(MarkerArray, "object_mesh", self._on_mesh, qos.latched())
         node.create_subscription(PoseModes, "pose_modes", self._on_modes, qos.stream_subscriber(10, reliable=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped, WrenchStamped
@@ -39,10 +40,10 @@ class Slider(ManagedNode):
     if the node ends.
     """
 
-    _goal: tuple[ServerGoalHandle, type] | None = None
+    _goal: tuple[ServerGoalHandle, type[Any]] | None = None
     _servers: Sequence[GoalServer] = ()
 
-    def __init__(self, **node_options):
+    def __init__(self, **node_options) -> None:
         super().__init__("slider", PARAMETERS, **node_options)
         self._twists = self.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._servers = [
@@ -161,7 +162,7 @@ class Slider(ManagedNode):
 
     # --- goals
 
-    def _on_goal(self, goal: ServerGoalHandle, kind: type) -> None:
+    def _on_goal(self, goal: ServerGoalHandle, kind: type[Any]) -> None:
         try:
             if not self.active:
                 raise InputError(INACTIVE)
@@ -228,7 +229,7 @@ class Slider(ManagedNode):
         self.get_logger().info(f"{name_of(kind)}: {how.message}")
         self._finish(goal, kind, how, path)
 
-    def _finish(self, goal: ServerGoalHandle, kind: type, how: skills.SkillEnd, path: float) -> None:
+    def _finish(self, goal: ServerGoalHandle, kind: type[Any], how: skills.SkillEnd, path: float) -> None:
         depth = self._controller.servo.depth if self._transforms is not None else 0.0
         result = kind.Result(success=how.success, message=how.message, path=path, depth=depth)
         if math.isfinite(self._seen.pose):

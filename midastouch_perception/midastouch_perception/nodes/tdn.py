@@ -93,10 +93,7 @@ class TdnNode(ManagedNode):
     """
 
     def __init__(
-        self,
-        depth: DepthStage | None = None,
-        sink: Callable[[Header, Contact], None] | None = None,
-        **node_options,
+        self, depth: DepthStage | None = None, sink: Callable[[Header, Contact], None] | None = None, **node_options
     ):
         super().__init__("tdn", PARAMETERS, **node_options)
         self._given, self._sink = depth, sink
@@ -109,6 +106,7 @@ class TdnNode(ManagedNode):
         self._captures = CaptureService(self, self._contact_in, lambda image: self._background.replace(image))
         self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
         self._unseen_clouds = 0
+        self._image: np.ndarray | None = None
         self.autostart()
 
     def configure(self) -> None:

@@ -90,7 +90,7 @@ def depth_errors(
             curved.append(np.nan if core is None or true is None else core / true)
         rows.append(row)
         curvatures.append(curved)
-    known = [row for row in curvatures if np.isfinite(row).all()] or [(np.nan, np.nan)]
+    known = [row for row in curvatures if np.isfinite(row).all()] or [[np.nan, np.nan]]
     values = *np.median(rows, axis=0).tolist(), *np.median(known, axis=0).tolist()
     return dict(
         zip(("felt_error_before", "felt_error_after", "curvature_before", "curvature_after"), values, strict=True)

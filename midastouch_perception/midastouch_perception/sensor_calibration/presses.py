@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -108,7 +109,7 @@ def _problem(
     if (visible := visible_fraction(contact, sensor)) < _LEAST_VISIBLE:
         return f"cut off at the edge of the view ({100 * visible:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)
-    bright = cv2.resize((image >= _SATURATED_LEVEL).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
+    bright = cv2.resize((image.max(axis=2) >= _SATURATED_LEVEL).astype(np.float32), touched.shape[::-1])[touched].mean()
     if bright > _MOST_SATURATED:
         return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
     return ""
@@ -144,7 +145,8 @@ def background_behind(images: list[np.ndarray], ball_radius: float, sensor: Sens
             near = circle(contact, _MASK_RADII, sensor).astype(np.uint8)
             covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
         hidden = np.all(covered, axis=0)
-        masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
+        pressed = np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3)
+        masked: np.ma.MaskedArray = np.ma.masked_array(images, pressed)
         background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
     if hidden.mean() > _MOST_HIDDEN:
         raise InputError(
@@ -162,7 +164,8 @@ def texture_behind(
 
     Raises InputError if the presses have another texture.
     """
-    texture, halves = gel_texture(background), [0.0, 0.0]
+    texture = gel_texture(background)
+    halves: list[Any] = [0.0, 0.0]
     for k, press in enumerate(press for press in presses if not press.problem):
         halves[k % 2] = halves[k % 2] + gel_texture(images[press.name], circle(press.contact, _MASK_RADII, sensor))
     found = likeness(texture, halves[0] + halves[1])

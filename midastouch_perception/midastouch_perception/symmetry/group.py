@@ -62,8 +62,8 @@ class Symmetry:
         """Return the equivalents of poses (N, 4, 4) nearest to the truth (4, 4)."""
         if self.free == "none":
             return self.transforms[self._which(poses, truth)] @ poses
-        best, least = poses, np.full(len(poses), np.inf)
-        goal = truth[:3, 3] - self.centre
+        best, goal = poses, truth[:3, 3] - self.centre
+        least: np.ndarray = np.full(len(poses), np.inf)
         for transform in self.transforms:
             moved = transform @ poses
             arm = moved[:, :3, 3] - self.centre

@@ -1,5 +1,5 @@
 """Tactile code network: from contact geometry to a code that is compared with the codebook (paper section 4.2)."""
 
-from .inference import TactileCodeNet, load_tcn
+from .inference import AnyCodeNet, TactileCodeNet, load_tcn
 
-__all__ = ["TactileCodeNet", "load_tcn"]
+__all__ = ["AnyCodeNet", "TactileCodeNet", "load_tcn"]

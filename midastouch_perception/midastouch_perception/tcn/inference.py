@@ -43,7 +43,10 @@ class TactileCodeNet:
         return out[0] if single else out
 
 
-def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None) -> TactileCodeNet | MinkLocCodeNet:
+AnyCodeNet = TactileCodeNet | MinkLocCodeNet
+
+
+def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None) -> AnyCodeNet:
     """Load a code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
     `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, the other with one."""
     if Path(name_or_path).suffix == SUFFIX:

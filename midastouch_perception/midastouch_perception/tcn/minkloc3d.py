@@ -105,5 +105,5 @@ def save_minkloc3d(state: dict[str, np.ndarray], card: dict, folder: Path, voxel
     details = {"architecture": "minkloc3d", "dim": DIM, "voxel_size": voxel_size, "calibration": _CALIBRATION}
     write_card(card | details, path)
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **state, **{_VOXEL_SIZE: np.float64(voxel_size)})
+        np.savez(stream, **state, **{_VOXEL_SIZE: np.float64(voxel_size)})  # type: ignore[arg-type] # none has the name of an option
     return path

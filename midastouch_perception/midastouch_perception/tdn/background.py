@@ -188,7 +188,8 @@ class TouchedBackground:
             self._stride *= 2
 
     def _start(self, background: np.ndarray | None) -> None:
-        self._background, self._images, self._frames, self._stride = background, [], 0, self._every
+        self._background, self._frames, self._stride = background, 0, self._every
+        self._images: list[np.ndarray] = []
         self.problem = ""
 
     def _judge(self) -> None:

@@ -130,7 +130,7 @@ class SensorBackground:
     fix, "" if there is none.
     """
 
-    def __init__(self, sensor: SensorModel, path: str, store: BackgroundStore | None, frames: int):
+    def __init__(self, sensor: SensorModel, path: str | Path, store: BackgroundStore | None, frames: int):
         self._layout = shipped_layout() if sensor.lamps == DIGIT_LAMPS else None
         self._store = store
         self._running: RunningBackground | None = None

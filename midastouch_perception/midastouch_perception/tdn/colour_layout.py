@@ -8,7 +8,7 @@ is compared with the mean layout of 24 DIGITs (`no_contact_layout.npz`, made by 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -49,7 +49,7 @@ def colour_layout(image: np.ndarray) -> np.ndarray:
     return chromaticity / norm if norm > 1e-3 else np.zeros_like(chromaticity)
 
 
-def mean_layout(images: Sequence[np.ndarray]) -> np.ndarray:
+def mean_layout(images: Iterable[np.ndarray]) -> np.ndarray:
     """Return the mean layout (16, 12, 3), of unit norm, of many sensors' no-contact images (H, W, 3)."""
     mean = np.mean([colour_layout(image) for image in images], axis=0)
     return mean / np.linalg.norm(mean)

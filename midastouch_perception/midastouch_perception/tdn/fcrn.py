@@ -89,6 +89,6 @@ def expected_shapes() -> dict[str, tuple[int, ...]]:
         norms |= {f"up{level}.{norm}": width for norm in ("bn1_1", "bn1_2", "bn2")}
     kernels["conv3"] = (1, 64, 3, 3)
     biases |= {name: shape[0] for name, shape in kernels.items() if name.startswith("up")}
-    shapes = {f"{name}.weight": shape for name, shape in kernels.items()}
+    shapes: dict[str, tuple[int, ...]] = {f"{name}.weight": shape for name, shape in kernels.items()}
     shapes |= {f"{name}.bias": (channels,) for name, channels in biases.items()}
     return shapes | {f"{name}.{part}": (channels,) for name, channels in norms.items() for part in NORM}

@@ -116,8 +116,8 @@ class LightDrift:
 @cache
 def _fit(length: int, nodes: int) -> np.ndarray:
     """Return the matrix (nodes, length) from values along an axis to the best-fitting nodes of cubic interpolation."""
-    interpolated = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
-    return np.linalg.pinv(interpolated)
+    grown: np.ndarray = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
+    return np.linalg.pinv(grown)
 
 
 def without_drift(change: np.ndarray) -> np.ndarray:

@@ -60,7 +60,7 @@ class DigitSim(ManagedNode):
     Nothing is published while TF lacks the pose of sensor or object; the diagnostics give the reason.
     """
 
-    def __init__(self, **node_options):
+    def __init__(self, **node_options) -> None:
         super().__init__("digit_sim", PARAMETERS, **node_options)
         self._images = ImagePublisher(self)
         out = qos.stream_publisher()

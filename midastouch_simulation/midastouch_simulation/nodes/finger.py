@@ -45,7 +45,7 @@ class _Motion:
 
     poses: Generator[np.ndarray, None, Done | None]
     goal: ServerGoalHandle | None = None
-    kind: type | None = None
+    kind: type[Any] | None = None
     path: float = 0.0
     over: bool = False
     done: Done | None = None
@@ -60,7 +60,7 @@ class Finger(PipelineNode):
 
     _servers: Sequence[GoalServer] = ()
 
-    def __init__(self, **node_options):
+    def __init__(self, **node_options) -> None:
         super().__init__("finger", **node_options)
         settings = self._settings = Parameters(self, PARAMETERS)
         sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
@@ -137,7 +137,7 @@ class Finger(PipelineNode):
 
     # --- goals
 
-    def _on_goal(self, goal: ServerGoalHandle, kind: type) -> None:
+    def _on_goal(self, goal: ServerGoalHandle, kind: type[Any]) -> None:
         try:
             if other := next((one for one in self._motions if one.goal is not None), None):
                 raise InputError(f"the finger is carrying out a {name_of(other.kind)}; cancel it first")
@@ -156,12 +156,12 @@ class Finger(PipelineNode):
     def _refusal(self, why: str, path: float = 0.0) -> Done:
         return Done(False, why, path, self._world.finger.touching, self._world.base_from_gel)
 
-    def _end(self, goal: ServerGoalHandle, kind: type, done: Done) -> None:
+    def _end(self, goal: ServerGoalHandle, kind: type[Any], done: Done) -> None:
         self._ended = done.message
         self.get_logger().info(f"{name_of(kind)}: {done.message}")
         end_goal(goal, done.success, self._result(kind, done))
 
-    def _result(self, kind: type, done: Done) -> Any:
+    def _result(self, kind: type[Any], done: Done) -> Any:
         pose = stamped_pose(self._frames["base"], done.pose, stamp_from_ns(self._tf.stamp))
         depth = self._world.finger.depth
         return kind.Result(success=done.success, message=done.message, path=done.path, depth=depth, pose=pose)
@@ -186,7 +186,7 @@ class Finger(PipelineNode):
         return response
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Entry point of the executable `finger`."""
     return spin.run(lambda: [Finger()], args)
 

@@ -60,7 +60,8 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
 def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
     """Return another object: the mesh scaled along three perpendicular directions, each by a factor of 0.7 to 1.4."""
     axes = se3.exp(np.r_[np.zeros(3), rng.uniform(-np.pi, np.pi, 3)])[:3, :3]
-    scale = axes * np.exp(rng.uniform(*np.log(_STRETCH), 3)) @ axes.T
+    low, high = np.log(_STRETCH)
+    scale = axes * np.exp(rng.uniform(low, high, 3)) @ axes.T
     return ObjectMesh(mesh.vertices @ scale, mesh.faces, mesh.name, mesh.sha256)
 
 

@@ -9,6 +9,7 @@ log-likelihood ratio the filter needs (paper section 4.2 uses a triplet loss, wh
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ class _Batches(torch.utils.data.IterableDataset):
     ):
         self.meshes, self.backgrounds, self.ranges, self.tdn, self.seed = meshes, backgrounds, ranges, tdn, seed
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         seed = self.seed + rendering_process()
         source = _Touches(self.backgrounds, self.ranges, TactileDepthNet(self.tdn), seed)
         rng = source.rng

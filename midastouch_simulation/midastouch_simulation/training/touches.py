@@ -99,7 +99,8 @@ def pressed_aside(
     view = 0.5 * sensor.pixel_size * np.array([sensor.width, sensor.height])
     moves = np.zeros((len(aside), 3))
     moves[:, :2] = rng.uniform(-view, view, (len(aside), 2))
-    press = np.exp(rng.uniform(*np.log(_ASIDE_PRESS), len(aside)))
+    low, high = np.log(_ASIDE_PRESS)
+    press = np.exp(rng.uniform(low, high, len(aside)))
     moved, touching = reachability.pressed(poses[aside] @ se3.translation(moves), press)
     out = poses.copy()
     out[aside[touching]] = moved[touching]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -106,7 +106,7 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
         raise type(error)(f"{what}: {error}; record it again") from error
 
 
-def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
+def _rgb(compressed: Any, height: int, width: int) -> np.ndarray:
     pixels = cv2.cvtColor(images.decode_image(compressed.data), cv2.COLOR_BGR2RGB)
     if pixels.shape != (height, width, 3):
         raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -146,17 +147,17 @@ def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Me
         yield image_message(camera_info.header, pixels, stamp)
 
 
-def _message(store: Typestore, topic: str, content: object, stamp: int, latched: bool = False) -> Message:
+def _message(store: Typestore, topic: str, content: Any, stamp: int, latched: bool = False) -> Message:
     type_name = content.__msgtype__
     return Message(topic, type_name, stamp, bytes(store.serialize_cdr(content, type_name)), latched)
 
 
-def _header(store: Typestore, stamp: int, frame: str) -> object:
+def _header(store: Typestore, stamp: int, frame: str) -> Any:
     time = store.types["builtin_interfaces/msg/Time"](sec=stamp // SECOND, nanosec=stamp % SECOND)
     return store.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
-def _transform(store: Typestore, stamp: int, parent: str, child: str, transform: np.ndarray) -> object:
+def _transform(store: Typestore, stamp: int, parent: str, child: str, transform: np.ndarray) -> Any:
     x, y, z, *quaternion = se3.to_xyzquat(transform).tolist()
     return store.types["geometry_msgs/msg/TransformStamped"](
         header=_header(store, stamp, parent),
@@ -180,7 +181,7 @@ def _static_transforms(store: Typestore, stamp: int) -> Message:
     return _message(store, TF_STATIC_TOPIC, content, stamp, latched=True)
 
 
-def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
+def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
     """Return a tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
     store = typestore()
     height, width, channels = pixels.shape
@@ -196,7 +197,7 @@ def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
     return _message(store, IMAGE_TOPIC, content, stamp_ns)
 
 
-def _camera_info(store: Typestore) -> object:
+def _camera_info(store: Typestore) -> Any:
     """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
     region = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     return store.types["sensor_msgs/msg/CameraInfo"](

@@ -68,7 +68,7 @@ def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Mes
 def _was_latched(connection: Connection) -> bool:
     if connection.topic.endswith(TF_STATIC_TOPIC):  # whatever the recorder noted: it is sent once only
         return True
-    profiles = connection.ext.offered_qos_profiles
+    profiles = connection.ext.offered_qos_profiles  # type: ignore[union-attr] # all are of ROS 2
     return bool(profiles) and all(q.durability is QosDurability.TRANSIENT_LOCAL for q in profiles)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,27 +101,27 @@ def read_run(path: str | Path) -> RunRecord:
     return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
 
 
-def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
+def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
     """Yield (header stamp [ns], deserialised message) for each message on a topic of a bag."""
     for message in bag_messages(path, {topic}):
         yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
 
 
-def answers(path: str | Path) -> dict[int, object]:
+def answers(path: str | Path) -> dict[int, Any]:
     """Return the first status of each stamp [ns] that is an answer, not the state `waiting`."""
-    answers: dict[int, object] = {}
+    answers: dict[int, Any] = {}
     for stamp, status in by_stamp(path, STATUS):
         if status.state != status.STATE_WAITING:
             answers.setdefault(stamp, status)
     return answers
 
 
-def _hypothesis(mode: object) -> RecordedMode:
+def _hypothesis(mode: Any) -> RecordedMode:
     pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
     return RecordedMode(float(mode.weight), pose, covariance)
 
 
-def _symmetry(modes: object) -> Symmetry:
+def _symmetry(modes: Any) -> Symmetry:
     transforms = np.array([transform_from_msg(motion) for motion in modes.symmetries]).reshape(-1, 4, 4)
     axis, centre = point_from_msg(modes.symmetry_axis), point_from_msg(modes.symmetry_centre)
     return Symmetry(transforms, modes.symmetry_free, axis, centre)
@@ -143,7 +144,7 @@ def _nearest_to_truth(one: Snapshot) -> Snapshot:
     return dataclasses.replace(one, particles=nearest(one.particles), modes=modes, estimate=estimate)
 
 
-def _code(message: object | None) -> np.ndarray | None:
+def _code(message: Any | None) -> np.ndarray | None:
     return np.asarray(message.code) if message is not None and message.in_contact else None
 
 
@@ -151,7 +152,8 @@ def _node_times(path: str | Path) -> dict[str, float]:
     """Return the mean work per frame [ms] of each node that reports its rate and time on /diagnostics."""
     work: dict[str, list[tuple[float, float]]] = {}
     for message in bag_messages(path, {DIAGNOSTICS}):
-        for status in typestore().deserialize_cdr(message.data, message.type_name).status:
+        content: Any = typestore().deserialize_cdr(message.data, message.type_name)
+        for status in content.status:
             values = {item.key: item.value for item in status.values}
             if "mean_ms" in values and float(values["rate_hz"]) > 0:
                 entry = float(values["rate_hz"]), float(values["mean_ms"])

@@ -74,7 +74,7 @@ def _activity(frames: Iterable[BagFrame]) -> tuple[np.ndarray, np.ndarray, np.nd
     return times, changes, speeds
 
 
-def _correlation(change: np.ndarray, speed: np.ndarray, lag: int) -> float:
+def _correlation(change: np.ndarray, speed: np.ndarray, lag: np.integer) -> float:
     """Pearson correlation of the speed with the change `lag` steps later; 0 if one of them is constant."""
     later = change[lag:] if lag >= 0 else change[:lag]
     earlier = speed[: len(speed) - lag] if lag >= 0 else speed[-lag:]

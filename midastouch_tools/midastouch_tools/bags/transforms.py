@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
@@ -28,7 +29,7 @@ class _Track:
 
     def __init__(self) -> None:
         self.late = self.left_out = 0
-        self.jump: int | None = None
+        self.jump: float | None = None
         self._newest = self._again_from = -math.inf
 
     def too_late(self, stamp: int) -> bool:
@@ -58,20 +59,20 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
         with readable(path):
-            content = store.deserialize_cdr(message.data, message.type_name)
+            content: Any = store.deserialize_cdr(message.data, message.type_name)
         static = message.topic == TF_STATIC_TOPIC
         for item in content.transforms:
             stamp = stamp_ns(item.header.stamp)
             parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
             track = tracks.setdefault(child, _Track())
-            target = unused if not static and track.too_late(stamp) else buffer
+            into = unused if not static and track.too_late(stamp) else buffer
             try:
-                outcome = target.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
+                outcome = into.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
             except TransformError as error:
                 refused = str(error)
                 continue
             if not static:
-                track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
+                track.add(stamp, into is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
         between = set(buffer.ancestors(target)) ^ set(buffer.ancestors(source))
         for child in sorted(tracks.keys() & between):

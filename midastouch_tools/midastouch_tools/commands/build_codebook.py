@@ -77,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
     out = require_place(args.out or codebook_path(meshes[0].name, args.sensor))
     if out.is_file() and not zipfile.is_zipfile(out):
         raise InputError(f"{out}: exists and is no codebook; choose another name")
-    what = meshes[0], tcn, sensor, args.size, args.seed
-    if not args.force and is_up_to_date(out, *what, symmetry):
+    one = meshes[0], tcn, sensor, args.size, args.seed
+    if not args.force and is_up_to_date(out, *one, symmetry):
         print(kept(out))
     else:
-        print(described(out, *build_and_save(*what, out, args.jobs, symmetry)))
+        print(described(out, *build_and_save(*one, out, args.jobs, symmetry)))
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import textwrap
 
@@ -15,8 +16,9 @@ class Section:
     """
 
     def __init__(self, title: str, subparsers):
-        self.title, self.parsers = title, {}
-        self._subparsers, self._summaries = subparsers, {}
+        self.title, self._subparsers = title, subparsers
+        self.parsers: dict[str, argparse.ArgumentParser] = {}
+        self._summaries: dict[str, str] = {}
 
     def add_parser(self, name: str, help: str = "-", **options):  # noqa: A002  the name that argparse gives it
         """Add a parser as argparse does; help: the summary, which only this section lists."""

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         from ..view.replayed import draw
 
         with stop_event(lambda: None) as stopped:
-            draw(*finished, scene, recording)
+            draw(finished[0], finished[1], scene, recording)
             recording.flush()
             if not args.save:
                 stopped.wait()

@@ -63,7 +63,8 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
     """
     folder = Path(folder)
     every, background = read_presses(folder)
-    images, repeated, seen = {}, {}, {}
+    images, repeated = {}, {}
+    seen: dict[bytes, str] = {}
     for name, image in every.items():
         first = seen.setdefault(image.tobytes(), name)
         if first == name:
@@ -171,7 +172,7 @@ def _masked_median(folder: Path, images: dict[str, np.ndarray], contacts: list[n
     stack = np.ma.array(np.stack(list(images.values())))
     stack.mask = np.broadcast_to(np.stack(contacts)[..., None], stack.shape)
     median = np.ma.median(stack, axis=0)
-    never = np.ma.getmaskarray(median).any(axis=2)
+    never = np.ma.getmaskarray(median).max(axis=2)
     if never.mean() > _LARGEST_FILLED_FRACTION:
         raise InputError(
             f"{folder}: {100 * never.mean():.0f} % of the gel is pressed in every image, so the no-contact image "

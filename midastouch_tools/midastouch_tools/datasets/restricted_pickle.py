@@ -11,7 +11,7 @@ import pickle
 import pickletools
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,17 +25,18 @@ class _Dtype:
     """Stand-in for `numpy.dtype`: a type code, and the byte order from the state that follows."""
 
     def __init__(self, code: str, *_: object) -> None:
-        self._code, self._order = code, "="
+        self._code = code
+        self._order: Any = "="  # whatever the file says
 
     def __setstate__(self, state: tuple) -> None:
         self._order = state[1]
 
-    def filled(self, content: Any, shape: tuple, order: str) -> np.ndarray:
+    def filled(self, content: Any, shape: tuple, order: Literal["C", "F"]) -> np.ndarray:
         """Return a new array of this type and shape from raw bytes, or from a list of objects."""
         if self._code in ("O", "O8"):
             if not isinstance(content, list):
                 raise InputError(f"array of objects of shape {shape} without its objects")
-            array = np.empty(len(content), object)
+            array: np.ndarray = np.empty(len(content), object)
             for i, item in enumerate(content):
                 array[i] = item
         else:

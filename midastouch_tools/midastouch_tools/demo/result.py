@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +127,7 @@ def _alike_in_words(symmetry: Symmetry, alike: list[list[float]]) -> str:
     return f"{words}, and by any turn about {axis}{_place(symmetry.centre)} mm"
 
 
-def _place(point: Sequence[float]) -> str:
+def _place(point: Iterable[float]) -> str:
     return f"({', '.join(f'{1e3 * x:.0f}' for x in point)})"
 
 

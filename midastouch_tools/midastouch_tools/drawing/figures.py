@@ -6,6 +6,7 @@ Everything is drawn on `matplotlib.figure.Figure` directly, which needs neither 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,14 +46,14 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     shape = 3.1 * view.camera.height / view.camera.width + 0.25
     figure = Figure(figsize=(3.1 * columns, 4.9 + 2 * shape), layout="constrained")
     figure.suptitle(f"{title}\n{LEGEND}", fontsize=9)
-    rows = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
+    rows: Any = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
     deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
-    for axes, snapshot in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
-        if snapshot[1] == "image":
-            axes.imshow(snapshot[0].image)
-            axes.set_title(f"{snapshot[0].time:.1f} s   tactile image", fontsize=9, loc="left")
+    for axes, (snapshot, kind) in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
+        if kind == "image":
+            axes.imshow(snapshot.image)
+            axes.set_title(f"{snapshot.time:.1f} s   tactile image", fontsize=9, loc="left")
         else:
-            shown = axes.imshow(1e3 * snapshot[0].penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+            shown = axes.imshow(1e3 * snapshot.penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
             axes.set_title("penetration", fontsize=9, loc="left")
     bar = rows[0].colorbar(shown, ax=rows[0].axes, location="right", fraction=0.012, pad=0.01)
     bar.set_label("mm", fontsize=9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from midastouch_common.files import atomic_path
@@ -44,7 +45,7 @@ class Page:
         self._html.append(f"<pre>{html.escape(text)}</pre>")
         self._markdown.append(f"```\n{text}\n```")
 
-    def table(self, header: list[str], rows: list[list[object]]) -> None:
+    def table(self, header: list[str], rows: Sequence[Sequence[object]]) -> None:
         """Add a table; the first column is aligned left, the others right."""
         head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
         body = "".join("<tr>" + "".join(f"<td>{html.escape(str(c))}</td>" for c in row) + "</tr>" for row in rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ from .scale import draw_scale
 
 
 def write_gif(
-    path: Path, view: ObjectView, run: list[Snapshot], frames: int, progress: Callable[[list], object] = iter
+    path: Path, view: ObjectView, run: list[Snapshot], frames: int, progress: Callable[[list], Iterable] = iter
 ) -> Path:
     """Write up to `frames` snapshots of `run` (see `moments`) to `path`, shown for 6 s; the last one stays 2 s.
 

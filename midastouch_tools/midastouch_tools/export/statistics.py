@@ -34,7 +34,7 @@ class ElementStatistics:
 
     def __init__(self) -> None:
         self.count = 0
-        self._least = self._greatest = self._mean = self._squares = np.float64(0)
+        self._least = self._greatest = self._mean = self._squares = np.asarray(0.0)
 
     def add(self, values: np.ndarray) -> None:
         """Add an array."""

@@ -181,7 +181,7 @@ def _dated(path: str) -> str:
     return str(Path(path).with_name(time.strftime(Path(path).name)))
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Entry point of the executable; exit code 1: the recording is incomplete or lost."""
     nodes: list[Recorder] = []
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
@@ -153,7 +153,7 @@ class Replay(PipelineNode):
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Entry point of the executable; ends when all was sent."""
     nodes: list[Replay] = []
     with contextlib.ExitStack() as stack:

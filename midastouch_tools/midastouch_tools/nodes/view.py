@@ -66,7 +66,7 @@ class View(PipelineNode):
         self._newest: dict[str, bytes] = {}
         self._stamp = 0
         self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
-        self._silence = _WAITING  # what is shown about the silence; empty while the filter is heard
+        self._silence: tuple[str, ...] = _WAITING  # what is shown about the silence; empty while the filter is heard
         self._last_word = ""
         scene.status(*_WAITING, {})
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)

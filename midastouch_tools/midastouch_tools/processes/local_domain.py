@@ -44,7 +44,8 @@ class LogFolder:
     """Output of processes as files: `NAME.log` each, overwritten."""
 
     def __init__(self, folder: Path):
-        self._folder, self._begun = folder, set()
+        self._folder = folder
+        self._begun: set[str] = set()
         folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, name: str, line: str) -> None:

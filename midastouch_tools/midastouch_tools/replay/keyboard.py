@@ -10,6 +10,7 @@ import termios
 import threading
 import tty
 from collections.abc import Callable, Mapping
+from typing import Any
 
 _POLL_S = 0.1
 # Codes that a terminal sends for the arrow keys (ECMA-48).
@@ -19,7 +20,7 @@ _NAMES = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left"}
 def _standard_input() -> int | None:
     """Return the descriptor of standard input; None if it was closed."""
     try:
-        return sys.stdin and sys.stdin.fileno()
+        return sys.stdin.fileno() if sys.stdin else None
     except ValueError:
         return None
 
@@ -31,9 +32,9 @@ class Keyboard:
     The calls come from a thread of its own.
     """
 
-    def __init__(self, keys: Mapping[str, Callable[[], None]], file: int | None = None):
+    def __init__(self, keys: Mapping[str, Callable[[], object]], file: int | None = None):
         self._keys, self._file = keys, _standard_input() if file is None else file
-        self._before = None
+        self._before: list[Any] | None = None
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._read, name="keyboard", daemon=True)
 

@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
@@ -127,7 +128,7 @@ class ReplaySource:
         links: dict[str, str] = {}
         if {TF_TOPIC, TF_STATIC_TOPIC} & {topic.name for topic in self.topics}:
             for message in islice(bag_messages(self.path, {TF_TOPIC, TF_STATIC_TOPIC}), _FIRST):
-                content = typestore().deserialize_cdr(message.data, message.type_name)
+                content: Any = typestore().deserialize_cdr(message.data, message.type_name)
                 links |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in content.transforms}
         roots = {ancestors(frame.lstrip("/"), links.get)[-1] for frame in (base, gel)}
         if len(roots) == 1:
@@ -153,8 +154,8 @@ class ReplaySource:
         if not self._decompresses or message.topic != COMPRESSED_TOPIC:
             return message
         pixels = decode_image(message, self.path)
-        header = typestore().deserialize_cdr(message.data, message.type_name).header
-        return image_message(header, pixels, message.stamp_ns)
+        content: Any = typestore().deserialize_cdr(message.data, message.type_name)
+        return image_message(content.header, pixels, message.stamp_ns)
 
     def _frames_of(self, topic: str, present: list[Topic]) -> set[str]:
         """The frame of the first message on a topic, if there is one."""
@@ -162,7 +163,8 @@ class ReplaySource:
             return set()
         first = next(bag_messages(self.path, {topic}))
         with readable(self.path):
-            return {typestore().deserialize_cdr(first.data, first.type_name).header.frame_id}
+            content: Any = typestore().deserialize_cdr(first.data, first.type_name)
+            return {content.header.frame_id}
 
     def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
         """Drop the frame that a filter published: it would conflict with that of the filter that listens."""
@@ -172,7 +174,7 @@ class ReplaySource:
                 yield message
                 continue
             with readable(self.path):
-                content = store.deserialize_cdr(message.data, message.type_name)
+                content: Any = store.deserialize_cdr(message.data, message.type_name)
             kept = [t for t in content.transforms if t.child_frame_id not in self._estimated]
             if len(kept) == len(content.transforms):
                 yield message

@@ -59,7 +59,7 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
 def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> Path:
     """Write the parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = SHARE / "config"
-    own = {
+    own: dict[str, dict] = {
         "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2},
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -65,12 +66,12 @@ class Console(Node):
         self.create_subscription(Detection3DArray, "object_hypotheses", self._on_objects, qos.latched())
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
 
-    def keys(self) -> dict[str, Callable[[], None]]:
+    def keys(self) -> dict[str, Callable[[], object]]:
         """Return the function of each key of `Keyboard`; it queues a command for `carry_out_keys`."""
-        does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
-        does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
+        does: dict[str, Callable[[], object]] = {key: partial(self._nudge, way) for key, way in _HEADINGS.items()}
+        does |= {"l": partial(self._call, "lift"), "p": partial(self._call, "push")}
         does |= {"o": self._change_object, " ": self._turn_over, "q": self.quit}
-        return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
+        return {key: partial(self._pressed.put, do) for key, do in does.items()}
 
     def let_begin(self) -> None:
         """Let an explorer that was started paused begin, unless a person has taken the finger meanwhile."""

@@ -61,7 +61,7 @@ def _no_pose_without(nodes: Mapping[str, Mapping], given: Mapping[str, str]) -> 
     recording that cannot be played."""
     lacks = [object_to_come(nodes)] if "codebook" in given else []  # only set-ups that start the filter take one
     if given.get("bag"):
-        frames = {"base_frame_id": BASE_FRAME, "sensor_frame_id": GEL_FRAME} | nodes.get("particle_filter", {})
+        frames = {"base_frame_id": BASE_FRAME, "sensor_frame_id": GEL_FRAME, **nodes.get("particle_filter", {})}
         lacks.append(ReplaySource(given["bag"]).pose_missing(frames["base_frame_id"], frames["sensor_frame_id"]))
     return list(filter(None, lacks))
 

@@ -45,7 +45,8 @@ class Scene:
         self._rr, self._recording = require_rerun(), recording
         self._trails: dict[str, Trail] = defaultdict(Trail)
         self._guiding = False
-        self._state, self._objects = ("", ""), {}
+        self._state = "", ""
+        self._objects: Mapping[str, float] = {}
         recording.send_blueprint(self._blueprint())
         recording.log("legend", self._rr.TextDocument(_LEGEND, media_type="text/markdown"), static=True)
 

@@ -48,8 +48,8 @@ class ViewServer:
             _require_free(host, taken)
         # The binary itself: the `rerun` script is a Python process that would outlive it, or the other way round.
         binary = Path(rerun_cli.__file__).parent / "rerun"
-        command = [binary, "--serve-web", "--bind", host, "--port", str(port), "--web-viewer-port", str(web_port)]
-        command += ["--server-memory-limit", f"{memory_mb}MB", "--newest-first"]
+        command: list[str | os.PathLike] = [binary, "--serve-web", "--bind", host, "--port", str(port)]
+        command += ["--web-viewer-port", str(web_port), "--server-memory-limit", f"{memory_mb}MB", "--newest-first"]
         if not _is_loopback(host):
             # The page and the data have different ports, and so different origins to a browser.
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
