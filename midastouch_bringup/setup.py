@@ -41,7 +41,7 @@ setup(
             "detection_prior = midastouch_filter.executables:detection_prior",
             "digit_sim = midastouch_simulation.executables:digit_sim",
             "explorer = midastouch_motion.executables:explorer",
-            "finger = midastouch_simulation.executables:finger",
+            "finger = midastouch_simulation.executables:simulated_finger",
             "midastouch = midastouch_tools.cli:main",
             "mount_tf = midastouch_motion.executables:mount_tf",
             "recorder = midastouch_tools.executables:recorder",

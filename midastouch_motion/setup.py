@@ -34,7 +34,8 @@ setup(
         "console_scripts": [
             "explorer = midastouch_motion.executables:explorer",
             "mount_tf = midastouch_motion.executables:mount_tf",
-            "slider = midastouch_motion.executables:slider",
+            "contact_controller = midastouch_motion.executables:contact_controller",
+            "slider = midastouch_motion.executables:contact_controller",
             "ur_speed = midastouch_motion.executables:ur_speed",
             "ur_tf = midastouch_motion.executables:ur_tf",
         ]

@@ -41,8 +41,9 @@ setup(
     entry_points={
         "console_scripts": [
             "digit_sim = midastouch_simulation.executables:digit_sim",
-            "finger = midastouch_simulation.executables:finger",
+            "finger = midastouch_simulation.executables:simulated_finger",
             "mujoco_arm = midastouch_simulation.executables:mujoco_arm",
+            "simulated_finger = midastouch_simulation.executables:simulated_finger",
         ]
     },
 )

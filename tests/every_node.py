@@ -33,11 +33,11 @@ _NODES = {
     "digit_driver": ("digit_driver.nodes.digit_driver", "DigitDriver", {}),
     "digit_sim": (f"{_SIMULATION}.digit_sim", "DigitSim", {}),
     "explorer": (f"{_MOTION}.explorer", "Explorer", {}),
-    "finger": (f"{_SIMULATION}.finger", "Finger", {}),
+    "simulated_finger": (f"{_SIMULATION}.simulated_finger", "SimulatedFingerNode", {}),
     "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
-    "slider": (f"{_MOTION}.slider", "Slider", {}),
+    "contact_controller": (f"{_MOTION}.contact_controller", "ContactController", {}),
     "mujoco_arm": (f"{_SIMULATION}.mujoco_arm", "MujocoArmNode", {}),
     "ur_speed": (f"{_MOTION}.ur_speed", "UrSpeed", {"make_follower": MagicMock()}),
     "ur_tf": (f"{_MOTION}.ur_tf", "UrTf", {"connect": _no_arm}),
@@ -63,7 +63,7 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
-    if name in ("digit_sim", "finger", "mujoco_arm"):
+    if name in ("digit_sim", "simulated_finger", "mujoco_arm"):
         return {"mesh": str(bundled_objects()["ball"])}
     if name in ("ur_speed", "ur_tf"):
         return {"robot_ip": "the.arm"}

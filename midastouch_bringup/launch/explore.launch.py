@@ -48,10 +48,13 @@ def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         included("digit_sim"),
         included("localization"),
         included("rviz", condition=wanted("use_rviz")),
-        _simulated_arm("midastouch_simulation", "finger", "finger"),
+        _simulated_arm("midastouch_simulation", "simulated_finger", "finger"),
         _simulated_arm("midastouch_simulation", "mujoco_arm", "mujoco"),
         lifecycle_node(
-            "midastouch_motion", "slider", ["autostart", "tf_prefix", "sensor_prefix"], condition=arm_is("mujoco")
+            "midastouch_motion",
+            "contact_controller",
+            ["autostart", "tf_prefix", "sensor_prefix"],
+            condition=arm_is("mujoco"),
         ),
         ending_node("midastouch_motion", "explorer", ["mesh", "seed", "tf_prefix", "sensor_prefix"]),
     ]

@@ -1,6 +1,7 @@
 """A DIGIT on a UR arm that touches an object by itself, until the filter knows its pose.
 
-It moves only while `slider/enable` is repeated, and explores once `explorer/resume` is called. Each run is recorded.
+It moves only while `contact_controller/enable` is repeated, and explores once `explorer/resume` is called. Each run is
+recorded.
 """
 
 from launch import LaunchDescription
@@ -22,7 +23,7 @@ ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Start the nodes of `live_ur`, `slider`, `recorder` and `explorer`, and with arm:=rtde also `ur_speed`.
+    """Start the nodes of `live_ur`, `contact_controller`, `recorder`, `explorer`, and with arm:=rtde `ur_speed`.
 
     Included launch files receive these arguments by name.
     """
@@ -39,7 +40,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             lifecycle_node(
                 "midastouch_motion",
-                "slider",
+                "contact_controller",
                 ["autostart", "use_sim_time", "sensor_model", "tf_prefix", "sensor_prefix"],
             ),
             lasting_node("midastouch_tools", "recorder", ["record"]),

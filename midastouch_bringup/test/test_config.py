@@ -37,8 +37,8 @@ def test_types_are_those_declared(name):
 def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
     elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
-        "finger",
-        "slider",
+        "simulated_finger",
+        "contact_controller",
         "mujoco_arm",
         "ur_speed",
     }
@@ -74,4 +74,4 @@ def test_presets_have_an_effect(name):
 
 
 def test_finger_and_simulated_camera_have_one_time():
-    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("finger")["fps"]
+    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("simulated_finger")["fps"]

@@ -211,9 +211,9 @@ def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
     launched = Launched()
     started = launched.carry_out("explore", use_rviz="false", **given, objects="")
     assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
-    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "finger", "explorer"}
+    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "simulated_finger", "explorer"}
     own = own_parameters(started)
-    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "finger", "explorer", "particle_filter")}
+    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "simulated_finger", "explorer", "particle_filter")}
     assert meshes == {Path(mesh).name}
     assert own["particle_filter"]["codebook"] == str(Path(codebook).resolve())
     assert own["tdn"]["reliable"]
@@ -223,17 +223,17 @@ def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
 def test_an_arm_that_explores_keeps_to_its_box_and_waits_to_be_let_go(tmp_path):
     assert "ur_speed" not in names(carry_out("explore_ur", **BOX))
     started = carry_out("explore_ur", mesh="a.ply", tf_prefix="a_", sensor_prefix="b_", **AN_ARM, **BOX)
-    assert {"ur_tf", "ur_speed", "slider", "recorder", "explorer"} < names(started)
+    assert {"ur_tf", "ur_speed", "contact_controller", "recorder", "explorer"} < names(started)
     own = own_parameters(started)
     assert own["explorer"]["start_paused"] is True
-    assert own["explorer"]["reach_low"] == own["slider"]["box_low"] == [0.2, -0.3, 0.0]
-    assert own["explorer"]["reach_high"] == own["slider"]["box_high"]
-    assert own["explorer"]["reach_cone"] == own["slider"]["cone"] == 50.0
-    assert own["slider"]["sensor_model"] == own["tdn"]["sensor_model"]
+    assert own["explorer"]["reach_low"] == own["contact_controller"]["box_low"] == [0.2, -0.3, 0.0]
+    assert own["explorer"]["reach_high"] == own["contact_controller"]["box_high"]
+    assert own["explorer"]["max_tilt"] == own["contact_controller"]["max_tilt"] == 0.87
+    assert own["contact_controller"]["sensor_model"] == own["tdn"]["sensor_model"]
     assert own["ur_speed"]["robot_ip"] == own["ur_tf"]["robot_ip"] == "the.arm"
     assert own["ur_speed"]["tool_frame_id"] == "a_tool0"
     assert own["ur_speed"]["tcp_offset"] == own["ur_tf"]["tcp_offset"]
-    for node in ("ur_speed", "slider", "explorer"):
+    for node in ("ur_speed", "contact_controller", "explorer"):
         assert own[node]["sensor_frame_id"] == "b_digit_gel_frame"
     nearer = tmp_path / "mine.yaml"
     nearer.write_text(

@@ -97,7 +97,7 @@ WRONG = [
     ("live_ur", {"arm": "rtde", "use_mock_hardware": "true"}, "arm:=rtde: at which address"),
     ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
     ("explore_ur", {**BOX, "arm": "rtde"}, "arm:=rtde: at which address"),
-    ("explore_ur", AN_ARM, "where may the arm move[?] Give box_low and box_high of slider"),
+    ("explore_ur", AN_ARM, "where may the arm move[?] Give box_low and box_high of contact_controller"),
     ("replay", {"rate": "fast"}, "rate:=fast: must be a number"),
     ("demo", {"object": "sofa"}, "sofa: not bundled"),
     *((name, {"params_overlay": "/nowhere.yaml"}, "/nowhere.yaml") for name in ("driver", "filter", "localization")),

@@ -65,7 +65,8 @@ def test_our_nodes_have_entry_points_and_parameters_of_existing_nodes(name):
 def test_every_node_gets_an_enclave():
     (listed,) = re.findall(r"for node in (.*); do", (ROOT / "docs" / "security.md").read_text())
     executables = {name for _, name in executables_of_setup_py()}
-    assert set(listed.split()) == executables - {"midastouch"} | {"view"}  # which `midastouch view` starts
+    # `midastouch view` starts that node; two executables have their former names beside the present ones
+    assert set(listed.split()) == executables - {"midastouch", "slider", "finger"} | {"view"}
 
 
 @pytest.mark.usefixtures("stand_ins")

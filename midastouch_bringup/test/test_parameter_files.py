@@ -69,11 +69,11 @@ def test_a_list_of_two_nodes_is_written_twice(tmp_path):
     """As rcl reads it, which knows no aliases."""
     corner = [0.2, -0.3, 0.0]
     path = tmp_path / "parameters.yaml"
-    path.write_text(written({"slider": {"box_low": corner}, "explorer": {"reach_low": corner}}, ""))
+    path.write_text(written({"contact_controller": {"box_low": corner}, "explorer": {"reach_low": corner}}, ""))
     context = rclpy.Context()
     context.init(args=["--ros-args", "--params-file", str(path)])
     try:
-        for node, name in (("slider", "box_low"), ("explorer", "reach_low")):
+        for node, name in (("contact_controller", "box_low"), ("explorer", "reach_low")):
             found = rclpy.create_node(node, context=context, automatically_declare_parameters_from_overrides=True)
             assert list(found.get_parameter(name).value) == corner
             found.destroy_node()

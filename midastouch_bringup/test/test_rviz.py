@@ -22,7 +22,7 @@ VIEW = VIEWS["midastouch"]
 LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
 EXPLORER = "".join(
     path.read_text().replace('"~/', '"explorer/')
-    for package, part in (("midastouch_motion", "explorer"), ("midastouch_simulation", "finger"))
+    for package, part in (("midastouch_motion", "explorer"), ("midastouch_simulation", "simulated_finger"))
     for path in (PACKAGE.parent / package / package / "nodes").glob(f"{part}*.py")
 )
 SOURCES = EXPLORER + "".join(

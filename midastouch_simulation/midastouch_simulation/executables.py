@@ -3,5 +3,5 @@
 from midastouch_common.executables import executable
 
 digit_sim = executable("midastouch_simulation.nodes.digit_sim")
-finger = executable("midastouch_simulation.nodes.finger")
+simulated_finger = executable("midastouch_simulation.nodes.simulated_finger")
 mujoco_arm = executable("midastouch_simulation.nodes.mujoco_arm")

@@ -16,7 +16,7 @@ from midastouch_motion.guard import Seen
 from midastouch_motion.skills import Skill, SkillEnd
 
 PERIOD = 0.01
-"""Time between two twists [s], as in the node `slider`."""
+"""Time between two twists [s], as in the node `contact_controller`."""
 
 _T = TypeVar("_T")
 

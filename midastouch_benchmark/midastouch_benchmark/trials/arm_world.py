@@ -1,4 +1,4 @@
-"""A `World` whose finger is that of an arm in MuJoCo: acts are carried out by the motions of the node `slider`."""
+"""A `World` with an arm in MuJoCo, which carries out acts by the skills of the node `contact_controller`."""
 
 from __future__ import annotations
 
@@ -51,11 +51,12 @@ class ArmWorld:
         rng: np.random.Generator,
     ):
         settings = read_parameters(SHARE / "config" / "arm_mujoco.yaml")
-        of_slider, of_explorer = settings["slider"], settings["explorer"]
-        box = np.array(of_slider["box_low"]), np.array(of_slider["box_high"])
-        guard = Guard(*box, of_slider["max_depth"], force=of_slider["max_force"], cone=np.radians(of_slider["cone"]))
-        cone = np.radians(of_explorer["reach_cone"])
-        self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], cone, asks=True)
+        of_controller, of_explorer = settings["contact_controller"], settings["explorer"]
+        box = np.array(of_controller["box_low"]), np.array(of_controller["box_high"])
+        guard = Guard(
+            *box, of_controller["max_depth"], force=of_controller["max_force"], cone=np.radians(of_controller["cone"])
+        )
+        self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], of_explorer["max_tilt"], asks=True)
         self._perceive = perceive
         self._coming: list[tuple[np.ndarray, Sensed]] = []
         self.deepest = 0.0

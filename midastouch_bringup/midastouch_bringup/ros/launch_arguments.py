@@ -24,7 +24,7 @@ _UR_TYPES = (
     *("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e"),
     *("ur8long", "ur15", "ur18", "ur20", "ur30"),
 )
-SIMULATED_ARMS = ("finger", "mujoco_arm")
+SIMULATED_ARMS = ("simulated_finger", "mujoco_arm")
 STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
 
 
@@ -55,7 +55,7 @@ ARGUMENTS = {
     "autostart": Argument(
         "Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
         choices=("", "true", "false"),
-        sets=tuple((node, "autostart") for node in ("digit_driver", *STREAM_NODES, "slider", "ur_speed")),
+        sets=tuple((node, "autostart") for node in ("digit_driver", *STREAM_NODES, "contact_controller", "ur_speed")),
         kind=bool,
     ),
     # sensor
@@ -66,7 +66,7 @@ ARGUMENTS = {
     "sensor_model": Argument(
         "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; empty: as in the "
         "parameter files",
-        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, *SIMULATED_ARMS, "slider")),
+        sets=tuple((node, "sensor_model") for node in (*STREAM_NODES, *SIMULATED_ARMS, "contact_controller")),
     ),
     # perception and filter
     "background": Argument(
@@ -104,7 +104,7 @@ ARGUMENTS = {
     ),
     "seed": Argument(
         "Seed of the filter; in an exploration also of its motions at random, and of a simulated sensor and finger",
-        sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("finger", "seed"), ("explorer", "seed")),
+        sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("simulated_finger", "seed"), ("explorer", "seed")),
         kind=int,
     ),
     # arm

@@ -17,6 +17,7 @@ from midastouch_perception.objects import bundled_objects
 from ..parameter_files import EVERY_NODE, merged, read_parameters
 from .launch_arguments import ARGUMENTS, OF_FILES, SHARE, SIMULATED_ARMS, STREAM_NODES
 
+_FORMER = {"slider": "contact_controller", "finger": "simulated_finger"}
 FILES = ("params_file", "setup_file", "params_overlay")
 """Arguments that name parameter files, each laid over those before it."""
 OWN_TIME = ("mujoco",)
@@ -42,7 +43,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
             for node, parameter in argument.sets:
                 overrides.setdefault(node, {})[parameter] = value
     of_clock = given.get("use_sim_time") == "true" or given.get("arm") in OWN_TIME
-    for node in (*STREAM_NODES, *(("slider", "explorer") if of_clock else ())):
+    for node in (*STREAM_NODES, *(("contact_controller", "explorer") if of_clock else ())):
         overrides.setdefault(node, {})["use_sim_time"] = of_clock
     if given.get("object"):
         found = overrides["particle_filter"]
@@ -57,7 +58,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
-        for node in ("particle_filter", *SIMULATED_ARMS, "slider", "explorer"):
+        for node in ("particle_filter", *SIMULATED_ARMS, "contact_controller", "explorer"):
             overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
         overrides.setdefault("ur_speed", {})["tool_frame_id"] = f"{given['tf_prefix']}tool0"
     if prefix := given.get("sensor_prefix"):
@@ -65,7 +66,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
         # for an arm with mechanics digit_sim takes the true gel frame, of the arm's own parameter file
         sees = () if given.get("arm") in OWN_TIME else ("digit_sim",)
-        for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "ur_speed", "slider", "explorer"):
+        for node in (*sees, "tdn", "particle_filter", *SIMULATED_ARMS, "ur_speed", "contact_controller", "explorer"):
             overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     of_ur_tf = nodes.get("ur_tf", {})
@@ -149,22 +150,21 @@ def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
 
 
 def _keep_to_box(nodes: dict[str, dict]) -> None:
-    """Give an explorer without a box of its own the arm's box, and limit its cone to the arm's; InputError for an empty
-    box."""
-    slider = nodes.get("slider", {})
-    corners = [slider.get(f"box_{corner}") for corner in ("low", "high")]
+    """Give an explorer without a box of its own the arm's box, and at most its tilt; InputError for an empty box."""
+    arm = nodes.get("contact_controller", {})
+    corners = [arm.get(f"box_{corner}") for corner in ("low", "high")]
     if None in corners:
         return
     if not all(low < high for low, high in zip(*corners, strict=True)):
         raise InputError(
-            "where may the arm move? Give box_low and box_high of slider, opposite corners of a box in the base "
-            "frame [m], in a parameter file: params_overlay:=FILE"
+            "where may the arm move? Give box_low and box_high of contact_controller, opposite corners of a box in the "
+            "base frame [m], in a parameter file: params_overlay:=FILE"
         )
     explorer = nodes.setdefault("explorer", {})
     for name, corner in zip(("reach_low", "reach_high"), corners, strict=True):
         explorer.setdefault(name, corner)
-    if "cone" in slider:
-        explorer["reach_cone"] = min(explorer.get("reach_cone", slider["cone"]), slider["cone"])
+    if "max_tilt" in arm:
+        explorer["max_tilt"] = min(explorer.get("max_tilt", arm["max_tilt"]), arm["max_tilt"])
 
 
 def _read(path: str) -> dict[str, dict]:
@@ -175,8 +175,9 @@ def _read(path: str) -> dict[str, dict]:
     ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(STREAM_NODES)
     nodes = read_parameters(path)
     for node in nodes.keys() - ours:
-        if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
-            raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
+        near = difflib.get_close_matches(node, ours, n=1, cutoff=0.75)
+        if meant := _FORMER.get(node) or "".join(near):
+            raise InputError(f"{path}: no node '{node}'; did you mean {meant}?")
     everywhere = nodes.get(EVERY_NODE, {})
     return merged([dict.fromkeys(ours, everywhere), nodes]) if everywhere else nodes
 

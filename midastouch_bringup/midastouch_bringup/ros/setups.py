@@ -114,7 +114,7 @@ SETUPS = {
         (
             "live_ur",
             Executable("midastouch_motion", "ur_speed", when=("arm", "rtde")),
-            Executable("midastouch_motion", "slider"),
+            Executable("midastouch_motion", "contact_controller"),
             Executable("midastouch_tools", "recorder"),
             Executable("midastouch_motion", "explorer", ends=True),
         ),
@@ -133,9 +133,9 @@ SETUPS = {
         (
             "digit_sim",
             "localization",
-            Executable("midastouch_simulation", "finger", when=("arm", "finger")),
+            Executable("midastouch_simulation", "simulated_finger", when=("arm", "finger")),
             Executable("midastouch_simulation", "mujoco_arm", when=("arm", "mujoco")),
-            Executable("midastouch_motion", "slider", when=("arm", "mujoco")),
+            Executable("midastouch_motion", "contact_controller", when=("arm", "mujoco")),
             Executable("midastouch_motion", "explorer", ends=True),
         ),
         # with this seed it knows the pose soon; with others it may give up

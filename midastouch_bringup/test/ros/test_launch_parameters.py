@@ -43,11 +43,11 @@ def test_values_are_read_as_their_type(argument, value, node, meant):
 
 def test_what_an_overlay_has_for_every_node_is_laid_over_the_files_before(tmp_path):
     setup, overlay = tmp_path / "setup.yaml", tmp_path / "overlay.yaml"
-    setup.write_text("slider: {ros__parameters: {max_force: 8.0, speed: 0.01}}\n")
+    setup.write_text("contact_controller: {ros__parameters: {max_force: 8.0, speed: 0.01}}\n")
     overlay.write_text(
         "/**: {ros__parameters: {max_force: 5.0, base_frame_id: arm}}\n"
         "explorer: {ros__parameters: {base_frame_id: own}}\n"
     )
     found = parameters({"setup_file": str(setup), "params_overlay": str(overlay)})
-    assert (found["slider"]["max_force"], found["slider"]["speed"]) == (5.0, 0.01)
-    assert [found[node]["base_frame_id"] for node in ("slider", "explorer", "**")] == ["arm", "own", "arm"]
+    assert (found["contact_controller"]["max_force"], found["contact_controller"]["speed"]) == (5.0, 0.01)
+    assert [found[node]["base_frame_id"] for node in ("contact_controller", "explorer", "**")] == ["arm", "own", "arm"]

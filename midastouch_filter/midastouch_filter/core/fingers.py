@@ -57,7 +57,7 @@ class Fingers:
         if self._model.alignment is None:
             return touch
         if touch.penetration is None:
-            raise ValueError("no_relief", "")
+            raise ValueError("no_map", "")
         shape = self._model.alignment.map_shape
         if touch.penetration.shape != shape or not np.isfinite(touch.penetration).all():
             raise ValueError("bad_relief", f"penetration map is not finite or not of shape {shape}")

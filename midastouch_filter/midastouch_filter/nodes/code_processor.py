@@ -174,7 +174,7 @@ class CodeProcessor:
         sensor = self._localiser.sensor
         if self._maps is not None and sensor is not None and measurement.in_contact:
             measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
-            self.report.counts["no_relief"] += measurement.penetration is None
+            self.report.counts["no_map"] += measurement.penetration is None
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
             estimate = self._localiser.process(T_base_gel, measurement, others, stamp)

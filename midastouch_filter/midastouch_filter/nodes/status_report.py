@@ -26,7 +26,7 @@ class StatusReport:
     """
 
     def __init__(self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str]):
-        self.counts = {"transform_timeout": 0, "out_of_order": 0, "odd_stamps": 0, "time_jumps": 0, "no_relief": 0}
+        self.counts = {"transform_timeout": 0, "out_of_order": 0, "odd_stamps": 0, "time_jumps": 0, "no_map": 0}
         self._out, self._fingers, self._note = out, fingers, note
         self.forget()
 

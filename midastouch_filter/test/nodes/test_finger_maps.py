@@ -14,8 +14,8 @@ from tf_messages import tf_msg
 from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.nodes import finger_topics
-from midastouch_filter.nodes.finger_topics import MapSource
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.nodes.simulated_finger_topics import MapSource
 
 pytestmark = pytest.mark.dds
 
@@ -93,7 +93,7 @@ def test_a_lost_or_broken_cloud_costs_the_map_only(graph):
     penetrations = [measurement.penetration is not None for measurement in bench.filter.measurements]
     assert penetrations == [True, False, False, False]
     status = bench.statuses[-1]
-    assert skipped(status)["no_relief"] == 2
+    assert skipped(status)["no_map"] == 2
     assert bench.node.diagnostics.counts["bad_clouds"] == 1
 
 

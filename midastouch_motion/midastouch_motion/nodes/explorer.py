@@ -51,7 +51,7 @@ class Explorer(PipelineNode):
     def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
         super().__init__("explorer", **kwargs)
         p = self._settings = Parameters(self, PARAMETERS)
-        reach = Reach(p["reach_low"], p["reach_high"], np.radians(p["reach_cone"]), bool(p["reach_service"]))
+        reach = Reach(p["reach_low"], p["reach_high"], p["max_tilt"], bool(p["reach_service"]))
         rng = np.random.default_rng(p["seed"])
         what = rng, p["max_path"], reach, p["touch_distance"], p["object_size"]
         self._exploration = Exploration(*what, held=lambda: self._report.state == ExplorerStatus.STATE_PAUSED)
@@ -92,14 +92,14 @@ class Explorer(PipelineNode):
         now = time.monotonic()
         if self._report.over:
             return
-        if (silent := now - self._filter.heard_at) > self._settings["patience"]:
+        if (silent := now - self._filter.heard_at) > self._settings["give_up_after"]:
             whose = "of set_object" if self._change.pending else "on filter_status"
             self._fail(f"no answer {whose} for {silent:.0f} s: do sensor, arm and localisation run?")
             return
         by_itself = self._report.state in (ExplorerStatus.STATE_WAITING, ExplorerStatus.STATE_EXPLORING)
         if not (by_itself or self._plan) or self._change.pending or not self._filter.state:
             self._progressed_at = now
-        if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["patience"]:
+        if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["give_up_after"]:
             self._fail(f"the finger could not go on for {stuck:.0f} s", self._filter.says)
             return
         for asked in (self._arm, self._suggestions, self._reach, self._change):

@@ -30,18 +30,18 @@ PARAMETERS = (
     Parameter(
         "reach_low",
         [-10.0, -10.0, -10.0],
-        "Corner of the box in the base frame that the arm reaches; launch files take slider's box where no file has it",
+        "Corner of the box in the base frame that the arm reaches; launch files take that of contact_controller",
         "m",
     ),
     Parameter("reach_high", [10.0, 10.0, 10.0], "Its opposite corner", "m"),
     Parameter(
-        "reach_cone",
-        180.0,
-        "Largest angle between the z axes of gel and base frame that the arm reaches, 180: every one; launch files "
-        "keep it below slider's cone",
-        "deg",
+        "max_tilt",
+        3.1416,
+        "Largest angle between the z axes of gel and base frame that the arm reaches; 3.1416: any. Launch files keep "
+        "it below that of contact_controller",
+        "rad",
         minimum=0.0,
-        maximum=180.0,
+        maximum=3.1416,
     ),
     Parameter(
         "reach_service",
@@ -56,7 +56,7 @@ PARAMETERS = (
     Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object that a person sees, as of digit_sim"),
     Parameter("sensor_frame_id", GEL_FRAME, "Gel frame"),
     Parameter(
-        "patience",
+        "give_up_after",
         120.0,
         "It gives up when no answer, or none with which it can go on, has come for so long",
         "s",

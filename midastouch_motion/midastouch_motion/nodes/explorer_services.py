@@ -127,7 +127,7 @@ class ObjectChange:
     def __init__(self, node: Node, on_end: Callable[[str, str], None]):
         self._on_end, self.pending = on_end, False
         # the filter last: it starts again with images of the new object
-        names = "finger/set_object", "digit_sim/set_object", "set_object"
+        names = "simulated_finger/set_object", "digit_sim/set_object", "set_object"
         self._services = [
             QuestionClient(node, SetObject, name, self._on_answer, lambda: OBJECT_TIMEOUT_S) for name in names
         ]
@@ -164,15 +164,15 @@ class ObjectChange:
 
 
 class Push:
-    """Client of `finger/push`, which moves a simulated object. problem(kind, words): called if that is not possible."""
+    """Client of `simulated_finger/push`, which moves a simulated object. problem(kind, words): called if it cannot."""
 
     def __init__(self, node: Node, problem: Callable[[str, str], None]):
-        self._client, self._problem = node.create_client(Trigger, "finger/push"), problem
+        self._client, self._problem = node.create_client(Trigger, "simulated_finger/push"), problem
 
     def __call__(self) -> Plan[None]:
         """Ask for the push, which the finger makes before its next motion."""
         if self._client.service_is_ready():
             self._client.call_async(Trigger.Request())
         else:
-            self._problem("refused_pushes", "nobody offers finger/push: the object is none of a simulation")
+            self._problem("refused_pushes", "nobody offers simulated_finger/push: the object is none of a simulation")
         yield from ()

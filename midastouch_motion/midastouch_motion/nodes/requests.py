@@ -13,7 +13,7 @@ from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 
 from .. import skills
-from .slider_parameters import SHALLOWEST
+from .contact_controller_parameters import SHALLOWEST
 
 _FARTHEST = 0.2  # m, of a touch or a lift
 _LONGEST = 2.0  # m, of a slide
@@ -38,7 +38,7 @@ def _approach(goal: Approach.Goal, parameters: Parameters) -> skills.ApproachSki
     low, high = np.array(parameters["box_low"]), np.array(parameters["box_high"])
     if not ((low <= pose[:3, 3]) & (pose[:3, 3] <= high)).all():
         raise InputError("pose: outside of the box")
-    if pose[2, 2] < np.cos(np.radians(parameters["cone"])) - 1e-9:
+    if pose[2, 2] < np.cos(parameters["max_tilt"]) - 1e-9:
         raise InputError("pose: outside of the cone")
     return skills.ApproachSkill(pose)
 

@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 def hasty(monkeypatch):
     """A finger at rest goes on, and diagnostics are published, ten times as often: the tests wait for both."""
     from midastouch_common.ros import diagnostics
-    from midastouch_simulation.nodes import finger
+    from midastouch_simulation.nodes import simulated_finger
 
-    monkeypatch.setattr(finger, "AT_REST_S", 0.1)
+    monkeypatch.setattr(simulated_finger, "AT_REST_S", 0.1)
     monkeypatch.setattr(diagnostics, "PERIOD_S", 0.1)
 
 

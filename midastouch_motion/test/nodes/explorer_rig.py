@@ -11,7 +11,7 @@ from midastouch_motion.nodes.explorer import Explorer
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
 from midastouch_msgs.srv import SuggestMotion
 from midastouch_perception.objects import bundled_objects
-from midastouch_simulation.nodes.finger import Finger
+from midastouch_simulation.nodes.simulated_finger import SimulatedFingerNode
 
 BALL, TOOL = (str(bundled_objects()[name]) for name in ("ball", "handle_tool"))
 RADIUS = 0.03  # m
@@ -32,7 +32,7 @@ class Rig:
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
         both = {name: parameters.pop(name, default) for name, default in (("mesh", BALL), ("seed", 1))}
-        self.finger = graph.add(Finger, {"untouched_frames": 1} | both | (of_finger or {}))
+        self.finger = graph.add(SimulatedFingerNode, {"untouched_frames": 1} | both | (of_finger or {}))
         self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), both | parameters)
         self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
 

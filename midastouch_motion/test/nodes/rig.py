@@ -1,4 +1,4 @@
-"""A test's own sensor, arm and operator around the node `slider`."""
+"""A test's own sensor, arm and operator around the node `contact_controller`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common import se3
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
-from midastouch_motion.nodes.slider import Slider
+from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.msg import TactileContact
 
 _PERIOD = 0.03  # s
@@ -33,8 +33,8 @@ class Rig:
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
-        self.node = graph.add(Slider, PATIENT | parameters)
-        self._enable = graph.publisher(Bool, "slider/enable", qos.COMMAND)
+        self.node = graph.add(ContactController, PATIENT | parameters)
+        self._enable = graph.publisher(Bool, "contact_controller/enable", qos.COMMAND)
         self._contact = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
         self._wrench = graph.publisher(WrenchStamped, "wrench", qos.stream_publisher())

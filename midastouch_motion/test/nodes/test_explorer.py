@@ -128,14 +128,14 @@ def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(rig):
 
 
 def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):
-    rig = Rig(graph, patience=1.0)
+    rig = Rig(graph, give_up_after=1.0)
     rig.silent = True
     assert "no answer on filter_status" in rig.until("gave_up").reason
     assert rig.node.gave_up
 
 
 def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph, patience_clock):
-    rig = Rig(graph, patience=1.0)
+    rig = Rig(graph, give_up_after=1.0)
     rig.untouched, rig.reason = FilterStatus.STATE_STALE, "images are 28 s behind"
 
     def goes_on():
@@ -174,7 +174,7 @@ def test_statuses_that_answer_no_image_are_none(rig):
 
 def test_without_an_arm_it_ends_and_says_what_is_missing(graph, patience_clock):
     """There are images and a filter, but nobody who moves the gel."""
-    graph.add(Explorer, {"patience": 1.0})
+    graph.add(Explorer, {"give_up_after": 1.0})
     statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
     tf = graph.publisher(TFMessage, "/tf", qos.TF)
     answers = graph.publisher(FilterStatus, "filter_status", latched=True)

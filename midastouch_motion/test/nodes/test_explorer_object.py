@@ -7,7 +7,7 @@ from explorer_rig import TOOL, Rig
 
 from midastouch_motion.nodes import explorer_services
 from midastouch_msgs.srv import SetObject
-from midastouch_simulation.nodes import finger
+from midastouch_simulation.nodes import simulated_finger
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
@@ -53,11 +53,11 @@ def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(rig):
 def test_one_that_nobody_answers_for_leaves_the_finger_to_the_person(rig, monkeypatch):
     monkeypatch.setattr(explorer_services, "OBJECT_TIMEOUT_S", 0.0)
     # the finger does answer, but not before the explorer, which looks every 33 ms, has given it up
-    load_mesh = finger.load_mesh
-    monkeypatch.setattr(finger, "load_mesh", lambda path: time.sleep(0.1) or load_mesh(path))
+    load_mesh = simulated_finger.load_mesh
+    monkeypatch.setattr(simulated_finger, "load_mesh", lambda path: time.sleep(0.1) or load_mesh(path))
     rig.until("exploring", "somewhere")
     assert ask(rig, TOOL).success
-    rig.until("paused", "not changed: finger/set_object: no answer for 0 s")
+    rig.until("paused", "not changed: simulated_finger/set_object: no answer for 0 s")
     assert rig.call("resume").success
     slides = rig.statuses[-1].slides
     rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides, "it to go on")

@@ -85,7 +85,7 @@ def test_one_that_goes_is_missed(graph):
 
 
 def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
-    rig = Rig(graph, patience=1.0, reach_service="what_it_reaches")
+    rig = Rig(graph, give_up_after=1.0, reach_service="what_it_reaches")
 
     def goes_on():
         patience_clock.now = 0.05 * len(rig.poses)

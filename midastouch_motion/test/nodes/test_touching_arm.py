@@ -1,4 +1,4 @@
-"""An arm that follows twists, a simulated sensor, the depth network and `slider`: the loop closed by messages."""
+"""An arm that follows twists, a simulated sensor, the depth network, `contact_controller`: a loop of messages."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 from rclpy.action import ActionClient
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.nodes.slider import Slider
+from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.action import Lift, Slide, Touch
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.nodes.tdn import TdnNode
@@ -39,10 +39,10 @@ def arm(graph, tmp_path):
     )
     graph.add(TdnNode, {"background": background})
     settings = {"hold": 10.0, "stale_after": 10.0, "rate": 50.0, "arm_latency": 0.02}
-    slider = graph.add(Slider, settings | {"use_sim_time": True})
+    contact_controller = graph.add(ContactController, settings | {"use_sim_time": True})
     seen = graph.listen(TactileContact, "tactile/contact")
     graph.spin_until(lambda: len(seen) > 3, "contacts")
-    graph.spin_until(lambda: slider.describe()[2]["in_the_way"] == "nothing", "all that a motion needs")
+    graph.spin_until(lambda: contact_controller.describe()[2]["in_the_way"] == "nothing", "all that a motion needs")
 
     def ask(kind, **goal):
         client = ActionClient(graph.companion, kind, kind.__name__.lower())

@@ -66,7 +66,7 @@ _GONE = 2.0  # s without a contact: the node that measured them is gone, and tim
 class MujocoArmNode(PipelineNode):
     """Node whose arm moves by the twists on `delta_twist_cmds`, in the gel frame. TF has its pose, `/clock` its time.
 
-    Because it cannot hurt anybody, it enables the node `slider` itself, in place of a person.
+    Because it cannot hurt anybody, it enables the node `contact_controller` itself, in place of a person.
     """
 
     def __init__(self, **node_options):
@@ -81,7 +81,7 @@ class MujocoArmNode(PipelineNode):
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self._time = self.create_publisher(ClockMessage, "/clock", qos.stream_publisher(10))
         self._joints = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
-        self._enable = self.create_publisher(Bool, "slider/enable", qos.COMMAND)
+        self._enable = self.create_publisher(Bool, "contact_controller/enable", qos.COMMAND)
         self._wrench = self.create_publisher(WrenchStamped, "wrench", qos.stream_publisher())
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(10))
         self.create_subscription(TactileContact, "tactile/contact", self._on_contact, qos.stream_subscriber(10))

@@ -35,7 +35,7 @@ TOPICS = (
     Topic("/pose_modes", "midastouch_msgs/msg/PoseModes"),
     Topic("/particles", "geometry_msgs/msg/PoseArray"),
     Topic("/delta_twist_cmds", "geometry_msgs/msg/TwistStamped"),
-    Topic("/slider/enable", "std_msgs/msg/Bool"),
+    Topic("/contact_controller/enable", "std_msgs/msg/Bool"),
     Topic("/wrench", "geometry_msgs/msg/WrenchStamped"),
     Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),

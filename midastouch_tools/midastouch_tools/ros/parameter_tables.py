@@ -8,17 +8,17 @@ from __future__ import annotations
 from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
 from midastouch_filter.nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
 from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
+from midastouch_motion.nodes.contact_controller_parameters import PARAMETERS as CONTACT_CONTROLLER
 from midastouch_motion.nodes.explorer_parameters import PARAMETERS as EXPLORER
 from midastouch_motion.nodes.mount_tf import PARAMETERS as MOUNT_TF
-from midastouch_motion.nodes.slider_parameters import PARAMETERS as SLIDER
 from midastouch_motion.nodes.ur_speed import PARAMETERS as UR_SPEED
 from midastouch_motion.nodes.ur_tf import PARAMETERS as UR_TF
 from midastouch_perception.nodes.calibrate import PARAMETERS as CALIBRATE
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 from midastouch_simulation.nodes.digit_sim import PARAMETERS as DIGIT_SIM
-from midastouch_simulation.nodes.finger_parameters import PARAMETERS as FINGER
 from midastouch_simulation.nodes.mujoco_arm import PARAMETERS as MUJOCO_ARM
+from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS as SIMULATED_FINGER
 
 from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay import PARAMETERS as REPLAY
@@ -31,8 +31,8 @@ TABLES = {
     "tcn": TCN,
     "particle_filter": PARTICLE_FILTER,
     "explorer": EXPLORER,
-    "finger": FINGER,
-    "slider": SLIDER,
+    "simulated_finger": SIMULATED_FINGER,
+    "contact_controller": CONTACT_CONTROLLER,
     "mujoco_arm": MUJOCO_ARM,
     "ur_speed": UR_SPEED,
     "replay": REPLAY,
@@ -49,8 +49,8 @@ _HEADER = """# Parameters
 Written by `python -m midastouch_tools.ros.parameter_tables` from what the nodes declare; a test compares.
 Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
 that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes
-`digit_driver`, `digit_sim`, `tdn`, `tcn`, `particle_filter`, `slider` and `ur_speed`, but for `queue_depth`,
-`reliable`, `rate`, `autostart`, `diagnostics_period` and `preset`, while the node is unconfigured.
+`digit_driver`, `digit_sim`, `tdn`, `tcn`, `particle_filter`, `contact_controller` and `ur_speed`, but for
+`queue_depth`, `reliable`, `rate`, `autostart`, `diagnostics_period` and `preset`, while the node is unconfigured.
 
 The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publisher.POLICY` or
 `qos_overrides.TOPIC.subscription.POLICY` with the topic's full name and `history`, `depth` or `reliability`.

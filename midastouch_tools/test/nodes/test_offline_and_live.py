@@ -123,7 +123,7 @@ def test_evaluation_and_nodes_give_the_same_codes_and_estimates(graph, recording
 
 
 def _without_relief(status: FilterStatus) -> int:
-    return dict(zip(status.skipped_names, status.skipped_counts, strict=True))["no_relief"]
+    return dict(zip(status.skipped_names, status.skipped_counts, strict=True))["no_map"]
 
 
 def stamp_of(msg) -> int:

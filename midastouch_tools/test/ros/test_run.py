@@ -166,11 +166,11 @@ def test_an_exploration_of_a_known_object_is_prepared_and_has_one_object_and_see
     ((codebook, mesh),) = explored["built"].items()
     assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_10000.npz")
     nodes = explored["parameters"]
-    assert {nodes[node]["mesh"] for node in ("digit_sim", "finger", "explorer", "particle_filter")} == {mesh}
-    assert {nodes[node]["seed"] for node in ("digit_sim", "finger", "explorer", "particle_filter")} == {4}
+    assert {nodes[node]["mesh"] for node in ("digit_sim", "simulated_finger", "explorer", "particle_filter")} == {mesh}
+    assert {nodes[node]["seed"] for node in ("digit_sim", "simulated_finger", "explorer", "particle_filter")} == {4}
     assert nodes["particle_filter"]["codebook"] == codebook
     assert not nodes["particle_filter"].get("objects")
-    assert explored["names"] == ["digit_sim", "tdn", "tcn", "particle_filter", "finger", "explorer"]
+    assert explored["names"] == ["digit_sim", "tdn", "tcn", "particle_filter", "simulated_finger", "explorer"]
     assert explored["domain"] == int(os.environ["ROS_DOMAIN_ID"])
 
 
@@ -185,7 +185,7 @@ def test_the_filter_is_not_told_which_object_is_explored(explored):
     ball, cup = explored["built"]
     assert [Path(mesh).name for mesh in explored["built"].values()] == ["ball.ply", "cup.ply"]
     nodes = explored["parameters"]
-    assert {nodes[node]["mesh"] for node in ("digit_sim", "finger", "explorer")} == {"cup.ply"}
+    assert {nodes[node]["mesh"] for node in ("digit_sim", "simulated_finger", "explorer")} == {"cup.ply"}
     assert nodes["particle_filter"]["objects"] == f"{ball},own.npz,{cup}"
     assert not nodes["particle_filter"]["mesh"]
     assert not nodes["particle_filter"]["codebook"]

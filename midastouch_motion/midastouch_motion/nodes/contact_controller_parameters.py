@@ -1,4 +1,4 @@
-"""Parameters of `slider`, and the controller that follows from them."""
+"""Parameters of `contact_controller`, and the controller that follows from them."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ PARAMETERS = (
     Parameter("box_low", [-1.0, -1.0, -1.0], "Corner of the box in the base frame that the gel keeps to", unit="m"),
     Parameter("box_high", [1.0, 1.0, 1.5], "Its opposite corner", unit="m"),
     Parameter(
-        "cone",
-        180.0,
-        "Largest angle between the z axes of gel and base that the gel keeps to; 180: every one",
-        unit="deg",
+        "max_tilt",
+        3.1416,
+        "Largest angle between the z axes of gel and base that the gel keeps to; 3.1416: any",
+        unit="rad",
         minimum=0.0,
-        maximum=180.0,
+        maximum=3.1416,
     ),
     Parameter("rate", 100.0, "Twists per second", unit="Hz", minimum=20.0, maximum=1000.0, at_start=True),
     Parameter("arm_latency", 0.05, "From a twist to the motion of the arm", unit="s", minimum=1e-3, maximum=0.5),
@@ -83,6 +83,6 @@ def controller_of(p: Parameters, simulated: bool) -> Controller:
     box = np.array(p["box_low"]), np.array(p["box_high"])
     stale = p["stale_after"]
     ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
-    force, cone = p["max_force"] or math.inf, math.radians(p["cone"])
-    guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, force, cone)
+    force = p["max_force"] or math.inf
+    guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, force, p["max_tilt"])
     return Controller(ContactServo(limits, p["arm_latency"]), guard)

@@ -18,8 +18,8 @@ from midastouch_msgs.action import Approach, Lift, Slide, Touch
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.nodes import tdn
-from midastouch_simulation.nodes.finger import Finger
-from midastouch_simulation.nodes.finger_parameters import PARAMETERS
+from midastouch_simulation.nodes.simulated_finger import SimulatedFingerNode
+from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
@@ -37,7 +37,7 @@ class Rig:
         self.gels, self.objects, self.stamps = [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        self.node = graph.add(Finger, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
+        self.node = graph.add(SimulatedFingerNode, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
 
     def _on_tf(self, message):
         frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
@@ -186,7 +186,7 @@ def test_it_touches_in_another_direction_if_it_is_told_one(rig):
 def test_the_object_is_pushed_and_the_finger_stays(rig):
     rig.do(Touch, distance=0.05)
     before, gel = rig.objects[-1], rig.gels[-1]
-    assert rig.graph.call(Trigger, "finger/push", Trigger.Request()).success
+    assert rig.graph.call(Trigger, "simulated_finger/push", Trigger.Request()).success
     turned = lambda: np.linalg.norm(rig.objects[-1][:3, :3] - before[:3, :3])  # noqa: E731
     rig.graph.spin_until(lambda: turned() > 0.1, "the object to move")
     assert np.linalg.norm(rig.gels[-1][:3, 3] - gel[:3, 3]) < 1e-3
@@ -194,7 +194,7 @@ def test_the_object_is_pushed_and_the_finger_stays(rig):
 
 def test_another_object_is_put_there(rig):
     def put(path):
-        return rig.graph.call(SetObject, "finger/set_object", SetObject.Request(mesh_path=path))
+        return rig.graph.call(SetObject, "simulated_finger/set_object", SetObject.Request(mesh_path=path))
 
     assert "/nowhere/cup.ply" in put("/nowhere/cup.ply").message
     rig.do(Touch, distance=0.05)

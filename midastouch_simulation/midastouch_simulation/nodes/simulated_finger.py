@@ -1,4 +1,4 @@
-"""Node `finger`: an arm without mechanics, whose finger touches a simulated object, by the actions of a real arm."""
+"""Node `simulated_finger`: an arm without mechanics touches a simulated object, by the actions of a real arm."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
 
 from ..world import World
-from .finger_parameters import PARAMETERS
-from .finger_tf import FingerTf
+from .simulated_finger_parameters import PARAMETERS
+from .simulated_finger_tf import FingerTf
 
 _IN_FLIGHT = 3  # most images without an answer; digit_sim leaves some out when more are due at once
 AT_REST_S = 1.0  # between images while nothing moves: the last may be lost, and the filter would turn stale
@@ -51,7 +51,7 @@ class _Motion:
     done: Done | None = None
 
 
-class Finger(PipelineNode):
+class SimulatedFingerNode(PipelineNode):
     """Node that carries out one goal of `touch`, `slide`, `lift` or `approach` at a time, at the pace of the filter.
 
     A goal ends once the filter has answered the images of its motion. `~/push` moves the object, `~/set_object`
@@ -61,7 +61,7 @@ class Finger(PipelineNode):
     _servers: Sequence[GoalServer] = ()
 
     def __init__(self, **node_options) -> None:
-        super().__init__("finger", **node_options)
+        super().__init__("simulated_finger", **node_options)
         settings = self._settings = Parameters(self, PARAMETERS)
         sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
         self._world = World(load_mesh(settings["mesh"]), sensor, rng, settings["speed"] / settings["fps"])
@@ -187,8 +187,8 @@ class Finger(PipelineNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Entry point of the executable `finger`."""
-    return spin.run(lambda: [Finger()], args)
+    """Entry point of the executable `simulated_finger`."""
+    return spin.run(lambda: [SimulatedFingerNode()], args)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The explorer on an arm: `slider` follows what the sensor measures, in a time that goes on as the twists come."""
+"""The explorer on an arm: `contact_controller` follows what the sensor measures, in a time that its twists drive."""
 
 import time
 
@@ -18,8 +18,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.nodes.markers import object_mesh
+from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_motion.nodes.explorer import Explorer
-from midastouch_motion.nodes.slider import Slider
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseModes, Suggestion, TactileContact
 from midastouch_msgs.srv import SuggestMotion
 from midastouch_perception.contact import Contact
@@ -38,7 +38,7 @@ FAST = {"speed": 0.03, "air_speed": 0.2, "turn_speed": 2.0, "acceleration": 2.0,
 
 
 class Rig:
-    """Slider and explorer over the ball, an arm that follows twists, an operator, and a filter that knows the pose.
+    """Controller and explorer over the ball, an arm that follows twists, an operator, and a filter that knows the pose.
 
     Attributes: state, which the filter says where the gel touches; statuses of the explorer; highest [m], of the gel.
     """
@@ -51,13 +51,13 @@ class Rig:
         over = se3.translation([0.0, 0.0, RADIUS + 5e-3])
         self.arm = SimulatedArm(OBJECT @ over, latency=0.02, timeout=1.0)
         in_simulation = {"use_sim_time": True}
-        self.slider = graph.add(Slider, FAST | {"hold": 5.0, "stale_after": 5.0} | in_simulation)
+        self.contact_controller = graph.add(ContactController, FAST | {"hold": 5.0, "stale_after": 5.0} | in_simulation)
         self.explorer = graph.add(Explorer, {"seed": 1, "object_frame_id": TRUTH_FRAME} | in_simulation | parameters)
         self._clock = graph.publisher(Clock, "/clock", qos.stream_publisher())
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self._contact = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
-        self._enable = graph.publisher(Bool, "slider/enable", qos.COMMAND)
+        self._enable = graph.publisher(Bool, "contact_controller/enable", qos.COMMAND)
         self._modes = graph.publisher(PoseModes, "pose_modes", qos.stream_publisher())
         self._filter = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         mesh = object_mesh(f"file://{BALL}", Header(frame_id="object"))
@@ -78,7 +78,7 @@ class Rig:
         self.arm.command(self._now * 1e-9, np.array(self._twists[-1]))
 
     def step(self):
-        """Time goes on by one period of control, once the slider has said what to do in it."""
+        """Time goes on by one period of control, once the contact_controller has said what to do in it."""
         self._now += PERIOD_NS
         gel, stamp = self.arm.advance(self._now * 1e-9), stamp_from_ns(self._now)
         self._tf.publish(TFMessage(transforms=[_link(stamp, GEL_FRAME, gel), _link(stamp, TRUTH_FRAME, OBJECT)]))

@@ -1,4 +1,4 @@
-"""Parameters of the node `finger`."""
+"""Parameters of the node `simulated_finger`."""
 
 from __future__ import annotations
 

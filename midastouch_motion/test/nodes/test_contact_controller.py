@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
-from midastouch_motion.nodes.slider import Slider
+from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 from midastouch_msgs.msg import TactileContact
 
@@ -154,15 +154,15 @@ def test_a_deactivated_node_stops_and_refuses(graph):
     rig = Rig(graph)
     asked = rig.ask(Lift, height=0.2)
     asked.moves()
-    assert graph.change_state("slider", "deactivate")
+    assert graph.change_state("contact_controller", "deactivate")
     assert "deactivated" in asked.ended().message
     assert not moving(rig.twists[-1])
-    assert graph.change_state("slider", "activate")
+    assert graph.change_state("contact_controller", "activate")
     rig.ask(Lift, height=0.2).moves()
 
 
 def test_a_node_that_is_not_configured_refuses(graph):
-    graph.add(Slider, {"autostart": False})
+    graph.add(ContactController, {"autostart": False})
     client, results = ActionClient(graph.companion, Lift, "lift"), []
     graph.spin_until(client.server_is_ready, "the action")
     client.send_goal_async(Lift.Goal(height=0.01)).add_done_callback(
@@ -177,7 +177,7 @@ def test_what_a_deactivated_node_touches_is_in_its_result(graph):
     rig.depth = 5e-4
     asked = rig.ask(Slide, length=0.2)
     asked.moves()
-    assert graph.change_state("slider", "deactivate")
+    assert graph.change_state("contact_controller", "deactivate")
     assert asked.ended().depth > 0
 
 
@@ -227,7 +227,7 @@ def test_a_direction_is_one_of_any_length(graph, size):
     ],
 )
 def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):
-    rig = Rig(graph, cone=80.0)
+    rig = Rig(graph, max_tilt=1.4)
     assert reason in rig.ask(kind, **goal).ended().message
     assert not any(map(moving, rig.twists))
 
@@ -242,4 +242,4 @@ def test_a_slide_without_contact_is_refused(graph):
 )
 def test_parameters_that_contradict_each_other_are_refused(graph, parameters, reason):
     with pytest.raises(InputError, match=reason):
-        graph.add(Slider, parameters)
+        graph.add(ContactController, parameters)

@@ -1,4 +1,4 @@
-"""Node `slider`: an arm touches, slides and lifts, by twists that follow from the sensor's measurements."""
+"""Node `contact_controller`: an arm touches, slides and lifts, by twists that follow from the sensor's measurements."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from midastouch_perception.sensor_model import SensorModel
 from .. import skills
 from ..contact_servo import Measured, centre_of, slope_of
 from ..guard import Seen
+from .contact_controller_parameters import PARAMETERS, controller_of
 from .requests import SKILL_OF
-from .slider_parameters import PARAMETERS, controller_of
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
 
 
-class Slider(ManagedNode):
+class ContactController(ManagedNode):
     """Node that, while active, carries out goals of `touch`, `slide`, `lift` and `approach` while `~/enable` repeats.
 
     During a goal it publishes twists of the gel, in the gel's frame, on `delta_twist_cmds`; then two of zero, or one
@@ -44,7 +44,7 @@ class Slider(ManagedNode):
     _servers: Sequence[GoalServer] = ()
 
     def __init__(self, **node_options) -> None:
-        super().__init__("slider", PARAMETERS, **node_options)
+        super().__init__("contact_controller", PARAMETERS, **node_options)
         self._twists = self.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._servers = [
             GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
@@ -239,8 +239,8 @@ class Slider(ManagedNode):
 
 
 def main(args=None) -> int:
-    """Entry point of the executable `slider`."""
-    return spin.run(lambda: [Slider()], args)
+    """Entry point of the executable `contact_controller`."""
+    return spin.run(lambda: [ContactController()], args)
 
 
 if __name__ == "__main__":
