@@ -9,6 +9,7 @@ import json
 import shlex
 import struct
 import zipfile
+import zlib
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +34,8 @@ _MOST_SURPLUS = 12.0  # ratio of sites tried to sites wanted; if even that is to
 _SETTLED_AT_ONCE = 512  # poses; ten seconds of work for a fine mesh that lies under the gel as a whole
 _TRIED, _HARDLY = 4096, 0.01  # the search ends if, after so many poses, less than that fraction is reachable
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
-_CONTENT = ("poses", "codes", "meta")
+_CONTENT = ("poses", "codes", "meta", "checksum")
+_ROUNDED = 0.01  # by which the length of a code may differ from 1: it is kept in 16 bits
 _OUTSIDE = 5e-3  # m that an entry's touched point may lie outside the mesh's bounds; a gel over a gap makes it 2 mm
 _DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -161,12 +163,14 @@ class Codebook:
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`; nothing is left behind if it fails."""
+        poses, codes = se3.to_xyzquat(self.poses).astype(np.float32), self.codes.astype(np.float16)
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.savez(
                 stream,
-                poses=se3.to_xyzquat(self.poses).astype(np.float32),
-                codes=self.codes.astype(np.float16),
+                poses=poses,
+                codes=codes,
                 meta=np.array(json.dumps(self.meta)),
+                checksum=_checksum(poses, codes),
                 **self.derived,  # type: ignore[arg-type] # none has the name of an option
             )
 
@@ -186,6 +190,8 @@ class Codebook:
             raise InputError(f"{error}, or build it: midastouch build-codebook MESH --sensor MODEL") from error
         try:
             data = _read(path) if first is None else mapped_npz(path)
+            if first is None and "checksum" in data and data["checksum"] != _checksum(data["poses"], data["codes"]):
+                raise ValueError("its poses and codes are not those that were written")
             poses, codes = (data[name][:first].astype(np.float32) for name in ("poses", "codes"))
             meta = json.loads(str(data["meta"]))
             derived = {name: data[name] for name in data if name not in _CONTENT and first is None}
@@ -203,13 +209,15 @@ class Codebook:
             raise InputError(f"{path}: non-finite poses or codes; build it again")
         if np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1).max() > 1e-3:
             raise InputError(f"{path}: poses whose quaternions are not of unit length; build it again")
+        lengths = np.linalg.norm(codes, axis=1, keepdims=True)
+        if np.abs(lengths - 1).max() > _ROUNDED:
+            raise InputError(f"{path}: codes that are not of unit length; build it again")
         if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
             built_for = meta["mesh_name"]
             raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; build it again")
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
-        codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
-        book = cls(se3.from_xyzquat(poses), codes, meta, derived, str(path))
+        book = cls(se3.from_xyzquat(poses), codes / lengths, meta, derived, str(path))
         if mesh is not None:
             book._require_on(mesh)
         return book
@@ -224,6 +232,10 @@ class Codebook:
                 f"{self.source}: its poses touch points {1e3 * outside:.0f} mm outside the mesh "
                 f"{mesh.path or mesh.name}; the two do not belong together: midastouch build-codebook makes it again"
             )
+
+
+def _checksum(*arrays: np.ndarray) -> int:
+    return zlib.crc32(b"".join(array.tobytes() for array in arrays))
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
