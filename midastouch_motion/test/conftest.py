@@ -10,10 +10,10 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.contact_servo import ContactServo, Limits, centre_of, slope_of
-from midastouch_motion.controller import Controller
-from midastouch_motion.guard import Guard
-from midastouch_motion.skills import Skill, SkillEnd
+from midastouch_motion.control.contact_servo import ContactServo, Limits, centre_of, slope_of
+from midastouch_motion.control.controller import Controller
+from midastouch_motion.control.guard import Guard
+from midastouch_motion.control.skills import Skill, SkillEnd
 from midastouch_perception.contact import Contact
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pointcloud import cloud_from_penetration
@@ -109,7 +109,7 @@ def above(mesh: ObjectMesh, rng: np.random.Generator, height: float, tilt: float
 def ur_controller():
     """Starts a UR controller, with a fault if it is to have one."""
     pytest.importorskip("rtde_control", reason="needs ur-rtde: pip install ur-rtde")
-    from .arm.controller_process import ControllerProcess
+    from .ur.controller_process import ControllerProcess
 
     running = []
 

@@ -10,10 +10,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_motion.contact_servo import Measured
-from midastouch_motion.controller import Controller
-from midastouch_motion.guard import Seen
-from midastouch_motion.skills import Skill, SkillEnd
+from midastouch_motion.control.contact_servo import Measured
+from midastouch_motion.control.controller import Controller
+from midastouch_motion.control.guard import Seen
+from midastouch_motion.control.skills import Skill, SkillEnd
 
 PERIOD = 0.01
 """Time between two twists [s], as in the node `contact_controller`."""

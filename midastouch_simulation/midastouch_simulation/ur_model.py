@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
-from midastouch_motion.arm.rtde import BASE_LINK_FROM_BASE
+from midastouch_motion.ur.rtde import BASE_LINK_FROM_BASE
 
 # Universal Robots, "DH parameters for calculations of kinematics and dynamics": a [m], d [m], alpha [rad], mass [kg]
 _LINKS = (

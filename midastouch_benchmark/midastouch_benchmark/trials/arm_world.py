@@ -11,10 +11,10 @@ from midastouch_bringup.parameter_files import read_parameters
 from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion import skills
+from midastouch_motion.control import skills
+from midastouch_motion.control.guard import Guard
 from midastouch_motion.exploration.acts import Act, Approach, CheckReach, Done, Lift, Plan, Slide, Touch, carried_out
 from midastouch_motion.exploration.reach import Reach
-from midastouch_motion.guard import Guard
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import TouchReading
 from midastouch_perception.sensor_model import SensorModel

@@ -14,9 +14,9 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.surface_walk import MIN_PROGRESS, Ahead, straight_on
-from midastouch_motion.contact_servo import Limits
-from midastouch_motion.guard import Guard
-from midastouch_motion.skills import SlideSkill, TouchSkill
+from midastouch_motion.control.contact_servo import Limits
+from midastouch_motion.control.guard import Guard
+from midastouch_motion.control.skills import SlideSkill, TouchSkill
 from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import Reachability

@@ -24,11 +24,11 @@ from midastouch_common.transforms.queue import Wait
 from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
-from .. import skills
-from ..contact_servo import Measured, centre_of, slope_of
-from ..guard import Seen
+from ..control import skills
+from ..control.contact_servo import Measured, centre_of, slope_of
+from ..control.guard import Seen
 from .contact_controller_parameters import PARAMETERS, controller_of
-from .requests import SKILL_OF
+from .skill_of_goal import SKILL_OF
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
 

@@ -10,9 +10,9 @@ from midastouch_common.errors import InputError
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter, Parameters
 
-from ..contact_servo import ContactServo, Limits
-from ..controller import Controller
-from ..guard import Guard
+from ..control.contact_servo import ContactServo, Limits
+from ..control.controller import Controller
+from ..control.guard import Guard
 
 SHALLOWEST = 1e-4
 """Smallest depth to hold [m]: the smaller a depth is, the slower the gel approaches."""

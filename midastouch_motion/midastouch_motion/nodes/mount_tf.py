@@ -14,7 +14,7 @@ from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run
 
-from ..arm.mount import read_mount
+from ..mount import read_mount
 
 PARAMETERS = (
     Parameter("frames_file", "", "Hand-eye calibration and mount; empty: the frames.yaml of midastouch_bringup"),

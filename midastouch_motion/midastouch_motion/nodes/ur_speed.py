@@ -14,11 +14,11 @@ from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import Parameter
 from midastouch_common.ros.transform_source import TransformSource
 
-from ..arm import ur_follower
-from ..arm.follower_process import FollowerProcess
-from ..arm.rtde import require_ur_rtde, transform_from_rtde
-from ..arm.twists import TwistLimits, twist_of_tcp
-from ..arm.ur_control import Stopping
+from ..ur import ur_follower
+from ..ur.follower_process import FollowerProcess
+from ..ur.rtde import require_ur_rtde, transform_from_rtde
+from ..ur.tcp_twist import TwistLimits, twist_of_tcp
+from ..ur.ur_control import Stopping
 from .twist_topic import twist_of
 
 PARAMETERS = (

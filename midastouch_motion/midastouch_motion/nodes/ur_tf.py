@@ -20,7 +20,7 @@ from midastouch_common.ros.diagnostics import ERROR, OK, Diagnostics
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run
-from midastouch_motion.arm.rtde import (
+from midastouch_motion.ur.rtde import (
     BASE_LINK_FROM_BASE,
     JOINT_NAMES,
     ArmState,

@@ -13,11 +13,11 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import transform_to_msg
-from midastouch_motion.arm.rtde import transform_from_rtde
 from midastouch_motion.nodes import ur_speed
 from midastouch_motion.nodes.ur_speed import UrSpeed
+from midastouch_motion.ur.rtde import transform_from_rtde
 
-from ..arm.controller_process import ADDRESS, BASE_FROM_TCP
+from ..ur.controller_process import ADDRESS, BASE_FROM_TCP
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 TCP_OFFSET = [0.0, 0.01, 0.12, 0.0, 0.3, 0.0]

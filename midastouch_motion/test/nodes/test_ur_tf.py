@@ -16,9 +16,9 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common.clock_offset import ClockOffset
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns, transform_from_msg
-from midastouch_motion.arm.rtde import BASE_LINK_FROM_BASE, JOINT_NAMES, ArmState, transform_from_rtde
 from midastouch_motion.nodes import ur_tf
 from midastouch_motion.nodes.ur_tf import UrTf
+from midastouch_motion.ur.rtde import BASE_LINK_FROM_BASE, JOINT_NAMES, ArmState, transform_from_rtde
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])

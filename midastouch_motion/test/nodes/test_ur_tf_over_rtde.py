@@ -12,14 +12,14 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
-from midastouch_motion.arm.rtde import RTDE_PORT, rtde_connector
 from midastouch_motion.nodes.ur_tf import UrTf
+from midastouch_motion.ur.rtde import RTDE_PORT, rtde_connector
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 # of this run of the tests, as its domain is: the port is the controller's own
 ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
-SERVER = Path(__file__).parents[3] / "midastouch_motion" / "test" / "arm" / "rtde_server.py"
+SERVER = Path(__file__).parents[3] / "midastouch_motion" / "test" / "ur" / "rtde_server.py"
 
 
 @pytest.fixture

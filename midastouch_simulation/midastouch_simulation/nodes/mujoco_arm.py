@@ -22,9 +22,9 @@ from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
 from midastouch_common.ros.goals import pose_in
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
-from midastouch_motion.arm.rtde import JOINT_NAMES
-from midastouch_motion.arm.twists import TwistLimits
 from midastouch_motion.nodes.twist_topic import twist_of, vectors
+from midastouch_motion.ur.rtde import JOINT_NAMES
+from midastouch_motion.ur.tcp_twist import TwistLimits
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import CheckReach
 from midastouch_perception.sensor_model import SensorModel

@@ -23,7 +23,7 @@ from midastouch_common.message_arrays import (
 from midastouch_common.pose_metric import particle_rmse
 from midastouch_perception.symmetry.group import Symmetry
 
-from .frames import read_bag
+from .images import read_bag
 from .messages import header_stamp_ns, typestore
 from .reader import bag_messages, bag_topics
 

@@ -15,7 +15,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
-from .frames import BagFrame
+from .images import BagFrame
 
 _BLOCKS = (12, 16)  # columns and rows: noise averages out within a block, motion does not
 _LEVER = 0.01  # m; a rotation by an angle changes the image about as much as a shift by this times the angle

@@ -14,7 +14,7 @@ from midastouch_common.files import require_place
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
 
-    from ..bags.frames import GelStream
+    from ..bags.images import GelStream
 
 
 def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str):
@@ -42,7 +42,7 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
 
 def gel_stream(args: argparse.Namespace) -> GelStream:
     """Return the stream that the options of `add_bag_options` name."""
-    from ..bags.frames import GelStream
+    from ..bags.images import GelStream
 
     return GelStream(args.image_topic, args.base_frame, args.gel_frame)
 

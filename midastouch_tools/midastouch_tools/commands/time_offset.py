@@ -24,7 +24,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..bags.frames import read_bag
+    from ..bags.images import read_bag
     from ..bags.time_offset import estimate_time_offset
 
     frames = read_bag(args.bag, arguments.gel_stream(args))

@@ -14,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, pose_from_msg
 from midastouch_filter.core.state import STATES
 
-from ..bags.frames import OWN, BagFrame, GelStream, image_messages, read_bag
+from ..bags.images import OWN, BagFrame, GelStream, image_messages, read_bag
 from ..bags.messages import header_stamp_ns
 from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp

@@ -13,7 +13,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
 from midastouch_common.transforms import ancestors
 
-from ..bags.frames import decode_image
+from ..bags.images import decode_image
 from ..bags.messages import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,

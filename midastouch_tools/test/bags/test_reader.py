@@ -5,7 +5,7 @@ from recorded import write
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from midastouch_common.errors import InputError
-from midastouch_tools.bags.frames import read_bag
+from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.messages import IMAGE_TYPE, sequence_messages, typestore
 from midastouch_tools.bags.reader import bag_messages, bag_metadata, bag_topics, is_bag
 from midastouch_tools.bags.writer import write_bag

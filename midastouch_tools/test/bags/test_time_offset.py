@@ -8,8 +8,8 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_tools.bags import frames as bag_frames
-from midastouch_tools.bags.frames import BagFrame
+from midastouch_tools.bags import images as bag_images
+from midastouch_tools.bags.images import BagFrame
 from midastouch_tools.bags.time_offset import estimate_time_offset
 from midastouch_tools.cli import main
 
@@ -66,12 +66,12 @@ def test_a_recording_that_does_not_tell_is_refused(given, message):
 
 
 def test_the_command_says_what_to_set(monkeypatch, capsys):
-    monkeypatch.setattr(bag_frames, "read_bag", lambda *_, **__: frames(stop_and_go, 0.08))
+    monkeypatch.setattr(bag_images, "read_bag", lambda *_, **__: frames(stop_and_go, 0.08))
     assert main(["time-offset", "slide.mcap"]) == 0
     said = capsys.readouterr().out
     told, mend = re.search(r"stamped (\d+) ms too late .*\nadd (-\d+) to .* timestamp_offset", said).groups()
     assert int(told) == pytest.approx(80, abs=5)
     assert int(mend) == pytest.approx(-80e6, abs=5e6)
-    monkeypatch.setattr(bag_frames, "read_bag", lambda *_, **__: [])
+    monkeypatch.setattr(bag_images, "read_bag", lambda *_, **__: [])
     assert main(["time-offset", "slide.mcap"]) == 2
     assert "slide.mcap: needs 6 s" in capsys.readouterr().err

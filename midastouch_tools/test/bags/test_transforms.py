@@ -6,7 +6,7 @@ from recorded import MOVED, MS, SECOND, STILL, image, tf, write
 
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
-from midastouch_tools.bags.frames import read_bag
+from midastouch_tools.bags.images import read_bag
 
 
 def test_a_chain_with_a_static_mount(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_tools import cli
-from midastouch_tools.bags.frames import GelStream
+from midastouch_tools.bags.images import GelStream
 from midastouch_tools.commands import arguments
 
 
@@ -21,7 +21,7 @@ def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
 @pytest.mark.parametrize(
     ("command", "reader"),
     [
-        (["time-offset", "a.mcap"], "midastouch_tools.bags.frames.read_bag"),
+        (["time-offset", "a.mcap"], "midastouch_tools.bags.images.read_bag"),
         (
             ["export", "a.mcap", "--format", "hdf5", "--out", "o"],
             "midastouch_tools.export.recording.Recording",

@@ -4,7 +4,7 @@ from recorded import SECOND, STILL, compressed, image, tf, write
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_tools.bags.frames import GelStream
+from midastouch_tools.bags.images import GelStream
 from midastouch_tools.export.recording import FILTER_STATES, Recording
 
 

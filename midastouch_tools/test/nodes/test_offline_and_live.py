@@ -24,7 +24,7 @@ from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.objects import bundled_objects
-from midastouch_tools.bags.frames import read_bag
+from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.writer import write_bag
 from midastouch_tools.datasets import load_sequence
 from midastouch_tools.datasets.slide_simulation import simulate_sequence

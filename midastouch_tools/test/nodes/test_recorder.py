@@ -23,7 +23,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_tools.bags.frames import read_bag
+from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.messages import Topic
 from midastouch_tools.bags.reader import bag_messages, bag_metadata, bag_topics
 from midastouch_tools.nodes.recorder import TOPICS, Recorder

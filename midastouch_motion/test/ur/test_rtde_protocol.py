@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_motion.arm.rtde import RTDE_PORT, rtde_connector, transform_from_rtde
+from midastouch_motion.ur.rtde import RTDE_PORT, rtde_connector, transform_from_rtde
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
 

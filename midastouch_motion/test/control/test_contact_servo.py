@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_motion.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured, slope_of
 from midastouch_perception.sensor_model import SensorModel
 
 SENSOR = SensorModel.load("digit_tacto").for_maps

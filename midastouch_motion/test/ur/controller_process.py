@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_motion.arm.rtde import transform_from_rtde
+from midastouch_motion.ur.rtde import transform_from_rtde
 
 ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
 BASE_FROM_TCP = transform_from_rtde(np.array([0.3, -0.2, 0.4, 0.1, 2.6, -0.2]))

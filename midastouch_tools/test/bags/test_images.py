@@ -10,7 +10,7 @@ from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, header, i
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FROM_OBJECT, GEL_FRAME
-from midastouch_tools.bags.frames import GelStream, read_bag
+from midastouch_tools.bags.images import GelStream, read_bag
 from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message
 from midastouch_tools.bags.reader import bag_metadata
 from midastouch_tools.bags.writer import write_bag

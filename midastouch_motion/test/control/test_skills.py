@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.contact_servo import ContactServo, Limits
-from midastouch_motion.controller import Controller
-from midastouch_motion.guard import Guard
-from midastouch_motion.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
+from midastouch_motion.control.contact_servo import ContactServo, Limits
+from midastouch_motion.control.controller import Controller
+from midastouch_motion.control.guard import Guard
+from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
 from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
 
-from .conftest import above
+from ..conftest import above
 
 DEPTH = 0.5e-3
 DELAYS = [(0.02, 0.02, 60.0), (0.05, 0.05, 30.0), (0.08, 0.08, 30.0)]

@@ -12,7 +12,7 @@ from midastouch_common.ros.goals import direction_in, heading_in, length_in, pos
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 
-from .. import skills
+from ..control import skills
 from .contact_controller_parameters import SHALLOWEST
 
 _FARTHEST = 0.2  # m, of a touch or a lift

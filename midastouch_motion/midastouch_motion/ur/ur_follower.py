@@ -1,6 +1,6 @@
 """Program that makes a UR arm follow the orders on its standard input.
 
-    python -m midastouch_motion.arm.ur_follower ADDRESS ACCELERATION DECELERATION TIMEOUT
+    python -m midastouch_motion.ur.ur_follower ADDRESS ACCELERATION DECELERATION TIMEOUT
 
 It is a process of its own because `ur-rtde` may end its process, hang for minutes, or reconnect without a report: the
 parent process then ends the program. The end of the input stops the arm.
@@ -18,7 +18,7 @@ import numpy as np
 
 from .orders import ALIVE, READY, TROUBLE, Orders
 from .rtde import transform_from_rtde
-from .twists import along_base
+from .tcp_twist import along_base
 from .ur_control import RATE, Stopping, UrArm, connect
 
 _LOST = 1.0  # s without a new sample of the arm

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.arm.twists import TwistLimits, along_base, twist_of_tcp
+from midastouch_motion.ur.tcp_twist import TwistLimits, along_base, twist_of_tcp
 
 
 def test_the_gel_moves_as_asked():

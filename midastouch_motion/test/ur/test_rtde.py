@@ -11,15 +11,15 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND
-from midastouch_motion.arm import rtde
-from midastouch_motion.arm.rtde import (
+from midastouch_motion.ur import rtde
+from midastouch_motion.ur.rtde import (
     BASE_LINK_FROM_BASE,
     RobotClock,
     rtde_connector,
     tool_from_tcp,
     transform_from_rtde,
 )
-from midastouch_motion.arm.rtde_handshake import require_outputs
+from midastouch_motion.ur.rtde_handshake import require_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 

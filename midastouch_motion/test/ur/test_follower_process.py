@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pytest
 
-from midastouch_motion.arm import follower_process, ur_follower
-from midastouch_motion.arm.follower_process import FollowerProcess
-from midastouch_motion.arm.ur_control import Stopping
+from midastouch_motion.ur import follower_process, ur_follower
+from midastouch_motion.ur.follower_process import FollowerProcess
+from midastouch_motion.ur.ur_control import Stopping
 
 from .controller_process import ADDRESS, BASE_FROM_TCP, until
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.contact_servo import ContactServo, Limits, Measured
-from midastouch_motion.controller import Controller
-from midastouch_motion.guard import Guard, Seen
-from midastouch_motion.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
+from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
+from midastouch_motion.control.controller import Controller
+from midastouch_motion.control.guard import Guard, Seen
+from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
 
 LIMITS, DEPTH, PERIOD = Limits(), 5e-4, 0.01
 

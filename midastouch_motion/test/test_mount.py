@@ -5,9 +5,9 @@ import pytest
 import yaml
 
 from midastouch_common.errors import InputError
-from midastouch_motion.arm.mount import read_mount
+from midastouch_motion.mount import read_mount
 
-SHIPPED = Path(__file__).parents[3] / "midastouch_bringup/config" / "frames.yaml"
+SHIPPED = Path(__file__).parents[2] / "midastouch_bringup/config" / "frames.yaml"
 
 
 def test_the_shipped_file_is_read_entry_by_entry():

@@ -3,7 +3,7 @@ import os
 import numpy as np
 import pytest
 
-from midastouch_motion.arm.orders import Order, Orders
+from midastouch_motion.ur.orders import Order, Orders
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from midastouch_motion.arm.orders import ALIVE, Order
-from midastouch_motion.arm.rtde import ArmState
-from midastouch_motion.arm.ur_follower import follow
+from midastouch_motion.ur.orders import ALIVE, Order
+from midastouch_motion.ur.rtde import ArmState
+from midastouch_motion.ur.ur_follower import follow
 
 HALF_TURN = np.array([0.3, 0.2, 0.1, 0.0, 0.0, np.pi])
 TIMEOUT = 30.0  # s; orders of an age say by themselves what is too old
