@@ -139,7 +139,7 @@ class Timeline:
 
 
 class Maps(Protocol):
-    """Source of the maps of a finger's codes: `nodes.simulated_finger_topics.MapSource`."""
+    """Source of the maps of a finger's codes: `nodes.finger_topics.MapSource`."""
 
     def awaited(self, stamp: int, waited: float) -> bool: ...
 

@@ -9,7 +9,7 @@ import pytest
 from filter_fakes import code_msg
 
 from midastouch_common.transforms.queue import Wait
-from midastouch_filter.nodes.simulated_finger_topics import FingerTopics
+from midastouch_filter.nodes.finger_topics import FingerTopics
 
 MS = 1_000_000
 PARAMETERS = {
