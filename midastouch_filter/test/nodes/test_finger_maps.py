@@ -14,8 +14,8 @@ from tf_messages import tf_msg
 from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.nodes import finger_topics
-from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.nodes.finger_topics import MapSource
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 
 pytestmark = pytest.mark.dds
 
