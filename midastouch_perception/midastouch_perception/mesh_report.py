@@ -82,13 +82,18 @@ class MeshReport:
             raise InputError(f"{self.source}: {self._hidden_and_fix}")
 
     def lines(self, sensor: SensorModel) -> Iterator[str]:
-        """Yield the report in one line, then one line for each problem with this sensor, with its fix."""
+        """Yield the size in one line, of a mesh with problems all of the report; then each problem with this sensor in
+        one line, with its fix."""
+        problems = list(self._problems(sensor))
+        if not (problems or self.open_edges or self.branching_edges):
+            yield f"{self.source}: {_millimetres(self.size)}, closed"
+            return
         yield (
-            f"{self.source}: {_millimetres(self.size)}; {self.faces} faces; {self.shells} shells, {self.inner_shells} "
-            f"of them inside; {self.open_edges} open edges, {self.branching_edges} of more than two faces; "
+            f"{self.source}: {_millimetres(self.size)}; faces: {self.faces}; shells: {self.shells}, of them inside: "
+            f"{self.inner_shells}; open edges: {self.open_edges}, of more than two faces: {self.branching_edges}; "
             f"{self.inside_out:.1%} of the area inside out, {self.hidden:.1%} hidden"
         )
-        for problem in self._problems(sensor):
+        for problem in problems:
             yield f"warning: {self.source}: {problem}"
 
     def _problems(self, sensor: SensorModel) -> Iterator[str]:

@@ -14,7 +14,9 @@ _bars: weakref.WeakSet[tqdm] = weakref.WeakSet()
 
 
 def progress_bar(**options) -> tqdm:
-    """Return a `tqdm` bar with its options; if stderr is no terminal, it prints a line every five seconds."""
+    """Return a `tqdm` bar with its options (unit: in the singular); without a terminal it prints a line every 5 s."""
+    if unit := options.get("unit", "").replace("B", ""):
+        options["unit"] = f" {unit}es" if unit.endswith(("ch", "ss")) else f" {unit}s"
     if sys.stderr.isatty():
         bar = tqdm(mininterval=_LIVE_INTERVAL_S, maxinterval=_LOG_INTERVAL_S, **options)
     else:

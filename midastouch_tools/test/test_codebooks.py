@@ -79,7 +79,7 @@ def test_what_is_wrong_with_a_mesh_is_said_before_its_codebook_is_built(tmp_path
     mesh, sensor = ObjectMesh.from_arrays(hollow.vertices, hollow.faces, "hollow"), SensorModel.load("digit_tacto")
     codebooks.build_and_save(mesh, FlatTcn(), sensor, SIZE, 0, tmp_path / "hollow.npz", jobs=1)
     said = capsys.readouterr().err
-    assert "hollow: 60 x 60 x 60 mm; 2560 faces; 2 shells, 1 of them inside" in said
+    assert "hollow: 60 x 60 x 60 mm; faces: 2560; shells: 2, of them inside: 1" in said
     assert "warning: hollow: 31% of the surface lies inside" in said
 
 
@@ -87,7 +87,7 @@ def test_every_step_of_a_build_shows_how_far_it_is(build, capsys):
     build(FlatTcn())
     said = capsys.readouterr().err
     assert f"poses that reach ball: 100%|██████████| {SIZE}/{SIZE}" in said
-    assert int(re.findall(r"symmetry of ball: (\d+)motion", said)[-1]) > 10
+    assert int(re.findall(r"symmetry of ball: (\d+) motions", said)[-1]) > 10
     assert f"codebook of ball: 100%|██████████| {SIZE}/{SIZE}" in said
 
 

@@ -30,5 +30,5 @@ def test_each_step_has_its_bar_and_one_without_a_known_end_counts(capsys):
     lines = capsys.readouterr().err.splitlines()
     first = [line for line in lines if line.startswith("symmetry of mug: ")]
     assert lines[: len(first)] == first
-    assert first[-1].startswith("symmetry of mug: 3motion")
+    assert first[-1].startswith("symmetry of mug: 3 motions")
     assert lines[-1].startswith("codebook of mug: 100%")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,12 +25,12 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects
 
-from ..explore.progress import object_answer, progress_line
-from ..explore.result import ExplorationEnd
+from ..exploration_result import ExplorationEnd
 from ..progress import progress_bar
 
 _OF_A_FINGER = "p: push the object; o: another object; "
 _NUDGE = 0.01  # m
+_LONGEST_NAME = 30  # with it, a line has at most 100 columns
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
@@ -176,3 +176,28 @@ def keys_help(finger: bool) -> str:
 def file_of(address: str) -> str:
     """Return the file that the address of a mesh stands for."""
     return str(resolve(address, "mesh").resolve())
+
+
+def progress_line(
+    state: str, path_length: float, seconds: float, answer: str, filter_state: str, mode_mass: float
+) -> str:
+    """Return a line of at most 100 columns: the explorer's state, its path [m], seconds since the start, which object
+    it is, the filter's state and the probability of its best pose [0 to 1].
+
+    answer: from `object_answer`.
+    """
+    done = f"{state}, {1e3 * path_length:.0f} mm, {seconds:.0f} s"
+    return f"{done} | {answer} | {filter_state}, best pose {mode_mass:.0%}"
+
+
+def object_answer(objects: Mapping[str, float], given: str) -> str:
+    """Return the name of the most probable object with its probability. Without probabilities, return `given`, the name
+    of the object that the filter was given, or "no object yet" if that is empty."""
+    if objects:
+        name = max(objects, key=objects.get)
+        return f"{_shortened(name)} {objects[name]:.0%}"
+    return _shortened(given) if given else "no object yet"
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 3]}..."

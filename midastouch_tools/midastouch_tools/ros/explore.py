@@ -21,7 +21,7 @@ from midastouch_perception.codebook import Codebook
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..demo.preparation import prepare_codebooks
-from ..explore.result import ending, exploration_result, result_rows, write_page, write_words
+from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
 from ..processes.foreground import Wait, await_ends, woken_by_signals
 from ..processes.process import Process, Program

@@ -117,7 +117,7 @@ def values(setup: str, words: Sequence[str]) -> dict[str, str]:
         if not separator:
             raise InputError(f"{word}: write NAME:=VALUE")
         if name not in given:
-            raise InputError(f"{name}: no argument of {setup}; see midastouch run {setup} --show-args")
+            raise InputError(f"{name}: {setup} takes no such argument; see midastouch run {setup} --show-args")
         argument = ARGUMENTS[name]
         if argument.launch_only:
             raise InputError(f"{name}: only ros2 launch starts what this is about")

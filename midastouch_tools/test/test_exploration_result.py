@@ -6,7 +6,7 @@ import pytest
 from midastouch_common import se3
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_tools.bags.run_record import RecordedMode, RunRecord, Snapshot
-from midastouch_tools.explore.result import (
+from midastouch_tools.exploration_result import (
     ExplorationEnd,
     ending,
     exploration_result,

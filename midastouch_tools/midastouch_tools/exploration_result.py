@@ -9,12 +9,12 @@ from typing import Any
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
-from ..bags.run_record import RunRecord, Snapshot
-from ..demo.result import demo_result, is_found
-from ..demo.result import result_rows as rows_of_run
-from ..drawing.figures import identity_figure, save
-from ..drawing.page import Page
-from ..drawing.run_pictures import add_run
+from .bags.run_record import RunRecord, Snapshot
+from .demo.result import demo_result, is_found
+from .demo.result import result_rows as rows_of_run
+from .drawing.figures import identity_figure, save
+from .drawing.page import Page
+from .drawing.run_pictures import add_run
 
 
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
@@ -106,8 +106,8 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
     rows = [
         ["exploration", ended],
-        ["says that it knows, and is right", "yes" if result["right"] else "no"],
-        ["way on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
+        ["the pose is known, and right", "yes" if result["right"] else "no"],
+        ["path on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
         ["time from the start of the nodes", f"{result['seconds']:.0f} s"],
     ]
     if "answer" in result:

@@ -1,4 +1,4 @@
-from midastouch_tools.explore.progress import object_answer, progress_line
+from midastouch_tools.ros.exploration_console import object_answer, progress_line
 
 
 def test_the_line_holds_what_one_waits_for():

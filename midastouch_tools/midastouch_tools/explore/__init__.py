@@ -1,1 +1,0 @@
-"""What a person sees of an exploration: its progress, its page."""
