@@ -14,7 +14,7 @@ from midastouch_filter import loaded_object
 from midastouch_filter.active_touch.suggestion import CLEARANCE
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.pose_hypothesis import ANOTHER, ANOTHER_TURN
+from midastouch_filter.core.pose_difference import ANOTHER, ANOTHER_TURN
 from midastouch_perception.codebook import YAWS
 from midastouch_perception.codebook_build import CodebookBuild
 

@@ -1,4 +1,4 @@
-"""A DIGIT on a UR arm: driver, mount, localisation, RViz."""
+"""A DIGIT on an arm: one that runs already (arm:=running), or a UR. Driver, mount, localisation, RViz."""
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import IncludeLaunchDescription, LogInfo, OpaqueFunction

@@ -33,7 +33,7 @@ from .core.noise_model import REGION_WIDTH, NoiseModel
 from .core.novelty import Novelty
 from .core.object_model import ObjectModel
 from .core.pace import InTime, always
-from .core.pose_hypothesis import Prior
+from .core.pose_difference import Prior
 from .core.state import StateEvidence, StateMachine, Status
 from .core.touch import Measurement, gels_of
 from .core.track import Track

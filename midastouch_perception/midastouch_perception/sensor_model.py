@@ -1,4 +1,4 @@
-"""Geometry of one kind of DIGIT: camera and undeformed gel, read from a YAML file.
+"""Geometry of one kind of tactile sensor: camera and undeformed gel, read from a YAML file.
 
 Frames (docs/interfaces.md): the gel frame has its origin at the apex of the undeformed gel and z from object to
 camera; the camera sits `gel_distance` up that axis and looks along -z. Pixels exist only here.

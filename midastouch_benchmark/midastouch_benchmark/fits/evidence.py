@@ -25,7 +25,7 @@ from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.pose_hypothesis import another
+from midastouch_filter.core.pose_difference import another
 from midastouch_filter.filter import ParticleFilter
 from midastouch_simulation.procedural import random_shape
 from midastouch_simulation.random_parts import random_part

@@ -12,7 +12,7 @@ from ..core.answer import Group, modes_of
 from ..core.belief import Belief
 from ..core.noise_model import REGION_WIDTH, NoiseModel
 from ..core.object_model import ObjectModel
-from ..core.pose_hypothesis import another
+from ..core.pose_difference import another
 from ..filter import ParticleFilter
 
 MOST = 8

@@ -17,7 +17,7 @@ from .alignment import Sighting, transform_covariance
 from .belief import Belief
 from .estimate import Mode
 from .noise_model import NoiseModel
-from .pose_hypothesis import alike, another
+from .pose_difference import alike, another
 
 _MOST_MODES, _GROUPED = 64, 200  # modes that are published; heaviest hypotheses that are grouped into modes
 _NEGLIGIBLE = 1e-5  # probability below which a hypothesis makes no mode of its own

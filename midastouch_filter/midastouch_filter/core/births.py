@@ -13,7 +13,7 @@ from midastouch_common import se3
 
 from .belief import Belief, Hypotheses
 from .noise_model import NoiseModel
-from .pose_hypothesis import Prior
+from .pose_difference import Prior
 
 _CROWDED = 2  # with more untested poses than this many codebooks hold, no further ones are born
 

@@ -1,4 +1,4 @@
-"""State of the filter, which says whether its answer can be trusted, and the reason for it."""
+"""State of the filter: how far its answer can be trusted, and why. `CatalogueLocaliser` may lower `converged`."""
 
 from __future__ import annotations
 

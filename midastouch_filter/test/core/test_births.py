@@ -10,7 +10,7 @@ from midastouch_filter.core.belief import Belief
 from midastouch_filter.core.births import Births
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.pose_hypothesis import Prior
+from midastouch_filter.core.pose_difference import Prior
 
 NOISE = NoiseModel.of(FilterConfig())
 ALL = 10_000

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from midastouch_common import se3
 from midastouch_common.pose_metric import pose_distance
-from midastouch_filter.core.pose_hypothesis import ANOTHER, NO_SYMMETRY, Prior, alike, another
+from midastouch_filter.core.pose_difference import ANOTHER, NO_SYMMETRY, Prior, alike, another
 from midastouch_perception.symmetry.group import Symmetry
 
 HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
