@@ -15,19 +15,20 @@ EVERY_NODE = "**"
 
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
-    """Read the parameters in a ROS parameter file, by node name; names of nested ones are joined by dots.
+    """Read the parameters in a ROS parameter file, by node name (of `/**/NODE`, NODE in any namespace); names of nested
+    ones are joined by dots.
 
     Raises InputError for a file that is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
     """
     document = read_yaml(path, "parameter")
     if not isinstance(document, dict):
         raise InputError(f"{path}: holds no nodes; write NODE: {{ros__parameters: {{NAME: VALUE}}}}")
-    nodes = {}
+    nodes: dict[str, dict] = {}
     for node, content in document.items():
         values = content.get("ros__parameters") if isinstance(content, dict) else None
         if not isinstance(values, dict) or len(content) != 1:
             raise InputError(f"{path}: node '{node}' must hold ros__parameters and nothing else")
-        nodes[str(node).lstrip("/")] = _flat(values)
+        nodes.setdefault(str(node).removeprefix("/**/").lstrip("/"), {}).update(_flat(values))
     return nodes
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+from rclpy.node import Node
 
+from midastouch_bringup.parameter_files import read_parameters
 from midastouch_filter.nodes import filter_parameters
 from midastouch_motion.nodes import ur_tf
 from midastouch_perception.nodes import tcn, tdn
@@ -24,21 +25,12 @@ TABLES = {
 }
 
 
-def leaves(tree: dict, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in tree.items():
-        if isinstance(value, dict):
-            yield from leaves(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
-
-
 def settings() -> Iterator[tuple[str, str, str, Any]]:
     """(file, node, parameter, value) of every line that sets one of these nodes' parameters."""
     for path in sorted(CONFIG.glob("*.yaml")):
-        for node, tree in yaml.safe_load(path.read_text()).items():
-            if node in TABLES:
-                for name, value in leaves(tree["ros__parameters"]):
-                    yield path.name, node, name, value
+        if path.name != "frames.yaml":
+            for node, values in read_parameters(path).items():
+                yield from ((path.name, node, name, value) for name, value in values.items() if node in TABLES)
 
 
 def test_there_is_something_to_check():
@@ -59,3 +51,11 @@ def test_every_parameter_is_described_and_its_default_is_legal(node):
     for parameter in TABLES[node]:
         assert parameter.description
         assert parameter.problem(parameter.default) is None
+
+
+@pytest.mark.parametrize("namespace", ["/", "/left", "/arm/left"])
+def test_a_node_of_any_namespace_reads_the_shipped_file(graph, namespace):
+    arguments = ["--ros-args", "--params-file", str(CONFIG / "replay.yaml")]
+    options = {"namespace": namespace, "cli_args": arguments, "automatically_declare_parameters_from_overrides": True}
+    node = graph.add(lambda **more: Node("tdn", **options, **more))
+    assert node.get_parameter("queue_depth").value == 100
