@@ -114,19 +114,19 @@ def whole_folder(folder: str | os.PathLike) -> Iterator[Path]:
     """Yield a fresh folder for the files of a run. In the end they take the place of those of the run before, all at
     once; other files in `folder` stay.
 
-    Of a run that fails the files are kept in `folder/failed`, of one that is interrupted or dies nothing. InputError
-    while another process is at work there.
+    Of a run that fails the files are kept in a folder `failed` until the next that does not, of one that is interrupted
+    or dies nothing. InputError while another process is at work there.
     """
     folder = Path(folder)
-    fresh, failed, listed = folder / ".unfinished", folder / "failed", folder / ".made"
+    fresh, listed = folder / ".unfinished", folder / ".made"
     with sole_use(folder):
-        for left in (fresh, failed):
-            shutil.rmtree(left, ignore_errors=True)
+        shutil.rmtree(fresh, ignore_errors=True)
         fresh.mkdir()
+        there = {path.name for path in folder.iterdir()}
+        former = there & set(listed.read_text().splitlines()) if listed.is_file() else set()
         try:
             yield fresh
             names = {path.name for path in fresh.iterdir()}
-            former = set(listed.read_text().splitlines()) if listed.is_file() else set()
             listed.write_text("\n".join(former | names))  # all that is there if this process dies in the lines below
             for path in (folder / name for name in former | names):
                 shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
@@ -134,7 +134,7 @@ def whole_folder(folder: str | os.PathLike) -> Iterator[Path]:
                 (fresh / name).rename(folder / name)
             listed.write_text("\n".join(names))
         except Exception:
-            fresh.rename(failed)
+            listed.write_text("\n".join({*former, fresh.rename(next_new_folder(folder / "failed")).name}))
             raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)

@@ -149,6 +149,7 @@ def test_the_files_of_a_run_take_the_place_of_those_of_the_run_before_once_they_
         return sorted(path.name for path in tmp_path.iterdir() if not path.name.startswith("."))
 
     (tmp_path / "thesis.txt").touch()
+    (tmp_path / ".made").write_text("\n..\nanother.png")  # of somebody else: leads to nothing here
     with whole_folder(tmp_path) as fresh:
         (fresh / "log").mkdir()
         (fresh / "result.json").write_text("1")

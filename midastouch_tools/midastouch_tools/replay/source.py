@@ -128,7 +128,8 @@ class ReplaySource:
         links: dict[str, str] = {}
         if {TF_TOPIC, TF_STATIC_TOPIC} & {topic.name for topic in self.topics}:
             for message in islice(bag_messages(self.path, {TF_TOPIC, TF_STATIC_TOPIC}), _FIRST):
-                content: Any = typestore().deserialize_cdr(message.data, message.type_name)
+                with readable(self.path):
+                    content: Any = typestore().deserialize_cdr(message.data, message.type_name)
                 links |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in content.transforms}
         roots = {ancestors(frame.lstrip("/"), links.get)[-1] for frame in (base, gel)}
         if len(roots) == 1:
