@@ -54,7 +54,7 @@ class ArmWorld:
         of_controller, of_explorer = settings["contact_controller"], settings["explorer"]
         box = np.array(of_controller["box_low"]), np.array(of_controller["box_high"])
         guard = Guard(
-            *box, of_controller["max_depth"], force=of_controller["max_force"], cone=np.radians(of_controller["cone"])
+            *box, of_controller["max_depth"], force=of_controller["max_force"], cone=of_controller["max_tilt"]
         )
         self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], of_explorer["max_tilt"], asks=True)
         self._perceive = perceive

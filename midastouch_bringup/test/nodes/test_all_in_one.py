@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from process_rig import SHIPPED, processes
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
@@ -23,6 +22,7 @@ sys.path.append(str(Path(__file__).parents[3] / "tests"))
 sys.path.extend(str(Path(__file__).parents[3] / f"midastouch_{name}/test/nodes") for name in ("filter", "perception"))
 
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
+from process_rig import SHIPPED, processes
 from tf_messages import tf_msg
 
 from midastouch_bringup.nodes import all_in_one

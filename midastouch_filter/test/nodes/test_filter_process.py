@@ -43,7 +43,9 @@ def write_object(folder: Path, name: str, vertices: np.ndarray, faces: np.ndarra
         "format": FORMAT, "mesh_name": name, "mesh_sha256": mesh.sha256, "mesh_path": "", "sensor": sensor.name,
         "sensor_id": sensor.content_id, "tcn": network, "size": 500, "seed": 0, "temperature": 0.1, "outlier": 0.05,
     }  # fmt: skip
-    Codebook(poses, rng.standard_normal((500, 2)).astype(np.float32), meta).save(folder / f"{name}.npz")
+    codes = rng.standard_normal((500, 2)).astype(np.float32)
+    codes /= np.linalg.norm(codes, axis=1, keepdims=True)
+    Codebook(poses, codes, meta).save(folder / f"{name}.npz")
     return mesh
 
 
