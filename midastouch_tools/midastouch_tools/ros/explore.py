@@ -140,12 +140,14 @@ def _follow(
         supervisor.look_after()
         return console.ended is None
 
+    topics = (TF_TOPIC, IMAGE_TOPIC, *RESULTS)
+
     def still_to_come() -> str:
-        # others publish on /tf, too, so a connection proves nothing; a message does
-        return "" if recorder.counts[TF_TOPIC] else "the finger's transforms"
+        # the recorder may know a publisher that does not know it yet; a message from it proves both
+        return ", ".join(topic for topic in topics if not recorder.counts[topic])
 
     try:
-        if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn, still_to_come):
+        if await_recorder(recorder, topics, turn, still_to_come):
             while turn():
                 console.let_begin()
     except NodeFailed as error:
