@@ -1,3 +1,4 @@
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
@@ -21,6 +22,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
+        # for package://: RViz and other programs read the meshes there
+        (f"share/{package}/{package}/objects", [str(path) for path in sorted(Path(package, "objects").glob("*.ply"))]),
     ],
     install_requires=[
         "midastouch_common",

@@ -7,9 +7,8 @@ import shlex
 import pytest
 from documents import ALL, LINES, ROOT, SPANS, commands, table
 
-from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_tools.cli import add_commands, build_parser
-from midastouch_tools.ros.run import values
+from midastouch_tools.ros.launch_file import declared, path_of
 
 
 def test_every_midastouch_command_parses():
@@ -44,13 +43,14 @@ def test_launch_files_and_their_arguments_exist():
             assert call[1] == "midastouch_bringup"
             assert call[2] in described
             for argument in call[3:]:
-                assert argument == "--show-args" or argument.partition(":=")[0] in ARGUMENTS
-    for argument, _ in re.findall(r"`(\w+):=(\w+)`", ALL):
-        assert argument in ARGUMENTS
+                assert argument == "--show-args" or argument.partition(":=")[0] in declared(call[2].split(".")[0])
+    every = {argument for path in folder.glob("*.launch.py") for argument in declared(path.name.split(".")[0])}
+    assert {argument for argument, _ in re.findall(r"`(\w+):=(\w+)`", ALL)} <= every
 
 
 def test_what_is_run_without_launch_can_be_started():
     calls = [call[1:] for call in commands("midastouch") if call[0] == "run" and call[1].islower()]
     assert calls
     for setup, *words in calls:
-        values(setup, [word for word in words if word != "--show-args"])
+        assert path_of(setup)
+        assert {word.partition(":=")[0] for word in words if word != "--show-args"} <= declared(setup).keys()

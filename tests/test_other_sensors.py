@@ -9,9 +9,9 @@ from documents import DOCUMENTS, blocks, lines
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.nodes.parameters import PARAMETERS
-from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_tools.cli import build_parser
+from midastouch_tools.ros.launch_file import declared
 
 PAGE = DOCUMENTS["docs/other_sensors.md"]
 LINES = lines(PAGE)
@@ -50,5 +50,5 @@ def test_its_commands_exist():
         else:
             assert program == "ros2"
             given = dict(word.split(":=") for word in words if ":=" in word)
-            assert given.keys() <= ARGUMENTS.keys()
+            assert given.keys() <= declared("live_ur").keys()
             assert SensorModel.load(given["sensor_model"]).name == "gelsight_mini"

@@ -25,6 +25,7 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "PYTHON_ONLY", tmp_path / "only.cmake")
     monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
     monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
+    monkeypatch.setattr(tool, "SHIMS", [])
     (tmp_path / "lock.txt").write_text("numpy==1\n")
     (tmp_path / "fix.py").touch()
     (tmp_path / "only.cmake").touch()

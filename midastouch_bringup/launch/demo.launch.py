@@ -3,40 +3,51 @@
 The first run makes the slide and the codebook under out/ of the current folder; later runs reuse them.
 """
 
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import OpaqueFunction, SetLaunchConfiguration
+import subprocess
 
-from midastouch_bringup.ros.launch_parts import (
-    check_arguments,
-    check_rviz,
-    declared,
-    included,
-    prepared,
-    to_ourselves,
-    wanted,
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    SetEnvironmentVariable,
 )
-from midastouch_bringup.ros.setups import SETUPS
-from midastouch_common.output_paths import demo_slide
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch_ros.substitutions import ExecutableInPackage
 
-ARGUMENTS = declared(SETUPS["demo"].values())
+SHARE = get_package_share_directory("midastouch_bringup")
+REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+ARGUMENTS = {
+    "object": ("handle_tool", "Bundled object that is slid over"),
+    "loop": ("true", "Play again and again"),
+    "prepare": ("true", "Make the slide and the codebook if they are missing"),
+    "bag": (["out/slides/", LaunchConfiguration("object")], "Slide, made if it is missing"),
+}
 
 
-def generate_launch_description() -> LaunchDescription:
+def generate_launch_description():
     """Make the slide and the codebook if they are missing, then include replay.launch.py with these arguments."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    replay = PythonLaunchDescriptionSource(f"{SHARE}/launch/replay.launch.py")
     return LaunchDescription(
         [
-            to_ourselves(),
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
-            prepared("demo", ["object"], play),
+            # not on the rest of the network, unless the user has chosen otherwise
+            SetEnvironmentVariable(REACH, EnvironmentVariable(REACH, default_value="LOCALHOST")),
+            *declared,
+            OpaqueFunction(function=prepare, condition=IfCondition(LaunchConfiguration("prepare"))),
+            IncludeLaunchDescription(replay),
         ]
     )
 
 
-def play(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Include the replay of the slide."""
-    return [
-        SetLaunchConfiguration("bag", str(demo_slide(context.launch_configurations["object"]))),
-        included("replay"),
-    ]
+def prepare(context):
+    """Have the command make the files that are missing, before anything is started."""
+    given = context.launch_configurations
+    midastouch = ExecutableInPackage("midastouch", "midastouch_tools").perform(context)
+    words = [f"{name}:={given[name]}" for name in ("object",)]
+    subprocess.run([midastouch, "run", "demo", *words, "--prepare"], check=True)

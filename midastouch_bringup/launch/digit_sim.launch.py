@@ -1,25 +1,77 @@
-"""A simulated DIGIT in place of the driver."""
+"""A simulated DIGIT in place of the driver; TF moves it."""
 
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode
+from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import check_arguments, declared, lifecycle_node
-from midastouch_bringup.ros.setups import SETUPS
+SHARE = get_package_share_directory("midastouch_bringup")
+ARGUMENTS = {
+    "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
+    "setup_file": ("", "What this launch file itself changes in params_file"),
+    "params_overlay": ("", "Parameter file of yours, over both; it may hold only what differs"),
+    "use_respawn": ("false", "Start a node again after it died"),
+    "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
+    "use_sim_time": ("false", "Take the time from /clock"),
+    "autostart": ("", "Whether lifecycle nodes configure and activate by themselves; empty: as in params_file"),
+    "object": ("", "Bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)"),
+    "mesh": ("", "Mesh of the object, metres: a path or package://..."),
+    "sensor_model": ("", "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file"),
+    "sensor_prefix": ("", "Put before the sensor's frames; for several sensors, e.g. left_"),
+    "seed": ("", "Seed of the filter, and of what is simulated"),
+}
+# TF of the whole robot; ("/tf", "tf") is that of the namespace alone
+TF = [("/tf", "/tf"), ("/tf_static", "/tf_static")]
 
-ARGUMENTS = declared(SETUPS["digit_sim"].values())
+
+def generate_launch_description():
+    """Declare the arguments, then `start`."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
-def generate_launch_description() -> LaunchDescription:
-    """Start node `digit_sim`, which TF moves."""
-    return LaunchDescription(
-        [
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            # seed: an argument of explore.launch.py, which includes this file
-            lifecycle_node(
-                "midastouch_simulation",
-                "digit_sim",
-                ["autostart", "use_sim_time", "object", "mesh", "sensor_model", "sensor_prefix", "seed"],
-            ),
-        ]
-    )
+def start(context):
+    """Start node `digit_sim`. An argument that is empty leaves its parameter to the files."""
+    given = context.launch_configurations
+    files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
+    parameters = {"use_sim_time": given["use_sim_time"] == "true"}
+    if given["autostart"]:
+        parameters["autostart"] = given["autostart"] == "true"
+    if given["object"]:
+        parameters["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
+    for name in ("mesh", "sensor_model"):
+        if given[name]:
+            parameters[name] = ParameterValue(LaunchConfiguration(name), value_type=str)
+    if given["seed"]:
+        parameters["seed"] = LaunchConfiguration("seed")
+    if given["sensor_prefix"]:
+        parameters["frame_id"] = given["sensor_prefix"] + "digit_optical_frame"
+        if given.get("arm") != "mujoco":  # whose setup_file names the true gel frame
+            parameters["sensor_frame_id"] = given["sensor_prefix"] + "digit_gel_frame"
+    respawn = given["use_respawn"] == "true"
+
+    def ended(event, context):
+        # bad input (2) stays bad; after a Shutdown the launch would exit with 0
+        if not context.is_shutdown and not (respawn and event.returncode != 2):
+            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+    return [
+        LifecycleNode(
+            package="midastouch_simulation",
+            executable="digit_sim",
+            name="digit_sim",
+            namespace=given["namespace"],
+            parameters=[*files, parameters],
+            remappings=TF,
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+            respawn=respawn,
+            respawn_delay=2.0,
+            on_exit=ended,
+        )
+    ]

@@ -4,62 +4,114 @@ The first run makes the codebooks under out/ of the current folder; later runs r
 the same, and also takes keys and ends with a page of results.
 """
 
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import OpaqueFunction, SetLaunchConfiguration
+import subprocess
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, SetEnvironmentVariable
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import EnvironmentVariable, EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.substitutions import ExecutableInPackage
 
-from midastouch_bringup.ros.launch_parameters import explored
-from midastouch_bringup.ros.launch_parts import (
-    arm_is,
-    check_arguments,
-    check_rviz,
-    declared,
-    ending_node,
-    included,
-    lasting_node,
-    lifecycle_node,
-    prepared,
-    to_ourselves,
-    wanted,
-)
-from midastouch_bringup.ros.setups import SETUPS
+SHARE = get_package_share_directory("midastouch_bringup")
+REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+ARM = LaunchConfiguration("arm")
+ARGUMENTS = {
+    "arm": ("finger", "What moves the sensor: finger (no mechanics), or mujoco (a UR in MuJoCo)"),
+    "setup_file": ([SHARE, "/config/explore_", ARM, ".yaml"], "What this launch file itself changes in params_file"),
+    "use_sim_time": (EqualsSubstitution(ARM, "mujoco"), "Take the time from /clock"),
+    "object": ("star_knob", "Bundled object: gives mesh, and codebook from out/cache/codebooks"),
+    "mesh": ("", "Mesh of the object, metres: a path or package://..."),
+    "codebook": ("", "Codebook of that mesh; empty: one is made"),
+    "objects": ("ball,eyebolt,handle_tool,star_knob", "Objects it may be besides, for the filter, separated by ','"),
+    "seed": ("2", "Seed of the filter, and of what is simulated; with some it gives up"),
+    "start_paused": ("false", "The explorer waits for ~/resume"),
+    "prepare": ("true", "Make the codebooks that are missing first"),
+    "use_rviz": ("true", "Start RViz"),
+    "rviz_config": (f"{SHARE}/rviz/explore.rviz", "RViz configuration"),
+}
 
-ARGUMENTS = declared(SETUPS["explore"].values(), SETUPS["explore"].choices)
 
-
-def generate_launch_description() -> LaunchDescription:
+def generate_launch_description():
     """Make missing codebooks, then start `digit_sim`, the localisation, the simulated finger or arm, and `explorer`."""
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     return LaunchDescription(
         [
-            to_ourselves(),
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
-            prepared("explore", ["object", "mesh", "codebook", "objects", "arm"], explore),
+            # not on the rest of the network, unless the user has chosen otherwise
+            SetEnvironmentVariable(REACH, EnvironmentVariable(REACH, default_value="LOCALHOST")),
+            *declared,
+            OpaqueFunction(function=prepare, condition=IfCondition(LaunchConfiguration("prepare"))),
+            OpaqueFunction(function=name_files),
+            included("digit_sim"),
+            included("localization"),
+            included("rviz", IfCondition(LaunchConfiguration("use_rviz"))),
+            OpaqueFunction(function=start),
         ]
     )
 
 
-def explore(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Start the nodes. Included launch files receive the arguments of this one by name."""
+def included(name, condition=None):
+    """Another of our launch files. It receives the arguments of this one by name."""
+    source = PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py")
+    return IncludeLaunchDescription(source, condition=condition)
+
+
+def prepare(context):
+    """Have the command make the codebooks that are missing, before anything is started."""
+    given = context.launch_configurations
+    midastouch = ExecutableInPackage("midastouch", "midastouch_tools").perform(context)
+    words = [f"{name}:={given[name]}" for name in ("arm", "object", "mesh", "codebook", "objects")]
+    subprocess.run([midastouch, "run", "explore", *words, "--prepare"], check=True)
+
+
+def name_files(context):
+    """Replace the names of bundled objects by their files; the explored object is among `objects`, if there are any."""
+    given, quick = context.launch_configurations, "out/cache/codebooks/{}_10000.npz"
+    given["mesh"] = (
+        given["mesh"] or f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
+    )
+    name = Path(given["mesh"]).stem
+    given["codebook"] = given["codebook"] or str(Path(quick.format(name)).resolve())
+    others = [one.strip() for one in given["objects"].split(",") if one.strip() not in ("", name)]
+    books = [one if "." in one or "/" in one else str(Path(quick.format(one)).resolve()) for one in others]
+    given["objects"] = ",".join([*books, given["codebook"]]) if books else ""
+
+
+def start(context):
+    """Start what moves the sensor, and `explorer`."""
+    given = context.launch_configurations
+    files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
+    frames = {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
+    if given["sensor_prefix"]:
+        frames["sensor_frame_id"] = given["sensor_prefix"] + "digit_gel_frame"
+    clock = {"use_sim_time": given["use_sim_time"] == "true"}
+    touched, seed = {"mesh": given["mesh"]}, {"seed": int(given["seed"])}
+    finger, explorer = {**frames, **touched, **seed}, {**clock, **frames, **touched, **seed}
+    explorer["start_paused"] = given["start_paused"] == "true"
+    nodes = [("midastouch_motion", "explorer", explorer)]
+    if given["arm"] == "finger":
+        nodes += [("midastouch_simulation", "simulated_finger", finger)]
+    else:
+        nodes += [("midastouch_simulation", "mujoco_arm", {**frames, **touched})]
+        nodes += [("midastouch_motion", "contact_controller", {**clock, **frames})]
     return [
-        # mesh, codebook and objects, as they were just made
-        *(SetLaunchConfiguration(name, path) for name, path in explored(context.launch_configurations).items()),
-        included("digit_sim"),
-        included("localization"),
-        included("rviz", condition=wanted("use_rviz")),
-        _simulated_arm("midastouch_simulation", "simulated_finger", "finger"),
-        _simulated_arm("midastouch_simulation", "mujoco_arm", "mujoco"),
-        lifecycle_node(
-            "midastouch_motion",
-            "contact_controller",
-            ["autostart", "tf_prefix", "sensor_prefix"],
-            condition=arm_is("mujoco"),
-        ),
-        ending_node("midastouch_motion", "explorer", ["mesh", "seed", "tf_prefix", "sensor_prefix"]),
+        Node(
+            package=package,
+            executable=executable,
+            namespace=given["namespace"],
+            parameters=[*files, parameters],
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+            on_exit=ended,
+        )
+        for package, executable, parameters in nodes
     ]
 
 
-def _simulated_arm(package: str, executable: str, name: str) -> Node:
-    """Start the node that moves the gel if arm:=`name`."""
-    return lasting_node(package, executable, ["mesh", "seed", "tf_prefix", "sensor_prefix"], condition=arm_is(name))
+def ended(event, context):
+    """End the launch with exit code 1 if a node has died; the others stay once the explorer has ended well."""
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")

@@ -4,46 +4,116 @@ It moves only while `contact_controller/enable` is repeated, and explores once `
 recorded.
 """
 
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
+from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import (
-    arm_is,
-    check_arguments,
-    declared,
-    ending_node,
-    included,
-    lasting_node,
-    lifecycle_node,
-)
-from midastouch_bringup.ros.setups import SETUPS
+SHARE = get_package_share_directory("midastouch_bringup")
+ARGUMENTS = {
+    "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
+    "setup_file": (f"{SHARE}/config/explore_ur.yaml", "What this launch file itself changes in params_file"),
+    "params_overlay": ("", "Parameter file of yours, over both; it may hold only what differs"),
+    "use_respawn": ("false", "Start a node again after it died"),
+    "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
+    "use_sim_time": ("false", "Take the time from /clock"),
+    "arm": ("running", "TF and motion of the arm: of one that runs already (running), or by RTDE (rtde)"),
+    "tcp_offset": ("", "With arm:=rtde: tool centre point on the teach pendant, [x, y, z, rx, ry, rz], m and rad"),
+    "sensor_model": (
+        "digit_real",
+        "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file",
+    ),
+    "record": (
+        "out/explore_ur/%Y-%m-%d_%H-%M-%S.mcap",
+        "Bag that the run is recorded into; the time by %Y, %m, %d, %H, %M, %S",
+    ),
+}
 
-OF_EXPLORER = ["use_sim_time", "object", "mesh", "seed", "tf_prefix", "sensor_prefix"]
-ARGUMENTS = declared(SETUPS["explore_ur"].values(), SETUPS["explore_ur"].choices)
 
-
-def generate_launch_description() -> LaunchDescription:
-    """Start the nodes of `live_ur`, `contact_controller`, `recorder`, `explorer`, and with arm:=rtde `ur_speed`.
-
-    Included launch files receive these arguments by name.
-    """
+def generate_launch_description():
+    """Start the nodes of `live_ur`, `contact_controller`, `recorder`, `explorer`, and with arm:=rtde `ur_speed`."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    live_ur = PythonLaunchDescriptionSource(f"{SHARE}/launch/live_ur.launch.py")
     return LaunchDescription(
         [
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            included("live_ur"),
-            lifecycle_node(
-                "midastouch_motion",
-                "ur_speed",
-                ["autostart", "arm", "robot_ip", "tf_prefix", "sensor_prefix"],
-                condition=arm_is("rtde"),
-            ),
-            lifecycle_node(
-                "midastouch_motion",
-                "contact_controller",
-                ["autostart", "use_sim_time", "sensor_model", "tf_prefix", "sensor_prefix"],
-            ),
-            lasting_node("midastouch_tools", "recorder", ["record"]),
-            ending_node("midastouch_motion", "explorer", OF_EXPLORER),
+            *declared,
+            OpaqueFunction(function=check),
+            IncludeLaunchDescription(live_ur),
+            OpaqueFunction(function=start),
         ]
     )
+
+
+def check(context):
+    """Raise before anything is started: what has begun would go on."""
+    if context.launch_configurations["arm"] == "rtde" and not context.launch_configurations["tcp_offset"]:
+        raise RuntimeError("tcp_offset:=[x, y, z, rx, ry, rz]: as on the teach pendant, zeros if none is set there")
+
+
+def start(context):
+    """Start the nodes that are not in `live_ur`. An argument that is empty leaves its parameter to the files."""
+    given = context.launch_configurations
+    files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
+    clock = {"use_sim_time": given["use_sim_time"] == "true"}
+    base = {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
+    gel = {"sensor_frame_id": given["sensor_prefix"] + "digit_gel_frame"} if given["sensor_prefix"] else {}
+    controller = {**clock, **base, **gel, "sensor_model": given["sensor_model"]}
+    explorer = {**clock, **base, **gel}
+    if given["object"]:
+        explorer["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
+    if given["mesh"]:
+        explorer["mesh"] = ParameterValue(LaunchConfiguration("mesh"), value_type=str)
+    if given["seed"]:
+        explorer["seed"] = LaunchConfiguration("seed")
+    common = {"namespace": given["namespace"], "output": "screen", "ros_arguments": ["--log-level", given["log_level"]]}
+    respawn = given["use_respawn"] == "true"
+
+    def ended(event, context):
+        # bad input (2) stays bad; after a Shutdown the launch would exit with 0
+        if not context.is_shutdown and not (respawn and event.returncode != 2):
+            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+    def finished(event, context):
+        # the others stay once the pose is known; after it gave up all end
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}: ending all")
+
+    lasting = common | {"respawn": respawn, "respawn_delay": 2.0, "on_exit": ended}
+    nodes = [
+        LifecycleNode(
+            package="midastouch_motion",
+            executable="contact_controller",
+            name="contact_controller",
+            parameters=[*files, controller],
+            **lasting,
+        ),
+        Node(
+            package="midastouch_tools", executable="recorder", parameters=[*files, {"path": given["record"]}], **lasting
+        ),
+        Node(
+            package="midastouch_motion",
+            executable="explorer",
+            parameters=[*files, explorer],
+            on_exit=finished,
+            **common,
+        ),
+    ]
+    if given["arm"] == "rtde":
+        tcp = {"robot_ip": given["robot_ip"], "tcp_offset": LaunchConfiguration("tcp_offset")}
+        tool = {"tool_frame_id": given["tf_prefix"] + "tool0", **gel}
+        nodes.append(
+            LifecycleNode(
+                package="midastouch_motion",
+                executable="ur_speed",
+                name="ur_speed",
+                parameters=[*files, {**tcp, **tool}],
+                **lasting,
+            )
+        )
+    return nodes

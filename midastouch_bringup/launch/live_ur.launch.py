@@ -1,72 +1,102 @@
 """A DIGIT on an arm: one that runs already (arm:=running), or a UR. Driver, mount, localisation, RViz."""
 
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import IncludeLaunchDescription, LogInfo, OpaqueFunction
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_parts import (
-    arm_is,
-    check_arguments,
-    check_mount,
-    check_package,
-    check_rviz,
-    declared,
-    included,
-    lasting_node,
-    wanted,
-)
-from midastouch_bringup.ros.setups import SETUPS
+SHARE = get_package_share_directory("midastouch_bringup")
+ARGUMENTS = {
+    "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
+    "setup_file": ("", "What this launch file itself changes in params_file"),
+    "params_overlay": ("", "Parameter file of yours, over both; it may hold only what differs"),
+    "use_respawn": ("false", "Start a node again after it died"),
+    "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
+    "robot_ip": ("", "Address of the arm; must be given with arm:=ur_driver and arm:=rtde"),
+    "tcp_offset": ("", "With arm:=rtde: tool centre point on the teach pendant, [x, y, z, rx, ry, rz], m and rad"),
+    "ur_type": ("ur5e", "Model of the arm, for arm:=ur_driver"),
+    "kinematics_params_file": ("", "Calibration of this very arm (ur_calibration), for arm:=ur_driver"),
+    "use_mock_hardware": ("false", "Mock arm, for arm:=ur_driver"),
+    "tf_prefix": ("", "Put before the arm's frames and joints, as in the UR driver"),
+    "sensor_model": (
+        "digit_real",
+        "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file",
+    ),
+    "use_rviz": ("true", "Start RViz"),
+}
 
-ARGUMENTS = declared(SETUPS["live_ur"].values(), SETUPS["live_ur"].choices)
 
-
-def generate_launch_description() -> LaunchDescription:
-    """Start everything; the arm's own driver only with arm:=ur_driver.
-
-    Included launch files receive these arguments by name.
-    """
+def generate_launch_description():
+    """Start everything; the arm's own driver only with arm:=ur_driver."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription(
         [
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            OpaqueFunction(function=check_mount),
-            OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
-            OpaqueFunction(
-                function=check_package,
-                args=["ur_robot_driver", "or start the arm yourself (arm:=running)"],
-                condition=arm_is("ur_driver"),
+            DeclareLaunchArgument(
+                "arm",
+                default_value="running",
+                choices=["running", "ur_driver", "rtde"],
+                description="TF of the arm: of one that runs already, the UR ROS driver started here, or RTDE",
             ),
-            OpaqueFunction(function=ur_driver, condition=arm_is("ur_driver")),
-            lasting_node("midastouch_motion", "ur_tf", ["arm", "robot_ip", "tf_prefix"], condition=arm_is("rtde")),
+            *declared,
+            OpaqueFunction(function=arm),
             included("mount"),
             included("driver"),
             included("localization"),
-            included("rviz", condition=wanted("use_rviz")),
+            included("rviz", IfCondition(LaunchConfiguration("use_rviz"))),
         ]
     )
 
 
-def ur_driver(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Include the arm's driver, with the calibration of this particular arm if it is given."""
+def included(name, condition=None):
+    """Another of our launch files. It receives the arguments of this one by name."""
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py"), condition=condition
+    )
+
+
+def arm(context):
+    """Start node `ur_tf` with arm:=rtde, or the arm's own driver with arm:=ur_driver."""
     given = context.launch_configurations
-    arguments = {name: given[name] for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")}
-    arguments["launch_rviz"] = "false"
-    actions = []
-    if given["kinematics_params_file"]:
-        arguments["kinematics_params_file"] = given["kinematics_params_file"]
-    elif given["use_mock_hardware"] == "false":
-        actions.append(
-            LogInfo(
-                msg="WARNING: without kinematics_params_file the tool may be centimetres off. "
-                "Extract the arm's calibration: ros2 launch ur_calibration calibration_correction.launch.py "
-                f"robot_ip:={given['robot_ip']} target_filename:=$HOME/arm.yaml\n"
-                "Then give kinematics_params_file:=$HOME/arm.yaml"
-            )
+    if given["arm"] != "running" and not given["robot_ip"] and given["use_mock_hardware"] == "false":
+        raise RuntimeError(f"arm:={given['arm']}: at which address? Give that of its controller, robot_ip:=ADDRESS")
+    if given["arm"] == "ur_driver":
+        words = ["robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"]
+        if not given["kinematics_params_file"]:  # with the nominal one the tool may be centimetres off
+            words.remove("kinematics_params_file")
+        source = PythonLaunchDescriptionSource(
+            f"{get_package_share_directory('ur_robot_driver')}/launch/ur_control.launch.py"
         )
-    ur_control = PathJoinSubstitution([FindPackageShare("ur_robot_driver"), "launch", "ur_control.launch.py"])
+        arguments = {name: given[name] for name in words} | {"launch_rviz": "false"}
+        return [IncludeLaunchDescription(source, launch_arguments=arguments.items())]
+    if given["arm"] != "rtde":
+        return []
+    files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
+    parameters = {name: given[name] for name in ("robot_ip", "tf_prefix") if given[name]}
+    if given["tcp_offset"]:
+        parameters["tcp_offset"] = LaunchConfiguration("tcp_offset")
+    respawn = given["use_respawn"] == "true"
+
+    def ended(event, context):
+        # bad input (2) stays bad; after a Shutdown the launch would exit with 0
+        if not context.is_shutdown and not (respawn and event.returncode != 2):
+            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
     return [
-        *actions,
-        IncludeLaunchDescription(PythonLaunchDescriptionSource(ur_control), launch_arguments=arguments.items()),
+        Node(
+            package="midastouch_motion",
+            executable="ur_tf",
+            namespace=given["namespace"],
+            parameters=[*files, parameters],
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+            respawn=respawn,
+            respawn_delay=2.0,
+            on_exit=ended,
+        )
     ]

@@ -1,23 +1,85 @@
 """Replay of a recording through perception and filter, in the recording's own time, without losing a frame."""
 
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import check_arguments, check_rviz, declared, ending_node, included, wanted
-from midastouch_bringup.ros.setups import SETUPS
+SHARE = get_package_share_directory("midastouch_bringup")
+ARGUMENTS = {
+    "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
+    "setup_file": (f"{SHARE}/config/replay.yaml", "What this launch file itself changes in params_file"),
+    "params_overlay": ("", "Parameter file of yours, over both; it may hold only what differs"),
+    "use_respawn": ("false", "Start a node again after it died"),
+    "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
+    "use_sim_time": ("true", "Take the time from /clock"),
+    "bag": ("", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    "rate": ("", "Recorded seconds per second; 0: as fast as the filter follows"),
+    "loop": ("false", "Play again and again"),
+    "background": ("", "No-contact image of this sensor, or a folder of its images; empty: from the first images"),
+    "use_rviz": ("true", "Start RViz"),
+}
 
-ARGUMENTS = declared(SETUPS["replay"].values())
 
-
-def generate_launch_description() -> LaunchDescription:
-    """Start node `replay`, the localisation and RViz. Included launch files receive these arguments by name."""
+def generate_launch_description():
+    """Start node `replay`, the localisation and RViz."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription(
         [
-            *ARGUMENTS,
-            OpaqueFunction(function=check_arguments),
-            OpaqueFunction(function=check_rviz, condition=wanted("use_rviz")),
+            *declared,
+            OpaqueFunction(function=own_background),
             included("localization"),
-            included("rviz", condition=wanted("use_rviz")),
-            ending_node("midastouch_tools", "replay", ["bag", "rate", "loop"]),
+            included("rviz", IfCondition(LaunchConfiguration("use_rviz"))),
+            OpaqueFunction(function=start),
         ]
     )
+
+
+def included(name, condition=None):
+    """Another of our launch files. It receives the arguments of this one by name."""
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py"), condition=condition
+    )
+
+
+def own_background(context):
+    """Take the no-contact image that a sequence's folder holds or, without one, the images to estimate it from."""
+    given = context.launch_configurations
+    for inside in ("background.png", "tactile_images", "frames"):
+        if not given["background"] and (path := Path(given["bag"], inside)).exists():
+            given["background"] = str(path.resolve())
+
+
+def start(context):
+    """Start node `replay`. An argument that is empty leaves its parameter to the files."""
+    given = context.launch_configurations
+    files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
+    parameters = {"source": ParameterValue(LaunchConfiguration("bag"), value_type=str), "loop": given["loop"] == "true"}
+    if given["rate"]:
+        parameters["rate"] = float(given["rate"])
+
+    def ended(event, context):
+        # when it has played everything the others stay, to be looked at
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+    return [
+        Node(
+            package="midastouch_tools",
+            executable="replay",
+            namespace=given["namespace"],
+            parameters=[*files, parameters],
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+            on_exit=ended,
+        )
+    ]

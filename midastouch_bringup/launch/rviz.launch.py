@@ -1,36 +1,36 @@
 """RViz with our view; closing it ends the launch."""
 
-from launch import LaunchContext, LaunchDescription
-from launch.actions import Shutdown
-from launch.events.process import ProcessExited
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_arguments import ARGUMENTS
-from midastouch_bringup.ros.launch_parts import bound_to_launch, declared
+SHARE = get_package_share_directory("midastouch_bringup")
+ARGUMENTS = {
+    "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "use_sim_time": ("false", "Take the time from /clock"),
+    "rviz_config": (f"{SHARE}/rviz/midastouch.rviz", "RViz configuration"),
+}
 
-TAKEN = declared({name: ARGUMENTS[name].default for name in ("namespace", "use_sim_time", "rviz_config")})
 
-
-def generate_launch_description() -> LaunchDescription:
+def generate_launch_description():
     """Start RViz in the namespace, so that the relative topics of its configuration resolve there."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription(
         [
-            *TAKEN,
+            *declared,
             Node(
                 package="rviz2",
                 executable="rviz2",
                 namespace=LaunchConfiguration("namespace"),
                 arguments=["-d", LaunchConfiguration("rviz_config")],
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
-                **bound_to_launch("rviz2"),
                 output="screen",
-                on_exit=_close,
+                # while launch is shutting down a second Shutdown fails
+                on_exit=lambda _, context: None if context.is_shutdown else Shutdown(reason="RViz was closed"),
             ),
         ]
     )
-
-
-def _close(_event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    # a second Shutdown event fails in launch_ros, whose ROS node is gone by then
-    return None if context.is_shutdown else Shutdown(reason="RViz was closed")

@@ -11,8 +11,8 @@ import pytest
 import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from launch_rig import carried_out
 
-from midastouch_bringup.ros.setups import SETUPS, executables
 from midastouch_tools.cli import build_parser
 
 ROOT = Path(__file__).parents[2]
@@ -87,11 +87,10 @@ def test_commands_are_ours():
     assert programs == 2
 
 
-def test_live_is_healthy_when_all_its_nodes_are():
+def test_live_is_healthy_when_all_its_nodes_are(tmp_path):
     form, entrypoint, script, *asked = COMPOSE["services"]["live"]["healthcheck"]["test"]
     assert (form, entrypoint, script) == ("CMD", "/usr/local/bin/entrypoint.sh", "healthcheck.py")
-    # its launch file has another node, which reports nothing, in the place of mount_tf
-    assert set(asked) == {one.name for one in executables("live_ur", SETUPS["live_ur"].values())} - {"mount_tf"}
+    assert set(asked) == carried_out("live_ur", tmp_path).keys() - {"mount_tf"}  # which reports nothing
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ def declared(node):
 
 
 @pytest.mark.parametrize(
-    "name", ["midastouch.yaml", "replay.yaml", "explore.yaml", "explore_ur.yaml", "arm_mujoco.yaml"]
+    "name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml", "explore_ur.yaml", "explore_mujoco.yaml"]
 )
 def test_keys_are_nodes_and_parameters_that_exist(name):
     for node, values in read_parameters(CONFIG / name).items():
@@ -25,7 +25,7 @@ def test_keys_are_nodes_and_parameters_that_exist(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["midastouch.yaml", "replay.yaml", "explore.yaml", "explore_ur.yaml", "arm_mujoco.yaml"]
+    "name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml", "explore_ur.yaml", "explore_mujoco.yaml"]
 )
 def test_types_are_those_declared(name):
     """rclpy refuses 1 where it declared 1.0."""
@@ -48,7 +48,7 @@ def test_the_live_file_holds_defaults():
             assert value == declared(node)[parameter], f"{node}: {parameter}"
 
 
-@pytest.mark.parametrize("name", ["replay.yaml", "explore.yaml"])
+@pytest.mark.parametrize("name", ["replay.yaml", "explore_finger.yaml"])
 def test_an_overlay_changes_something_and_drops_nothing(name):
     live, overlay = read_parameters(CONFIG / "midastouch.yaml"), read_parameters(CONFIG / name)
     for node, values in overlay.items():
@@ -66,7 +66,7 @@ def test_every_parameter_is_described(node):
         assert len(one.description) > 3, one.name
 
 
-@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml"])
 def test_presets_have_an_effect(name):
     """What a file sets goes over them."""
     turned = {parameter for settings in PRESETS.values() for parameter in settings}
@@ -74,4 +74,4 @@ def test_presets_have_an_effect(name):
 
 
 def test_finger_and_simulated_camera_have_one_time():
-    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("simulated_finger")["fps"]
+    assert read_parameters(CONFIG / "explore_finger.yaml")["digit_sim"]["fps"] == declared("simulated_finger")["fps"]

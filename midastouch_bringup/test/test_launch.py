@@ -1,171 +1,133 @@
-"""What the launch files start, by their arguments."""
+"""What the launch files start, by their arguments, and what they are made of."""
 
+import ast
+import importlib
+import inspect
+import os
+import re
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from fake_launch import (
-    FILES,
-    OURS,
-    Command,
-    Launched,
-    executables_of_setup_py,
-)
-from launch_rig import AN_ARM, BOX, carry_out, given_to, names, own_parameters, parameters
+import yaml
+from launch.on_wheels import commands
+from launch_rig import FILES, carried_out, started
+
+from midastouch_perception.objects import bundled_objects
+from midastouch_tools.cli import build_parser
+from midastouch_tools.demo.preparation import explored
+from midastouch_tools.ros.launch_file import declared, path_of
+
+ROOT = Path(__file__).parents[2]
+FACTS = yaml.safe_load((ROOT / "tests" / "facts" / "launch.yaml").read_text())
+RTDE = {"arm": "rtde", "robot_ip": "the.arm"}
+CHAIN = {"mount_tf", "digit_driver", "tdn", "tcn", "particle_filter"}
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_live_starts_the_chain_and_no_arm_unless_asked():
-    chain = {"digit_driver", "tdn", "tcn", "particle_filter", "robot_state_publisher", "rviz2"}
-    assert names(carry_out("live_ur")) == chain
-    assert names(carry_out("live_ur", use_rviz="false", **AN_ARM)) == chain - {"rviz2"} | {"ur_tf"}
-    driver = carry_out("live_ur", arm="ur_driver", robot_ip="10.0.0.7", ur_type="ur10e")
-    assert names(driver) == chain | {"launch/ur_control.launch.py"}
-    arguments = driver["ur_robot_driver", "launch/ur_control.launch.py"]
-    assert arguments["robot_ip"] == "10.0.0.7"
-    assert arguments["ur_type"] == "ur10e"
-    assert arguments["launch_rviz"] == "false"
+@pytest.fixture
+def more_is_installed(monkeypatch, tmp_path):
+    """Packages of ROS that PyPI lacks, of which the launch files start something."""
+    prefix = tmp_path / "prefix"
+    for package, executable in (("rviz2", "rviz2"), ("robot_state_publisher", "robot_state_publisher")):
+        (prefix / "share/ament_index/resource_index/packages").mkdir(parents=True, exist_ok=True)
+        (prefix / "share/ament_index/resource_index/packages" / package).touch()
+        (prefix / "lib" / package).mkdir(parents=True)
+        (prefix / "lib" / package / executable).touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}{os.pathsep}{os.environ['AMENT_PREFIX_PATH']}")
 
 
-ARMS = {"live_ur": ["running", "rtde"], "explore_ur": ["running", "rtde"], "explore": ["finger", "mujoco"]}
+@pytest.mark.parametrize("name", FILES)
+def test_a_launch_file_can_be_copied(name):
+    """It needs launch and what comes with that, nothing of ours, and is short."""
+    text = path_of(name).read_text()
+    needs = {node.module or "" for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
+    needs |= {alias.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import) for alias in node.names}
+    others = {"launch", "launch_ros", "ament_index_python", "yaml"}
+    assert {one.partition(".")[0] for one in needs} <= others | sys.stdlib_module_names
+    assert len(text.splitlines()) <= 120
 
 
-@pytest.mark.usefixtures("stand_ins")
-@pytest.mark.parametrize("composed", ["true", "false"])
-@pytest.mark.parametrize(
-    ("name", "arm"), [(name, arm) for name in FILES if name != "rviz" for arm in ARMS.get(name, ["running"])]
-)
-def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, monkeypatch):
-    """The same processes, and each of their nodes with the same parameters."""
-    from midastouch_bringup.ros.launch_parameters import explored
-    from midastouch_bringup.ros.launch_parameters import parameters as of_run
-    from midastouch_bringup.ros.setups import SETUPS, executables
+def test_what_stands_for_launch_takes_no_other_arguments():
+    ours = {}
+    for module, known in FACTS["classes"].items():
+        made = importlib.import_module(module)
+        for name in known.keys() & vars(made).keys():
+            taken = inspect.signature(getattr(made, name)).parameters.values()
+            ours[module, name] = {one.name for one in taken if one.kind is not one.VAR_KEYWORD} - set(known[name])
+    assert len(ours) > 20
+    assert set().union(*ours.values()) <= {"context", "name_", "process_name"}
 
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "background.png").touch()
-    setup = SETUPS[name]
-    some = {
-        "robot_ip": "the.arm",
-        "serial": "20025",
-        "sensor_model": "gelsight_mini",
-        "object": "ball",
+
+def test_live_starts_the_chain_and_no_arm_unless_asked(tmp_path, more_is_installed, monkeypatch):
+    assert started("live_ur", tmp_path).keys() == CHAIN
+    assert started("live_ur", tmp_path, **RTDE).keys() == CHAIN | {"ur_tf"}
+    monkeypatch.setattr("subprocess.run", lambda *_args, **_options: SimpleNamespace(stdout="<robot name='digit'/>"))
+    with_view = carried_out("live_ur", tmp_path, use_rviz="true")
+    assert with_view.keys() == CHAIN | {"robot_state_publisher", "rviz2"}
+    assert "robot_description:=digit_description" in with_view["robot_state_publisher"]
+
+
+def test_an_argument_that_is_not_given_leaves_it_to_the_files(tmp_path):
+    assert started("live_ur", tmp_path)["digit_driver"]["serial"] == ""
+    words = {
+        "serial": "D20025",
         "seed": "7",
-        "tf_prefix": "a_",
-        "sensor_prefix": "b_",
-        "namespace": "left",
-        "autostart": "true",
-        "preset": "fast",
-        "fingers": "/right:right_digit_gel_frame",
-        "bag": str(tmp_path),
-        "rate": "0",
         "init_mode": "wait",
-        "use_respawn": "true",
-        "log_level": "warn",
+        "preset": "fast",
+        "mesh": "a.ply",
+        "codebook": "a.npz",
     }
-    given = setup.values() | some | given_to(name) | {"composed": composed, "arm": arm}
-    given = {key: value for key, value in given.items() if key in setup.arguments}
-    started = carry_out(name, **given)
-    # PyPI has neither: a node of ours has the same TF, and midastouch view shows the same
-    instead = {"robot_state_publisher": {("midastouch_motion", "mount_tf")}, "rviz2": set()}
-    expected = set().union(*(instead.get(one[1], {one}) for one in started))
-    ran = {(one.package, one.name): one for one in executables(name, given)}
-    assert ran.keys() == expected
-    assert ran.keys() <= executables_of_setup_py()
-    if name == "explore":
-        given |= explored(given)
-    if name == "demo":
-        given["bag"] = "out/slides/ball"
-    meant = of_run(given)
-    for key in ran.keys() & started.keys():
-        found, kwargs = parameters(started[key]), started[key]
-        nodes = ("tdn", "tcn", "particle_filter") if key[1] == "all_in_one" else (key[1],)
-        assert {node: found.get(f"/left/{node}", {}) for node in nodes} == {node: meant.get(node, {}) for node in nodes}
-        assert kwargs["namespace"] == "left"
-        assert kwargs["arguments"][-1] == "warn"
-        assert kwargs["respawn"] != ran[key].ends
+    given = started("live_ur", tmp_path, **words)
+    assert given["digit_driver"]["serial"] == given["tdn"]["serial"] == "D20025"
+    of_filter = given["particle_filter"]
+    assert [of_filter[name] for name in ("seed", "init_mode", "preset", "mesh", "codebook")] == [
+        *(7, "wait", "fast", "a.ply", "a.npz")
+    ]
+    overlay = tmp_path / "mine.yaml"
+    overlay.write_text("tdn: {ros__parameters: {queue_depth: 7, serial: D1}}")
+    over = started("replay", tmp_path, bag="x", params_overlay=str(overlay))["tdn"]
+    assert (over["queue_depth"], over["reliable"], over["serial"]) == (7, True, "D1")
+    assert started("replay", tmp_path, bag="x", params_overlay=str(overlay), serial="D2")["tdn"]["serial"] == "D2"
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_composed_runs_perception_and_filter_in_one_process():
-    started = names(carry_out("replay", composed="true", bag="x"))
-    assert "all_in_one" in started
-    assert not {"tdn", "tcn", "particle_filter"} & started
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_namespace_and_prefixes_reach_every_node(tmp_path, composed):
+    words = {"namespace": "left", "sensor_prefix": "left_", "tf_prefix": "a_", "composed": composed, "seed": "3"}
+    for command in carried_out("live_ur", tmp_path, **words, **RTDE).values():
+        assert "__ns:=/left" in command
+    found = started("live_ur", tmp_path, **words, **RTDE)
+    assert found["particle_filter"]["sensor_frame_id"] == found["tdn"]["sensor_frame_id"] == "left_digit_gel_frame"
+    assert (found["particle_filter"]["base_frame_id"], found["particle_filter"]["seed"]) == ("a_base_link", 3)
+    assert found["digit_driver"]["frame_id"] == "left_digit_optical_frame"
+    assert found["ur_tf"]["tf_prefix"] == found["mount_tf"]["tf_prefix"] == "a_"
+    assert found["mount_tf"]["sensor_prefix"] == "left_"
+    assert {found[node]["sensor_model"] for node in ("tdn", "tcn", "particle_filter")} == {"digit_real"}
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_arguments_become_parameters_only_when_given():
-    plain = parameters(carry_out("live_ur")["digit_driver", "digit_driver"])
-    assert plain["/digit_driver"]["serial"] == ""
-    given = carry_out(
-        "live_ur", serial="20025", seed="7", init_mode="wait", preset="fast", mesh="a.ply", codebook="a.npz"
-    )
-    assert parameters(given["digit_driver", "digit_driver"])["/digit_driver"]["serial"] == "20025"
-    assert parameters(given["midastouch_perception", "tdn"])["/tdn"]["serial"] == "20025"
-    filter_ = parameters(given["midastouch_filter", "particle_filter"])["/particle_filter"]
-    assert (filter_["seed"], filter_["init_mode"], filter_["preset"]) == (7, "wait", "fast")
-    assert (filter_["mesh"], filter_["codebook"]) == ("a.ply", "a.npz")
+def test_an_object_by_name_gives_mesh_and_codebook(tmp_path):
+    found = started("filter", tmp_path, object="handle_tool")["particle_filter"]
+    assert found["mesh"] == "package://midastouch_perception/midastouch_perception/objects/handle_tool.ply"
+    assert found["codebook"] == str(Path("out/codebooks/handle_tool.npz").resolve())
+    found = started("live_ur", tmp_path, object="handle_tool")["particle_filter"]
+    assert found["codebook"].endswith("out/codebooks/handle_tool_digit_real.npz")
+    found = started("filter", tmp_path, object="handle_tool", objects="ball,eyebolt")["particle_filter"]
+    assert (found["objects"], found["mesh"], found["codebook"]) == ("ball,eyebolt", "", "")
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_an_object_by_name_gives_mesh_and_codebook():
-    from midastouch_perception.objects import bundled_objects
-
-    started = carry_out("filter", object="handle_tool")
-    values = parameters(started["midastouch_filter", "particle_filter"])["/particle_filter"]
-    assert values["mesh"] == str(bundled_objects()["handle_tool"])
-    assert values["codebook"].endswith("out/codebooks/handle_tool.npz")
-    values = parameters(carry_out("live_ur", object="handle_tool")["midastouch_filter", "particle_filter"])
-    assert values["/particle_filter"]["codebook"].endswith("out/codebooks/handle_tool_digit_real.npz")
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_objects_by_name_are_their_meshes_until_they_have_codebooks(tmp_path, monkeypatch):
-    from midastouch_perception.objects import bundled_objects
-
-    monkeypatch.chdir(tmp_path)
-    book = tmp_path / "out/codebooks/eyebolt.npz"
-    book.parent.mkdir(parents=True)
-    book.touch()
-    started = carry_out("filter", objects="handle_tool, eyebolt,/data/cup.npz")
-    values = parameters(started["midastouch_filter", "particle_filter"])["/particle_filter"]
-    assert values["objects"] == f"{bundled_objects()['handle_tool']},{book},/data/cup.npz"
-    assert values["mesh"] == values["codebook"] == ""
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_namespace_and_prefixes_reach_every_node():
-    started = carry_out("live_ur", namespace="left", sensor_prefix="left_", tf_prefix="a_", **AN_ARM)
-    for (package, executable), kwargs in started.items():
-        if package in OURS:
-            assert kwargs["namespace"] == "left"
-            assert f"/left/{executable}" in parameters(kwargs)
-    values = {one: parameters(kw)[f"/left/{one}"] for (package, one), kw in started.items() if package in OURS}
-    assert values["particle_filter"]["sensor_frame_id"] == "left_digit_gel_frame"
-    assert values["particle_filter"]["base_frame_id"] == "a_base_link"
-    assert values["tdn"]["sensor_frame_id"] == "left_digit_gel_frame"
-    assert values["digit_driver"]["frame_id"] == "left_digit_optical_frame"
-    assert values["ur_tf"]["tf_prefix"] == "a_"
-    mount = started["robot_state_publisher", "robot_state_publisher"]["parameters"][0]["robot_description"]
-    command = mount.args[0].perform({"frames_file": "f", "tool_frame": "", "tf_prefix": "a_", "sensor_prefix": "b_"})
-    assert command.endswith("/f tool_frame:= tf_prefix:=a_ prefix:=b_")
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_a_recording_is_played_without_loss_in_its_own_time():
-    started = carry_out("replay", bag="slide", rate="0", loop="true")
-    values = own_parameters(started)
-    assert values["replay"]["source"] == "slide"
-    assert values["replay"]["rate"] == 0.0
-    assert isinstance(values["replay"]["rate"], float)
-    assert values["replay"]["loop"] is True
-    assert values["replay"]["clock"] is True
-    assert values["replay"]["ack_topic"] == "filter_status"
+def test_a_recording_is_played_without_loss_in_its_own_time(tmp_path):
+    found = started("replay", tmp_path, bag="slide", rate="0", loop="true")
+    of_replay = {"source": "slide", "rate": 0.0, "loop": True, "clock": True, "ack_topic": "filter_status"}
+    assert of_replay.items() <= found["replay"].items()
+    assert isinstance(found["replay"]["rate"], float)
     for node in ("tdn", "tcn", "particle_filter"):
-        assert values[node]["use_sim_time"] is True
-        assert values[node]["reliable"] is True
-        assert values[node]["queue_depth"] > 1
+        assert found[node]["use_sim_time"] is found[node]["reliable"] is True
+        assert found[node]["queue_depth"] > 1
+    live = started("live_ur", tmp_path)
+    assert live["particle_filter"]["use_sim_time"] is False
+    assert not live["digit_driver"].get("use_sim_time", False)
 
 
-@pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize(
     ("inside", "used"),
     [
@@ -178,130 +140,99 @@ def test_a_recording_is_played_without_loss_in_its_own_time():
 def test_a_sequence_brings_its_background(tmp_path, inside, used):
     for name in inside:
         (tmp_path / name).mkdir()
-    values = own_parameters(carry_out("replay", bag=str(tmp_path)))
-    assert values["tdn"]["background"] == (str(tmp_path / used) if used else "")
-    given = own_parameters(carry_out("replay", bag=str(tmp_path), background="mine.png"))
-    assert given["tdn"]["background"] == "mine.png"
+    found = started("replay", tmp_path, bag=str(tmp_path))["tdn"]
+    assert found["background"] == (str(tmp_path / used) if used else "")
+    assert started("replay", tmp_path, bag=str(tmp_path), background="mine.png")["tdn"]["background"] == "mine.png"
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
-    from midastouch_tools.cli import build_parser
+def test_demo_and_exploration_have_midastouch_make_what_is_missing(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    monkeypatch.setattr("subprocess.run", lambda command, check: ran.append(command[1:]))
+    for name in ("demo", "explore"):
+        commands(path_of(name), {"object": "eyebolt", "use_rviz": "false"}, tmp_path)
+        assert build_parser().parse_args(ran[-1]).prepare
+        assert ran[-1][:2] == ["run", name]
+        assert "object:=eyebolt" in ran[-1]
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"  # what is simulated stays on this machine
+    assert started("demo", tmp_path, object="eyebolt")["replay"]["source"] == "out/slides/eyebolt"
 
-    launched = Launched()
-    launched.carry_out("demo", object="eyebolt", use_rviz="false")
-    assert launched.ran == [["run", "demo", "object:=eyebolt", "--prepare"]]
-    assert build_parser().parse_args(launched.ran[0]).prepare
-    values = own_parameters(launched.started)
-    assert values["replay"]["source"] == "out/slides/eyebolt"
-    assert values["particle_filter"]["codebook"] == str(Path("out/codebooks/eyebolt.npz").resolve())
 
-
-@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("arm", ["finger", "mujoco"])
 @pytest.mark.parametrize(
-    ("given", "mesh", "codebook"),
+    "given",
     [
-        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_10000.npz"),
-        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_10000.npz"),
-        ({"mesh": "/data/cup.ply", "codebook": "/data/cup.npz"}, "/data/cup.ply", "/data/cup.npz"),
+        {"object": "eyebolt", "objects": ""},
+        {"mesh": "/data/cup.ply", "objects": "ball, own.npz"},
+        {"mesh": "/data/cup.ply", "codebook": "/data/cup.npz", "objects": ""},
+        {"object": "ball"},
     ],
-    ids=["bundled", "mesh", "codebook"],
 )
-def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
-    launched = Launched()
-    started = launched.carry_out("explore", use_rviz="false", **given, objects="")
-    assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
-    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "simulated_finger", "explorer"}
-    own = own_parameters(started)
-    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "simulated_finger", "explorer", "particle_filter")}
-    assert meshes == {Path(mesh).name}
-    assert own["particle_filter"]["codebook"] == str(Path(codebook).resolve())
-    assert own["tdn"]["reliable"]
+def test_an_exploration_gives_all_nodes_one_object_and_seed(tmp_path, given, arm):
+    words = {name: argument.default_value for name, argument in declared("explore").items()}
+    defaults = {"mesh": "", "codebook": "", "object": "star_knob", "objects": ",".join(bundled_objects())}
+    assert words.keys() >= defaults.keys()
+    what = explored({**defaults, **given})
+    found = started("explore", tmp_path, arm=arm, **given)
+    moves = {"finger": {"simulated_finger"}, "mujoco": {"mujoco_arm", "contact_controller"}}[arm]
+    assert found.keys() == {"digit_sim", "tdn", "tcn", "particle_filter", "explorer"} | moves
+    meshes = {Path(found[node]["mesh"]).name for node in found if found[node].get("mesh")}
+    assert meshes == {Path(what["mesh"]).name}
+    of_filter = found["particle_filter"]
+    assert of_filter.get("objects", "") == what["objects"]
+    assert of_filter["codebook"] == ("" if what["objects"] else what["codebook"])
+    assert {found[node]["seed"] for node in ("digit_sim", "particle_filter", "explorer")} == {2}
+    assert of_filter["use_sim_time"] == found["explorer"]["use_sim_time"] == (arm == "mujoco")
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_an_arm_that_explores_keeps_to_its_box_and_waits_to_be_let_go(tmp_path):
-    assert "ur_speed" not in names(carry_out("explore_ur", **BOX))
-    started = carry_out("explore_ur", mesh="a.ply", tf_prefix="a_", sensor_prefix="b_", **AN_ARM, **BOX)
-    assert {"ur_tf", "ur_speed", "contact_controller", "recorder", "explorer"} < names(started)
-    own = own_parameters(started)
-    assert own["explorer"]["start_paused"] is True
-    assert own["explorer"]["reach_low"] == own["contact_controller"]["box_low"] == [0.2, -0.3, 0.0]
-    assert own["explorer"]["reach_high"] == own["contact_controller"]["box_high"]
-    assert own["explorer"]["max_tilt"] == own["contact_controller"]["max_tilt"] == 0.87
-    assert own["contact_controller"]["sensor_model"] == own["tdn"]["sensor_model"]
-    assert own["ur_speed"]["robot_ip"] == own["ur_tf"]["robot_ip"] == "the.arm"
-    assert own["ur_speed"]["tool_frame_id"] == "a_tool0"
-    assert own["ur_speed"]["tcp_offset"] == own["ur_tf"]["tcp_offset"]
+def test_an_arm_that_explores_has_a_box_and_waits_for_a_person(tmp_path):
+    assert "ur_speed" not in started("explore_ur", tmp_path)
+    tcp = {"tcp_offset": "[0.0, 0.0, 0.1, 0.0, 0.0, 0.0]"}
+    words = {"mesh": "a.ply", "tf_prefix": "a_", "sensor_prefix": "b_", **RTDE, **tcp}
+    found = started("explore_ur", tmp_path, **words)
+    assert CHAIN | {"ur_tf", "ur_speed", "contact_controller", "recorder", "explorer"} == found.keys()
+    assert found["explorer"]["start_paused"] is True
+    # nobody but the user knows where it may move: both nodes refuse an empty box
+    assert found["explorer"]["reach_low"] == found["explorer"]["reach_high"]
+    assert found["contact_controller"]["box_low"] == found["contact_controller"]["box_high"]
+    assert found["contact_controller"]["sensor_model"] == found["tdn"]["sensor_model"] == "digit_real"
+    for name in ("robot_ip", "tcp_offset"):
+        assert found["ur_speed"][name] == found["ur_tf"][name]
+    assert found["ur_speed"]["tcp_offset"][2] == 0.1
+    assert found["ur_speed"]["tool_frame_id"] == "a_tool0"
     for node in ("ur_speed", "contact_controller", "explorer"):
-        assert own[node]["sensor_frame_id"] == "b_digit_gel_frame"
-    nearer = tmp_path / "mine.yaml"
-    nearer.write_text(
-        Path(BOX["params_overlay"]).read_text() + "explorer: {ros__parameters: {reach_low: [0.3, -0.1, 0.1]}}"
-    )
-    own = own_parameters(carry_out("explore_ur", params_overlay=str(nearer)))
-    assert own["explorer"]["reach_low"] == [0.3, -0.1, 0.1]
+        assert found[node]["sensor_frame_id"] == "b_digit_gel_frame"
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_live_sensors_keep_wall_time():
-    values = own_parameters(carry_out("live_ur", **AN_ARM))
-    assert values["particle_filter"]["use_sim_time"] is False
-    assert not values["digit_driver"].get("use_sim_time", False)
-    assert not values["ur_tf"].get("use_sim_time", False)
+@pytest.mark.parametrize(
+    ("name", "given", "reason"),
+    [
+        ("explore_ur", RTDE, "tcp_offset:=.*as on the teach pendant"),
+        ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
+        ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
+        ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),
+        *((name, {"params_overlay": "/none.yaml"}, "/none.yaml") for name in ("driver", "filter", "localization")),
+    ],
+)
+def test_what_cannot_go_well_is_refused_before_anything_is_started(name, given, reason, tmp_path):
+    """What was begun before an action raises would go on without launch."""
+    assert FACTS["behaviour"]["an action raises after a process was begun"]["leaves"]
+    with pytest.raises(RuntimeError, match=reason):
+        started(name, tmp_path, **given)
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_respawn_and_log_level():
-    kwargs = carry_out("driver", use_respawn="true", log_level="debug")["digit_driver", "digit_driver"]
-    assert kwargs["respawn"] is True
-    assert kwargs["arguments"] == ["--ros-args", "--log-level", "debug"]
-    assert carry_out("driver")["digit_driver", "digit_driver"]["respawn"] is False
-    # a recording that has ended has not died
-    assert carry_out("replay", use_respawn="true")["midastouch_tools", "replay"]["respawn"] is False
+@pytest.mark.parametrize("name", [name for name in FILES if name != "rviz"])
+def test_nodes_exist_and_those_with_a_lifecycle_have_their_names(name, tmp_path):
+    executables = set()
+    for setup in ROOT.glob("*/setup.py"):
+        executables |= set(re.findall(r'"(\w+) = [\w.]+:\w+"', setup.read_text()))
+    found = carried_out(name, tmp_path, log_level="warn")
+    for one, command in found.items():
+        assert one in executables
+        assert command[command.index("--log-level") + 1] == "warn"
+        assert (f"__node:={one}" in command) <= (one != "all_in_one")
 
 
-@pytest.mark.usefixtures("stand_ins")
-def test_lifecycle_nodes_are_launched_as_such():
-    launched = Launched()
-    launched.carry_out("live_ur", namespace="left", **AN_ARM)
-    lifecycle = {name for name, kind in launched.kinds.items() if kind == "LifecycleNode"}
-    assert lifecycle == {"digit_driver", "tdn", "tcn", "particle_filter"}
-    for (_, executable), kwargs in launched.started.items():
-        if executable in lifecycle:
-            assert (kwargs["name"], kwargs["namespace"]) == (executable, "left")
-    # a name given to that process would be the name of all its nodes
-    launched.carry_out("localization", composed="true")
-    assert launched.kinds["all_in_one"] == "Node"
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_a_live_sensor_is_a_real_one_unless_it_is_said_otherwise():
-    def sensors(name, **given):
-        found = own_parameters(carry_out(name, **given))
-        return {found[node].get("sensor_model") for node in ("tdn", "tcn", "particle_filter")}
-
-    assert sensors("live_ur") == {"digit_real"}
-    assert sensors("live_ur", sensor_model="gelsight_mini") == {"gelsight_mini"}
-    assert sensors("replay", bag="x", sensor_model="digit_real") == {"digit_real"}
-    assert sensors("replay", bag="x") == {None}  # what is simulated: the nodes' default
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_an_overlay_lies_over_what_the_launch_file_changes(tmp_path):
-    overlay = tmp_path / "mine.yaml"
-    overlay.write_text("tdn: {ros__parameters: {queue_depth: 7}}")
-    given = parameters(carry_out("replay", bag="x", params_overlay=str(overlay))["midastouch_perception", "tdn"])
-    assert given["/tdn"]["queue_depth"] == 7
-    assert given["/tdn"]["reliable"] is True
-
-
-@pytest.mark.usefixtures("stand_ins")
-def test_a_frames_file_is_found_from_where_the_launch_is_started(tmp_path, monkeypatch):
-    lines = []
-    monkeypatch.setattr(Command, "ran", staticmethod(lambda line: lines.append(line) or "<robot/>"))
-    monkeypatch.chdir(tmp_path)
-    carry_out("live_ur", frames_file="mine.yaml")
-    assert f"frames_file:={tmp_path}/mine.yaml" in lines[0]
-    carry_out("live_ur", frames_file="/etc/frames.yaml")
-    assert "frames_file:=/etc/frames.yaml" in lines[-1]
+def test_every_argument_is_described():
+    for name in FILES:
+        assert all(argument.description for argument in declared(name).values()), name

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from midastouch_bringup.ros.launch_arguments import SHARE
-from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.frames import TRUTH_FRAME
 from midastouch_tools import cli
+from midastouch_tools.ros.launch_file import SHARE, values
 
 PACKAGE = Path(__file__).parents[1]
 VIEWS = {
@@ -105,7 +104,7 @@ class TestOfAnExploration:
     VIEW = VIEWS["explore"]
 
     def test_it_is_the_one_of_the_launch_file(self):
-        assert SETUPS["explore"].defaults["rviz_config"] == str(SHARE / "rviz" / "explore.rviz")
+        assert values("explore", [])["rviz_config"] == str(SHARE / "rviz" / "explore.rviz")
 
     def test_the_object_really_is_where_the_finger_is_shown(self):
         assert self.VIEW["Global Options"]["Fixed Frame"] == TRUTH_FRAME

@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from midastouch_bringup.parameter_files import read_parameters
-from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.control import skills
@@ -20,6 +19,7 @@ from midastouch_perception.pipeline import TouchReading
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.mujoco_arm import NOT_REACHED, over
 from midastouch_simulation.rehearsal import PeriodState
+from midastouch_tools.ros.launch_file import SHARE
 
 from .arm_rig import AT, DEPTH, ArmRig
 
@@ -50,7 +50,7 @@ class ArmWorld:
         perceive: Callable[[np.ndarray], TouchReading],
         rng: np.random.Generator,
     ):
-        settings = read_parameters(SHARE / "config" / "arm_mujoco.yaml")
+        settings = read_parameters(SHARE / "config" / "explore_mujoco.yaml")
         of_controller, of_explorer = settings["contact_controller"], settings["explorer"]
         box = np.array(of_controller["box_low"]), np.array(of_controller["box_high"])
         guard = Guard(

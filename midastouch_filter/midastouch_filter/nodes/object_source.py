@@ -8,6 +8,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.output_paths import codebook_path
 from midastouch_common.ros.addresses import require_within, resolve
 from midastouch_common.ros.parameters import Parameters
 from midastouch_perception.codebook import Codebook, build_command, require_sensor
@@ -56,11 +57,18 @@ class ObjectSource:
         def build(path: Path) -> tuple[ObjectMesh, Codebook]:
             return coarse_codebook(path, self._parameters["tcn"], self._sensor, self._config)
 
-        sources = [resolve(address.strip(), "objects") for address in given.split(",")]
+        sources = [self._named(address.strip()) for address in given.split(",")]
         try:
             return read_catalogue(sources, build, self._config, self._sensor)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"objects: cannot read {given}: {error}") from error
+
+    def _named(self, address: str) -> Path:
+        """Return the path of one of `objects`; a bundled object's is that of its codebook or, without, of its mesh."""
+        if address not in bundled_objects():
+            return resolve(address, "objects")
+        codebook = codebook_path(address, self._sensor).resolve()
+        return codebook if codebook.is_file() else bundled_objects()[address]
 
     def _require_catalogue_possible(self) -> None:
         if self._parameters["mesh"] or self._parameters["codebook"]:

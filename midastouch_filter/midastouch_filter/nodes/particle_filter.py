@@ -71,6 +71,11 @@ class ParticleFilterNode(ManagedNode):
         mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
         if mesh or codebook:
             self.say(_loading(mesh, codebook))
+        elif not objects:
+            self.get_logger().warning(
+                "no object, so no pose: start again with object:=NAME of a bundled one, mesh:=FILE or objects:=..., or "
+                "call the service set_object"
+            )
         first = self._objects.initial()
         if first is not None:
             self._take(first)

@@ -50,7 +50,8 @@ class Guard:
 
     def __post_init__(self) -> None:
         if not (np.asarray(self.low) < self.high).all():
-            raise InputError(f"the box from {_in_mm(self.low)} to {_in_mm(self.high)} mm is empty")
+            box = f"{_in_mm(self.low)} to {_in_mm(self.high)} mm"
+            raise InputError(f"the box from {box} is empty: where may the arm move? Give box_low and box_high")
 
     def problem(self, now: float, seen: Seen) -> str:
         """Return what is in the way of a motion; empty if nothing is."""

@@ -18,7 +18,10 @@ class Reach:
         self.asks = asks
         self._low, self._high, self._least = np.array(low), np.array(high), np.cos(cone)
         if not (self._low < self._high).all():
-            raise InputError(f"the box of reach from {list(low)} to {list(high)} m is empty")
+            raise InputError(
+                f"the box of reach from {list(low)} to {list(high)} m is empty: give reach_low and reach_high, corners "
+                "of where it may touch"
+            )
 
     def holds(self, poses: np.ndarray) -> bool:
         """Return whether all of these poses T_base_gel (N, 4, 4) can be reached."""

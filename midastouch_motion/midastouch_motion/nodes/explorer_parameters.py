@@ -30,15 +30,15 @@ PARAMETERS = (
     Parameter(
         "reach_low",
         [-10.0, -10.0, -10.0],
-        "Corner of the box in the base frame that the arm reaches; launch files take that of contact_controller",
+        "Corner of the box in the base frame in which it touches",
         "m",
     ),
     Parameter("reach_high", [10.0, 10.0, 10.0], "Its opposite corner", "m"),
     Parameter(
         "max_tilt",
         3.1416,
-        "Largest angle between the z axes of gel and base frame that the arm reaches; 3.1416: any. Launch files keep "
-        "it below that of contact_controller",
+        "Largest angle between the z axes of gel and base frame that the arm reaches, at most that of "
+        "contact_controller; 3.1416: any",
         "rad",
         minimum=0.0,
         maximum=3.1416,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+
 _FOLDER = Path(__file__).parent
 
 
@@ -11,3 +13,13 @@ def bundled_objects() -> dict[str, Path]:
     """Return mesh files by name: `handle_tool` (salient, tool-like), `ball` (symmetric), `eyebolt` (small part),
     `star_knob` (recognised at once from above)."""
     return {path.stem: path for path in sorted(_FOLDER.glob("*.ply"))}
+
+
+def bundled_mesh(name: str) -> str:
+    """Return the path of a bundled object's mesh. Raises InputError if there is none of that name."""
+    objects = bundled_objects()
+    if name not in objects:
+        raise InputError(
+            f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
+        )
+    return str(objects[name])

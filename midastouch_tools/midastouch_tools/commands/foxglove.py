@@ -25,8 +25,9 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
-    from midastouch_bringup.ros.launch_arguments import SHARE
     from midastouch_common.files import atomic_path
+
+    from ..ros.launch_file import SHARE
 
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
     with atomic_path(args.out) as path:

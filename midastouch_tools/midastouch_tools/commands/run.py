@@ -13,13 +13,12 @@ def add_parser(subparsers) -> None:
         subparsers,
         "run",
         run,
-        "start the nodes of a launch file, without ros2 launch",
+        "carry out a launch file, without ros2 launch",
         "midastouch run replay bag:=out/slide object:=handle_tool rate:=0",
-        "SETUP is the name of a launch file (live_ur, replay, demo, driver, ...), the arguments are those of ros2\n"
-        "launch: --show-args lists them. Same nodes, same parameter files. What needs ros2 launch is left out: RViz\n"
-        "(midastouch view shows the same in a browser) and the driver of the arm (arm:=rtde does without).\n"
-        "Ctrl-C ends all nodes, and so does one that dies; with use_respawn:=true it is started again after 2 s,\n"
-        "after twice as long each time that it dies again.",
+        "SETUP is the name of a launch file (live_ur, replay, demo, driver, ...), or the path of yours, ending in\n"
+        ".launch.py; the arguments are those of ros2 launch: --show-args lists them. RViz starts only with\n"
+        "use_rviz:=true; midastouch view shows the same in a browser. Ctrl-C ends all nodes, and so does one that\n"
+        "dies; with use_respawn:=true it is started again after 2 s, after twice as long each time that it dies again.",
     )
     parser.add_argument("setup", metavar="SETUP", help="what to start")
     parser.add_argument("arguments", nargs="*", metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
@@ -31,7 +30,8 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..ros.run import manual, prepare, run_setup, values
+    from ..ros.launch_file import manual, values
+    from ..ros.run import prepare, run_setup
 
     if args.show_args:
         print(manual(args.setup))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.output_paths import QUICK_POSES, codebook_path, demo_slide
+from midastouch_common.output_paths import QUICK_POSES, codebook_path, demo_slide, quick_codebook
 from midastouch_common.ros.addresses import load_mesh, resolve
+from midastouch_perception.objects import bundled_mesh, bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
@@ -28,11 +29,38 @@ def prepare_slide(object_name: str, mesh_path: str | Path) -> None:
     ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)
 
 
-def require_there(named: Iterable[tuple[str, str]]) -> None:
-    """Raise InputError for the first argument (name, address) with nothing at its address."""
-    for name, address in named:
-        if not resolve(address, name).exists():
+def require_there(given: Mapping[str, str]) -> None:
+    """Raise InputError for the first launch argument that names a file, folder or bundled object which is not there."""
+    if given.get("object"):
+        bundled_mesh(given["object"])
+    objects = [name.strip() for name in given.get("objects", "").split(",")]
+    named = [(name, given.get(name, "")) for name in ("mesh", "codebook", "background")]
+    for name, address in [*named, *(("objects", one) for one in objects if one not in bundled_objects())]:
+        if address and not resolve(address, name).exists():
             raise InputError(f"{name}:={address}: no such file or folder; check the path")
+
+
+def explored(given: Mapping[str, str]) -> dict[str, str]:
+    """Return mesh and codebook of the object of an exploration, as given or of the bundled object; and `objects`, the
+    candidates for the filter, including the object itself, empty if there is no other. As explore.launch.py does it."""
+    mesh = given["mesh"] or bundled_mesh(given["object"])
+    codebook = given["codebook"] or _quick(Path(mesh).stem)
+    names = [name.strip() for name in given["objects"].split(",")]
+    others = [name for name in names if name and name != Path(mesh).stem]
+    books = [_quick(name) if name in bundled_objects() else name for name in others]
+    return {"mesh": mesh, "codebook": codebook, "objects": ",".join([*books, codebook]) if books else ""}
+
+
+def quick_codebooks(given: Mapping[str, str]) -> dict[str, str]:
+    """Return the meshes, by codebook path, of the codebooks of an exploration that are built if they are missing."""
+    what = explored(given)
+    meshes = {_quick(name): str(path) for name, path in bundled_objects().items()}
+    books = {path: meshes[path] for path in what["objects"].split(",") if path in meshes}
+    return books if given["codebook"] else {**books, what["codebook"]: what["mesh"]}
+
+
+def _quick(name: str) -> str:
+    return str(quick_codebook(name).resolve())
 
 
 def prepare_codebooks(codebooks: Mapping[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Programs in the foreground of a terminal, until they have ended or a signal comes."""
+"""Signals to stop, and the output of programs, in the foreground of a terminal."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from .process import Process, Program
-from .supervisor import BackOff, NodeFailed, Supervisor
+from .process import Process
 
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 Wait = Callable[[float | None], bool]
@@ -71,42 +70,16 @@ def await_ends(wait: Wait, left: Sequence[Process], seconds: float) -> bool:
     return False
 
 
-def run_in_foreground(
-    programs: Sequence[Program], environment: Mapping[str, str], respawn: Callable[[], BackOff] | None = None
-) -> int:
-    """Run programs until SIGINT, SIGTERM, SIGHUP or SIGQUIT arrives, all have ended, or one has died for good.
-
-    Call it in the main thread; it returns 1 if one of them died for good, otherwise 0. Their output goes to ours, each
-    line after the name of its program. A second signal while they are being ended cuts short the time that is left to
-    them. environment, respawn: arguments of `Supervisor`.
-    """
+def echo() -> Callable[[str, str], None]:
+    """Return a function that prints lines from several threads."""
     # the programs may print characters outside of our output's encoding; a replaced stdout may not be a file
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")
-    supervisor = Supervisor(environment, _echo(), respawn)
-    with woken_by_signals() as wait:
-        try:
-            for program in programs:
-                supervisor.start(program)
-            while (due := supervisor.look_after()) is not None or supervisor.busy:
-                if wait(due):
-                    supervisor.say("ending all")
-                    break
-        except NodeFailed as error:
-            supervisor.say(f"{error.cause}; ending all")
-            return 1
-        finally:
-            supervisor.end(lambda left, seconds: await_ends(wait, left, seconds))
-    return 0
-
-
-def _echo() -> Callable[[str, str], None]:
-    """Return a function that prints lines from several threads."""
     one_at_a_time = threading.Lock()
 
-    def echo(name: str, line: str) -> None:
+    def print_line(name: str, line: str) -> None:
         # the reader may be gone; the programs continue
         with one_at_a_time, contextlib.suppress(OSError):
             print(f"[{name}] {line}", flush=True)
 
-    return echo
+    return print_line

@@ -41,12 +41,10 @@ class Supervisor:
     """Supervisor that starts programs as processes, watches them, and ends them; `with` ends all.
 
     environment: of the programs. output: gets their lines and, under the name `midastouch`, reports about them.
-    respawn: makes the back-off of one program; None: no program is started again, and `look_after` raises if one dies.
-    A program that ends because of bad input is not started again in either case.
     """
 
-    def __init__(self, environment: Mapping[str, str], output: Output, respawn: Callable[[], BackOff] | None = None):
-        self._environment, self._output, self._respawn = dict(environment), output, respawn
+    def __init__(self, environment: Mapping[str, str], output: Output):
+        self._environment, self._output = environment, output
         self._children: dict[str, _Child] = {}
 
     def __enter__(self) -> Supervisor:
@@ -55,9 +53,18 @@ class Supervisor:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, program: Program) -> None:
-        """Start a program. Raises OSError if it cannot be."""
-        child = _Child(program, self._respawn() if self._respawn else None)
+    def start(
+        self,
+        program: Program,
+        back_off: BackOff | None = None,
+        on_exit: Callable[[int, int], object] | None = None,
+    ) -> None:
+        """Start a program. Raises OSError if it cannot be.
+
+        back_off: it is started again when it dies, unless bad input has ended it. on_exit: called by `look_after` with
+        its process id and exit status; without, a program that is not started again must not die.
+        """
+        child = _Child(program, back_off, on_exit)
         child.process = Process(program, self._environment, self._output)
         self._children[program.name] = child
 
@@ -100,12 +107,16 @@ class Supervisor:
     def _has_ended(self, child: _Child, status: int) -> None:
         process, child.process = child.process, None
         name, words = child.program.name, _in_words(status)
-        if child.program.ends and status == 0:
-            self.say(f"{name} has finished; Ctrl-C ends the others")
-        elif child.program.ends or child.back_off is None or status == EXIT_BAD_INPUT:
+        if child.on_exit is not None:
+            child.on_exit(process.pid, status)  # raises if that ends the others
+        elif (status and (child.program.ends or status == EXIT_BAD_INPUT)) or not (
+            child.program.ends or child.back_off
+        ):
             raise NodeFailed(f"{name} died: {words}", list(process.last_lines))
-        else:
+        if child.back_off is not None and not child.program.ends:
             self.say(f"{name} died: {words}; starting it again in {child.schedule(process.age):g} s")
+        else:
+            self.say(f"{name} has finished; Ctrl-C ends the others" if status == 0 else f"{name} died: {words}")
 
     def _start_again(self, child: _Child) -> None:
         if child.due is None or time.monotonic() < child.due:
@@ -120,8 +131,8 @@ class Supervisor:
 class _Child:
     """One program: its process while it runs, or the time at which it is due to be started again."""
 
-    def __init__(self, program: Program, back_off: BackOff | None):
-        self.program, self.back_off = program, back_off
+    def __init__(self, program: Program, back_off: BackOff | None, on_exit: Callable[[int, int], object] | None):
+        self.program, self.back_off, self.on_exit = program, back_off, on_exit
         self.process: Process | None = None
         self.due: float | None = None
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_bringup.parameter_files import merged, read_parameters, written
-from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_common.files import atomic_path, whole_folder
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.output_paths import cached_codebook_path
@@ -22,6 +21,7 @@ from ..demo import NODES, SLIDE_LENGTH
 from ..demo.result import demo_result, result_rows, write_page
 from ..result_file import write_json
 from ..text_table import text_table
+from .launch_file import SHARE
 from .recorded_run import record_run
 
 CODEBOOK_SIZES = 5_000, 20_000

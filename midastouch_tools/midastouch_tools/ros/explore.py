@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from midastouch_bringup.ros.launch_parameters import explored, quick_codebooks
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
@@ -20,7 +18,7 @@ from midastouch_perception.codebook import Codebook
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
-from ..demo.preparation import prepare_codebooks
+from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
 from ..processes.foreground import Wait, await_ends, woken_by_signals
@@ -40,11 +38,13 @@ RECORDING = "run.mcap"
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
-    programs: the nodes, including `explorer`; given: arm, and mesh, codebook and objects, as `explored` returns them.
-    domain: ROS_DOMAIN_ID, on this machine alone. The status is 0 if object and pose are known and right, or if a person
-    ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it has ended.
+    programs: the nodes, including `explorer`, which is held back until the recorder hears all; given: the arguments of
+    explore.launch.py. domain: ROS_DOMAIN_ID, on this machine alone. The status is 0 if object and pose are known and
+    right, or if a person ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it
+    has ended.
     """
-    touched, codebook, objects = file_of(given["mesh"]), given["codebook"], given["objects"]
+    what = explored(given)
+    touched, codebook, objects = file_of(what["mesh"]), what["codebook"], what["objects"]
     bag, started = out / RECORDING, time.monotonic()
     unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
     finger = given["arm"] == "finger"
@@ -100,17 +100,12 @@ def _explore(
         executor.add_node(recorder := _recorder(bag, mesh, executor.context))
         executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
-            supervisor.start(_held_back(program) if program.ends else program)
+            supervisor.start(program)
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(keys_help(finger), flush=True)
             _follow(executor, supervisor, recorder, console, stopped=lambda: wait(0.0))
         return console
-
-
-def _held_back(explorer: Program) -> Program:
-    """Return the explorer's program, started paused: the finger must not move before the recorder hears it."""
-    return replace(explorer, command=(*explorer.command, "-p", "start_paused:=true"))
 
 
 def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:

@@ -10,11 +10,11 @@ from replay_rig import replay, stamps
 
 from midastouch_bringup.nodes.all_in_one import make_nodes
 from midastouch_bringup.parameter_files import read_parameters
-from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_tools.ros.launch_file import SHARE
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
 

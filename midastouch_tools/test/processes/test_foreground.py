@@ -1,6 +1,5 @@
-"""Real processes in the foreground of a process of its own; the programs are lines of shell."""
+"""Real processes of a launch, in a process of its own; the programs are lines of shell."""
 
-import errno
 import itertools
 import json
 import os
@@ -13,33 +12,59 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_tools.processes.foreground import interrupted_by_signals, run_in_foreground, woken_by_signals
-from midastouch_tools.processes.process import Program
-from midastouch_tools.processes.supervisor import BackOff
+from midastouch_tools.processes.foreground import interrupted_by_signals, woken_by_signals
 
 SUPERVISE = """
 import json, os, sys
+from pathlib import Path
+from launch import LaunchDescription, LaunchService
+from launch_ros.actions import Node
 from midastouch_tools.processes import process
-from midastouch_tools.processes.supervisor import BackOff
-from midastouch_tools.processes.foreground import run_in_foreground
-from midastouch_tools.processes.process import Program
 
 task = json.loads(sys.argv[1])
 process.GRACE_S = task["grace"]
 process.LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
-programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
-respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
-sys.exit(run_in_foreground(programs, os.environ, respawn))
+prefix = Path(task["prefix"])
+(prefix / "share/ament_index/resource_index/packages").mkdir(parents=True)
+(prefix / "share/ament_index/resource_index/packages/programs").touch()
+(prefix / "lib/programs").mkdir(parents=True)
+os.environ["AMENT_PREFIX_PATH"] = str(prefix)
+respawn = task["back_off"] is not None
+
+
+def ended(event, context):  # as in our launch files
+    if not context.is_shutdown and (event.returncode == 2 or not respawn):
+        raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+
+def played(event, context):
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+
+def node(name, line):
+    script = prefix / "lib/programs" / name
+    script.write_text("#!/bin/sh\\n" + line + "\\n")
+    script.chmod(0o755)
+    if name in task["ends"]:
+        return Node(package="programs", executable=name, on_exit=played)
+    return Node(package="programs", executable=name, respawn=respawn, respawn_delay=task["back_off"], on_exit=ended)
+
+
+service = LaunchService()
+service.include_launch_description(LaunchDescription([node(*each) for each in task["programs"].items()]))
+sys.exit(service.run())
 """
 PATIENCE = 120.0  # s; bounds a failing test only
 FOR_EVER = "while :; do sleep 0.05; done"
 
 
 class Supervised:
-    """A supervisor at work, and the lines it has printed."""
+    """A launch at work, and the lines it has printed. Nodes are started again after `back_off` s, if that is given."""
 
-    def __init__(self, programs, back_off=None, ends=(), grace=(PATIENCE,) * 3, before="", reads=None):
-        task = json.dumps({"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace})
+    def __init__(self, prefix, programs, back_off=None, ends=(), grace=(PATIENCE,) * 3, before="", reads=None):
+        task = {"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace}
+        task = json.dumps({**task, "prefix": str(prefix)})
         command = ["sh", "-c", f'{before} exec "$@"', "sh", sys.executable, "-c", SUPERVISE, task]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self.lines = []
@@ -76,11 +101,11 @@ def signals_are_heard():
 
 
 @pytest.fixture
-def supervise(signals_are_heard):
+def supervise(signals_are_heard, tmp_path):
     made = []
 
     def make(*args, **options):
-        made.append(Supervised(*args, **options))
+        made.append(Supervised(tmp_path / "prefix", *args, **options))
         return made[-1]
 
     yield make
@@ -107,22 +132,20 @@ def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
     assert run.lines.index("[a] two") < run.lines.index("[midastouch] a has finished; Ctrl-C ends the others")
 
 
-@pytest.mark.parametrize(
-    ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
-)
-def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, words):
+@pytest.mark.parametrize(("end", "code"), [("exit 3", 3), ("exit 0", 0), ("kill -9 $$", -9)])
+def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, code):
     """They would be of no use, and wait for it for ever."""
     os.mkfifo(tmp_path / "ready")
     mortal = f"read -r _ < {tmp_path}/ready; {end}"
     other = f"trap 'echo bye; exit 0' INT; echo ready > {tmp_path}/ready; {FOR_EVER}"
     run = supervise({"mortal": mortal, "other": other})
     assert run.status() == 1
-    assert f"[midastouch] mortal died: {words}; ending all" in run.lines
+    assert f"[midastouch] mortal died with exit code {code}: ending all" in run.lines
     assert "[other] bye" in run.lines
 
 
 def test_what_dies_is_started_again_later_each_time(supervise):
-    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 600.0))
+    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=0.02)
     run.said("[mortal] alive", times=5)
     run.process.send_signal(signal.SIGINT)
     assert run.status() == 0
@@ -132,32 +155,14 @@ def test_what_dies_is_started_again_later_each_time(supervise):
 
 
 def test_what_bad_input_ends_is_not_started_again(supervise):
-    run = supervise({"filter": "echo no codebook; exit 2", "other": f"{FOR_EVER}"}, back_off=(0.0, 600.0))
+    run = supervise({"filter": "echo no codebook; exit 2", "other": f"{FOR_EVER}"}, back_off=0.0)
     assert run.status() == 1
     assert run.lines.count("[filter] no codebook") == 1
-    assert "[midastouch] filter died: exit code 2; ending all" in run.lines
-
-
-def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
-    start, calls = subprocess.Popen, []
-
-    def short_of_memory(*args, **options):
-        calls.append(args)
-        if len(calls) == 2:
-            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
-        if len(calls) == 3:
-            signal.raise_signal(signal.SIGINT)
-        return start(*args, **options)
-
-    monkeypatch.setattr(subprocess, "Popen", short_of_memory)
-    program = Program("mortal", ("sh", "-c", "exit 3"))
-    run_in_foreground([program], os.environ, lambda: BackOff(0.01, 600.0))
-    assert len(calls) == 3
-    assert "mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in capsys.readouterr().out
+    assert "[midastouch] filter died with exit code 2: ending all" in run.lines
 
 
 def test_what_ends_by_itself_is_not_started_again(supervise):
-    run = supervise({"replay": "echo played", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    run = supervise({"replay": "echo played", "other": FOR_EVER}, back_off=0.0, ends=["replay"])
     run.said("[midastouch] replay has finished; Ctrl-C ends the others")
     run.process.send_signal(signal.SIGINT)
     assert run.status() == 0
@@ -165,9 +170,9 @@ def test_what_ends_by_itself_is_not_started_again(supervise):
 
 
 def test_what_should_end_by_itself_and_fails_ends_the_others(supervise):
-    run = supervise({"replay": "exit 2", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    run = supervise({"replay": "exit 2", "other": FOR_EVER}, back_off=0.0, ends=["replay"])
     assert run.status() == 1
-    assert run.lines.count("[midastouch] replay died: exit code 2; ending all") == 1
+    assert run.lines.count("[midastouch] replay died with exit code 2: ending all") == 1
 
 
 @pytest.mark.parametrize(
@@ -245,7 +250,7 @@ def test_what_our_output_cannot_hold_ends_nothing(supervise):
     lines = "printf '\\342\\234\\223 ready\\n'; echo more; exit 3"
     run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
     assert run.status() == 1
-    assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
+    assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died with exit code 3: ending all"]
 
 
 def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):

@@ -1,8 +1,10 @@
 """Processes are started, looked after and ended; the stand-ins are lines of shell."""
 
+import errno
 import os
 import re
 import signal
+import subprocess
 import time
 
 import pytest
@@ -100,9 +102,9 @@ def test_who_has_died_is_started_again_and_its_log_goes_on(tmp_path, heard):
     (tmp_path / "log" / "h_dead.log").write_text("of an earlier run\n")
     lives = tmp_path / "lives"
     dies_once = shell("h_dead", "echo one life", f"if mkdir {lives}; then exit 3; fi", FOR_EVER)
-    with Supervisor(os.environ, logs, lambda: BackOff(0.0, 0.0)) as supervisor:
+    with Supervisor(os.environ, logs) as supervisor:
         for program in (dies_once, shell("h_alive", FOR_EVER)):
-            supervisor.start(program)
+            supervisor.start(program, BackOff(0.0, 0.0))
         before = supervisor.pids
 
         def lives_again() -> bool:
@@ -122,3 +124,18 @@ def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
     assert [back_off.after(1.0) for _ in range(5)] == [2.0, 4.0, 8.0, 10.0, 10.0]
     assert back_off.after(10.0) == 2.0
     assert back_off.after(0.0) == 4.0
+
+
+def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, supervisor, heard):
+    start, calls = subprocess.Popen, []
+
+    def short_of_memory(*args, **options):
+        calls.append(args)
+        if len(calls) == 2:
+            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        return start(*args, **options)
+
+    monkeypatch.setattr(subprocess, "Popen", short_of_memory)
+    supervisor.start(shell("mortal", "exit 3"), BackOff(0.01, 600.0))
+    wait_for(lambda: supervisor.look_after() is not None and len(calls) == 3)
+    assert "midastouch mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in heard

@@ -135,9 +135,9 @@ def rig(slide, minutes, tmp_path_factory) -> Iterator[Rig]:
     }
     parameters.write_text(written(own, ""))
     environment = local_environment(own_domain())
-    with open_graph() as graph, Supervisor(environment, LogFolder(folder), lambda: BackOff(0.0, 0.0)) as supervisor:
+    with open_graph() as graph, Supervisor(environment, LogFolder(folder)) as supervisor:
         for name in NODES:
-            supervisor.start(node_program(name, parameters))
+            supervisor.start(node_program(name, parameters), BackOff(0.0, 0.0))
         yield Rig(graph, supervisor, slide)
 
 
