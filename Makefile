@@ -63,6 +63,7 @@ audit:
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror midastouch_kernels/src/*
 
 setup:
 	@ROS=$(ROS) $(PYTHON) tools/setup_workspace.py

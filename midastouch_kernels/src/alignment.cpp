@@ -20,8 +20,8 @@ constexpr double kWidths[] = {2e-3, 2e-3, 1e-3, 1e-3, 5e-4, 5e-4, 3e-4, 3e-4};
 constexpr int kIterations = std::size(kWidths);
 constexpr double kNarrowest = kWidths[kIterations - 1];
 constexpr double kSmallStep[] = {5e-5, 2e-3};  // m, rad: no second iteration at the same width after one this small
-constexpr double kNear = 0.9;       // fit at a width, beyond which a second iteration at the same tells no more
-constexpr float kSteepest = 3.0f;   // slope beyond which a finite difference across a silhouette says nothing
+constexpr double kNear = 0.9;            // fit at a width, beyond which a second iteration at the same tells no more
+constexpr float kSteepest = 3.0f;        // slope beyond which a finite difference across a silhouette says nothing
 constexpr double kRotationScale = 0.01;  // m that one radian counts as
 
 // A map (H, W) as single precision, with room behind its end for a whole load.
@@ -51,7 +51,8 @@ public:
           reach_(reach) {
         if (tangent_x.size() != pixels_ || tangent_y.size() != pixels_ || gel_depth.size() != pixels_)
             throw nb::value_error("tangents and gel depth of another size than the scene's");
-        if (!(scene.margin() > 0)) throw nb::value_error("a scene without a margin: what is about to touch is not seen");
+        if (!(scene.margin() > 0))
+            throw nb::value_error("a scene without a margin: what is about to touch is not seen");
         tangent_x_ = padded(tangent_x.data(), pixels_), tangent_y_ = padded(tangent_y.data(), pixels_);
         gel_depth_ = padded(gel_depth.data(), pixels_);
     }
@@ -76,7 +77,8 @@ public:
     // See `align_each` of the binding.
     nb::tuple align_each(In<double, -1, 4, 4> poses, In<double, -1, 6, 6> covariances, In<float, -1, -1, -1> maps,
                          In<double, -1, 4, 4> gels, In<double, 6, 6> jitter, In<double, 6, 6> finger_error,
-                         In<double, -1> needed, int descents, bool seeds, double explains, double patches, double floor) const {
+                         In<double, -1> needed, int descents, bool seeds, double explains, double patches,
+                         double floor) const {
         const std::size_t n = poses.shape(0), fingers = maps.shape(0);
         check_size(maps.shape(1), maps.shape(2));
         if (covariances.shape(0) != n || needed.shape(0) != n) throw nb::value_error("not as many of each as poses");
@@ -104,8 +106,8 @@ public:
                     if (at.fit() > explains) {
                         // the noise of a map is as large as what it leaves unexplained says
                         const double factor = patches / (1 - at.fit() + floor) / nats;
-                        hypothesis = condition(hypothesis, own,
-                                               factor < 1 ? weaken(prior, at.posterior, factor) : at.posterior);
+                        hypothesis =
+                            condition(hypothesis, own, factor < 1 ? weaken(prior, at.posterior, factor) : at.posterior);
                     }
                     put(hypothesis.mean, means.data(), i), put(hypothesis.covariance, spreads.data(), i);
                     put(at.posterior.mean, seen_means.data(), i);
@@ -120,7 +122,8 @@ public:
 
 private:
     static constexpr std::size_t kPiece = 8;  // hypotheses that share a workspace
-    static constexpr double kMore = 0.12, kExplained = 0.95;  // of what is unexplained: less is no gain; of a map: no more is needed
+    static constexpr double kMore = 0.12,
+                            kExplained = 0.95;  // of what is unexplained: less is no gain; of a map: no more is needed
     // The iteration after which hardly more than a further `kStillGained` of a map gets explained.
     static constexpr int kDecided = 4;
     static constexpr double kStillGained = 0.15;
@@ -265,8 +268,8 @@ private:
         patch.draw(state, rendered.data());
     }
 
-    // A pose in the air, drawn, sees nothing where the map is touched that could draw it there: it comes down, along its
-    // own axis, to where it does, but no farther than a start is off. Whether it had to, and did.
+    // A pose in the air, drawn, sees nothing where the map is touched that could draw it there: it comes down, along
+    // its own axis, to where it does, but no farther than a start is off. Whether it had to, and did.
     bool let_down(Patch& patch, Transform& state, const std::vector<float>& map, std::vector<float>& rendered) const {
         Transform lower = state;
         for (double down = 0; !meets(rendered, map); down += scene_.margin()) {
@@ -356,7 +359,8 @@ private:
         out.fit = sum(explained) / std::max(sum(touched), 1.0);
         for (int i = 0, k = 0; i < 6; ++i) {
             out.gradient[i] = information_ * sum(gradient[i]);
-            for (int j = 0; j <= i; ++j) out.hessian[6 * i + j] = out.hessian[6 * j + i] = information_ * sum(hessian[k++]);
+            for (int j = 0; j <= i; ++j)
+                out.hessian[6 * i + j] = out.hessian[6 * j + i] = information_ * sum(hessian[k++]);
         }
         return out;
     }
@@ -380,16 +384,17 @@ void bind_alignment(nb::module_& m) {
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),
              "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).")
-        .def("align_each", &MapAlignment::align_each, named("poses"), named("covariances"), named("maps"),
-             named("gels"), named("jitter"), named("finger_error"), named("needed"), nb::arg("descents"),
-             nb::arg("seeds"), nb::arg("explains"), nb::arg("patches"), nb::arg("floor"),
-             "Align N Gaussians of the first finger's gel, poses (N, 4, 4) and covariances (N, 6, 6) in their own "
-             "frames, to the maps (F, H, W) [m] of F fingers, one after the other. gels (F, 4, 4): each finger's gel in "
-             "the first one's frame, the identity its own. jitter, finger_error (6, 6): covariances of this frame's "
-             "error of the first gel's measured pose, and of a further one's given that. descents: how often at most, "
-             "each from where the last one ended; seeds: the Gaussians only say where to begin, and each descent's is "
-             "centred there, too. needed (N,): fraction of each map below which a Gaussian does not "
-             "matter, and is left early. Returns poses and covariances without this frame's error, unchanged unless "
-             "more than `explains` of every map is explained; fits (N, F); poses and covariances in this frame; "
-             "descents (N,). patches, floor: the evidence of a map is -patches log(1 - fit + floor).");
+        .def(
+            "align_each", &MapAlignment::align_each, named("poses"), named("covariances"), named("maps"), named("gels"),
+            named("jitter"), named("finger_error"), named("needed"), nb::arg("descents"), nb::arg("seeds"),
+            nb::arg("explains"), nb::arg("patches"), nb::arg("floor"),
+            "Align N Gaussians of the first finger's gel, poses (N, 4, 4) and covariances (N, 6, 6) in their own "
+            "frames, to the maps (F, H, W) [m] of F fingers, one after the other. gels (F, 4, 4): each finger's gel in "
+            "the first one's frame, the identity its own. jitter, finger_error (6, 6): covariances of this frame's "
+            "error of the first gel's measured pose, and of a further one's given that. descents: how often at most, "
+            "each from where the last one ended; seeds: the Gaussians only say where to begin, and each descent's is "
+            "centred there, too. needed (N,): fraction of each map below which a Gaussian does not "
+            "matter, and is left early. Returns poses and covariances without this frame's error, unchanged unless "
+            "more than `explains` of every map is explained; fits (N, F); poses and covariances in this frame; "
+            "descents (N,). patches, floor: the evidence of a map is -patches log(1 - fit + floor).");
 }

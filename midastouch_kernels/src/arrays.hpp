@@ -49,4 +49,6 @@ void put(const Item& item, typename Item::value_type* items, std::size_t index) 
 }
 
 // A named argument that is never converted: a converted copy would swallow what a kernel writes.
-inline auto named(const char* name) { return nb::arg(name).noconvert(); }
+inline auto named(const char* name) {
+    return nb::arg(name).noconvert();
+}

@@ -13,7 +13,9 @@ struct Pixels {
         : first(index(std::ceil(low - 0.5), size)), end(index(std::floor(high - 0.5) + 1, size)) {}
 
 private:
-    static int index(double i, int size) { return i > 0 ? static_cast<int>(std::min(i, static_cast<double>(size))) : 0; }
+    static int index(double i, int size) {
+        return i > 0 ? static_cast<int>(std::min(i, static_cast<double>(size))) : 0;
+    }
 };
 
 // Shading normals of the corners: the mean over the faces at the vertex (adjacent[start[v]] up to
@@ -124,11 +126,13 @@ void bind_canvas(nb::module_& m) {
           named("start"), nb::arg("crease_cosine"),
           "Normals (F, 3, 3) of the corners: the mean of the `weighted` ones of the faces at the vertex, adjacent["
           "start[v]:start[v + 1]], that are within the crease angle of the corner's own.");
-    m.def("draw_triangles", &draw_triangles, named("corners"), named("heights"), named("normals"), named("height_map"),
-          named("normal_map"),
-          "Draw triangles with corners (F, 3, 2) [pixels], heights (F, 3) and normals (F, 3, 3) where they are higher.");
-    m.def("draw_discs", &draw_discs, named("centres"), named("heights"), named("colours"), nb::arg("radius"),
-          nb::arg("alpha"), nb::arg("hidden_alpha"), named("height_map"), named("colour_map"),
-          "Blend discs about centres (N, 2) [pixels] into the colours (H, W, 3), one after another; those lower than the "
-          "map (H, W) with hidden_alpha.");
+    m.def(
+        "draw_triangles", &draw_triangles, named("corners"), named("heights"), named("normals"), named("height_map"),
+        named("normal_map"),
+        "Draw triangles with corners (F, 3, 2) [pixels], heights (F, 3) and normals (F, 3, 3) where they are higher.");
+    m.def(
+        "draw_discs", &draw_discs, named("centres"), named("heights"), named("colours"), nb::arg("radius"),
+        nb::arg("alpha"), nb::arg("hidden_alpha"), named("height_map"), named("colour_map"),
+        "Blend discs about centres (N, 2) [pixels] into the colours (H, W, 3), one after another; those lower than the "
+        "map (H, W) with hidden_alpha.");
 }

@@ -102,10 +102,11 @@ Out<float> block_means(In<float, -1, -1> map, std::size_t rows, std::size_t colu
 void bind_image(nb::module_& m) {
     m.def("halve_image", &halve_image, named("image"),
           "Grey levels (H/2, W/2, 3) float32 of an image (H, W, 3) uint8 of even size, each pixel the mean of four.");
-    m.def("change_beside_gain", &change_beside_gain, named("image"), named("background"), named("sparse"),
-          nb::arg("every"), nb::arg("least"),
-          "An image (H, W, 3) less a background, each colour first divided by its gain, at least `least`: the median of "
-          "every so many pixels times the `sparse` ones.");
+    m.def(
+        "change_beside_gain", &change_beside_gain, named("image"), named("background"), named("sparse"),
+        nb::arg("every"), nb::arg("least"),
+        "An image (H, W, 3) less a background, each colour first divided by its gain, at least `least`: the median of "
+        "every so many pixels times the `sparse` ones.");
     m.def("planes", &planes, named("images"), nb::arg("factor"), "Images (N, H, W, 3) times a factor as (N, 3, H, W).");
     m.def("block_means", &block_means, named("map"), nb::arg("rows"), nb::arg("columns"),
           "Means (H / rows, W / columns) float32 over blocks of a map (H, W) float32.");

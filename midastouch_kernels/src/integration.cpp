@@ -11,12 +11,12 @@
 
 namespace {
 
-constexpr int kSmoothings = 2;           // before and after the coarser level
+constexpr int kSmoothings = 2;  // before and after the coarser level
 constexpr int kSmoothingsAtLast = 12;
-constexpr float kDamping = 0.8f;         // of Jacobi's method, which smooths best with it
-constexpr std::size_t kCoarsest = 3;     // px a side
+constexpr float kDamping = 0.8f;      // of Jacobi's method, which smooths best with it
+constexpr std::size_t kCoarsest = 3;  // px a side
 constexpr int kMostSteps = 60;
-constexpr float kAccuracy = 1e-3f;       // of the first residual
+constexpr float kAccuracy = 1e-3f;  // of the first residual
 
 // One grid, with a margin of one pixel around it, in which every value is 0.
 struct Level {
@@ -27,8 +27,15 @@ struct Level {
     std::vector<float> value, wanted, left;
 
     Level(std::size_t h, std::size_t w)
-        : height(h), width(w), stride(w + 2), inside(stride * (h + 2)), weight(inside), inverse(inside), value(inside),
-          wanted(inside), left(inside) {}
+        : height(h),
+          width(w),
+          stride(w + 2),
+          inside(stride * (h + 2)),
+          weight(inside),
+          inverse(inside),
+          value(inside),
+          wanted(inside),
+          left(inside) {}
 
     std::size_t at(std::size_t v, std::size_t u) const { return (v + 1) * stride + u + 1; }
 
@@ -75,7 +82,7 @@ float dot(const std::vector<float>& a, const std::vector<float>& b) {
 }
 
 class Multigrid {
-  public:
+public:
     Multigrid(Level finest, const bool (&border)[4]) {
         finest.count_neighbours(border);
         levels_.push_back(std::move(finest));
@@ -118,15 +125,14 @@ class Multigrid {
         fine.smooth(kSmoothings);
     }
 
-  private:
+private:
     std::vector<Level> levels_;
 };
 
 // Heights on the finest level for what it wants.
 std::vector<float> solve(Multigrid& grid) {
     Level& finest = grid.finest();
-    std::vector<float> residual = finest.wanted, height(residual.size()), direction(height),
-                       applied(height);
+    std::vector<float> residual = finest.wanted, height(residual.size()), direction(height), applied(height);
     const float enough = kAccuracy * kAccuracy * dot(residual, residual);
     float last = 0;
     for (int step = 0; step < kMostSteps && dot(residual, residual) > enough; ++step) {

@@ -21,11 +21,17 @@ inline Lanes load(const float* p) {
     return out;
 }
 
-inline void store(float* p, Lanes x) { std::memcpy(p, &x, sizeof(x)); }
+inline void store(float* p, Lanes x) {
+    std::memcpy(p, &x, sizeof(x));
+}
 
-inline Lanes all(float value) { return Lanes{} + value; }
+inline Lanes all(float value) {
+    return Lanes{} + value;
+}
 
-inline Lanes magnitude(Lanes x) { return x < 0 ? -x : x; }
+inline Lanes magnitude(Lanes x) {
+    return x < 0 ? -x : x;
+}
 
 inline bool any(Mask mask) {
     int64_t halves[kLanes / 2], bits = 0;

@@ -35,7 +35,9 @@ int threads = 0;  // 0: one per available core
 
 }  // namespace
 
-int thread_count() { return threads ? threads : available(); }
+int thread_count() {
+    return threads ? threads : available();
+}
 
 void set_thread_count(int count) {
     if (count < 0) throw std::invalid_argument("a negative number of threads");

@@ -69,7 +69,7 @@ void bind_motion(nb::module_& m) {
           "How far a transform (4, 4) is from a rigid one, its row [x y z qx qy qz qw], and that row as a transform.");
     nb::class_<NormalStream>(m, "NormalStream", "Normal random numbers; equal seeds give equal ones.")
         .def(nb::init<uint64_t>(), nb::arg("seed"));
-    m.def("compose", &compose, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
-          named("step"), named("scale"), nb::arg("noise").none(),
+    m.def("compose", &compose, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"), named("step"),
+          named("scale"), nb::arg("noise").none(),
           "Move poses [low, high) by a step (7,), then each by noise of widths `scale` (6,), unless that is None.");
 }

@@ -6,15 +6,21 @@
 
 namespace {
 
-constexpr double kSlack = 2e-3;  // m that what is seen may have moved before triangles are gathered anew
+constexpr double kSlack = 2e-3;       // m that what is seen may have moved before triangles are gathered anew
 constexpr std::size_t kPrefetch = 8;  // triangles ahead whose corners are fetched: they may lie anywhere
-constexpr float kOnEdge = 1e-4f;   // pixels, by which triangles overlap: more than single precision loses
+constexpr float kOnEdge = 1e-4f;      // pixels, by which triangles overlap: more than single precision loses
 
-Lanes smaller(Lanes a, Lanes b) { return a < b ? a : b; }
-Lanes larger(Lanes a, Lanes b) { return a > b ? a : b; }
+Lanes smaller(Lanes a, Lanes b) {
+    return a < b ? a : b;
+}
+Lanes larger(Lanes a, Lanes b) {
+    return a > b ? a : b;
+}
 
 // The smallest whole number that is not below x, and the largest that is not above; x >= 0.
-Mask floor_of(Lanes x) { return __builtin_convertvector(x, Mask); }
+Mask floor_of(Lanes x) {
+    return __builtin_convertvector(x, Mask);
+}
 Mask ceil_of(Lanes x) {
     const Mask whole = floor_of(x);
     return whole - (__builtin_convertvector(whole, Lanes) < x);  // a true lane is -1
@@ -70,8 +76,7 @@ void Patch::gather(const Transform& pose) {
         some.count = l + 1;
         const double* corners = scene_.corners(faces[i]);
         for (int k = 0; k < 3; ++k)
-            for (int a = 0; a < 3; ++a)
-                some.corner[k][a][l] = static_cast<float>(corners[3 * k + a] - pose[4 * a + 3]);
+            for (int a = 0; a < 3; ++a) some.corner[k][a][l] = static_cast<float>(corners[3 * k + a] - pose[4 * a + 3]);
     }
 }
 

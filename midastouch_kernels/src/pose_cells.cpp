@@ -140,8 +140,7 @@ private:
             off[a] *= off[a];
         }
         Best best{squared_bound, static_cast<int32_t>(size_)};
-        for (int radius = 0; left(pose, home, off, radius) < best.squared; ++radius)
-            shell(pose, home, radius, best);
+        for (int radius = 0; left(pose, home, off, radius) < best.squared; ++radius) shell(pose, home, radius, best);
         return best.entry;
     }
 

@@ -17,7 +17,9 @@ constexpr float kDetour = 1.2f;       // a link is left out if the way over anot
 constexpr std::size_t kPrefetch = 8;  // particles ahead whose entry is fetched: a walk waits for memory
 
 // The length of a row in whole vectors.
-std::size_t padded(std::size_t count) { return (count + kLanes - 1) / kLanes * kLanes; }
+std::size_t padded(std::size_t count) {
+    return (count + kLanes - 1) / kLanes * kLanes;
+}
 
 class PoseGraph {
 public:
@@ -156,7 +158,7 @@ private:
 // A candidate is passed over if one of the links taken is that much nearer to it than the entry is: the walk gets
 // there through that link. What is left of `count` is filled up with the nearest ones passed over.
 Out<int32_t> choose_links(In<float, -1, -1> features, In<int32_t, -1, -1> index, In<float, -1, -1> distance,
-                       std::size_t count) {
+                          std::size_t count) {
     const std::size_t n = index.shape(0), candidates = index.shape(1), dimension = features.shape(1);
     if (count > candidates || distance.shape(0) != n || distance.shape(1) != candidates || features.shape(0) != n)
         throw nb::value_error("features, index and distance of different sizes, or fewer candidates than links");

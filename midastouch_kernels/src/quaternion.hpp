@@ -32,7 +32,7 @@ inline constexpr double kSeries = 0.04;  // squared sine up to which a series is
 
 // arcsin(s) / s of s * s = x <= kSeries.
 inline double arcsine_ratio(double x) {
-    constexpr double c[] = {1.0 / 6,         3.0 / 40,        5.0 / 112,         35.0 / 1152,       63.0 / 2816,
+    constexpr double c[] = {1.0 / 6,       3.0 / 40,      5.0 / 112,       35.0 / 1152,      63.0 / 2816,
                             231.0 / 13312, 143.0 / 10240, 6435.0 / 557056, 12155.0 / 1245184};
     double sum = 0;
     for (int i = 8; i >= 0; --i) sum = (sum + c[i]) * x;

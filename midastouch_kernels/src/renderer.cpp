@@ -20,7 +20,8 @@ constexpr std::size_t kWorthThreads = 8;  // poses; fewer are drawn sooner than 
 double to_camera(const double* corners, const double* pose, double distance, double (*q)[3]) {
     double nearest = std::numeric_limits<double>::infinity();
     for (int k = 0; k < 3; ++k) {
-        const double dx = corners[3 * k] - pose[3], dy = corners[3 * k + 1] - pose[7], dz = corners[3 * k + 2] - pose[11];
+        const double dx = corners[3 * k] - pose[3], dy = corners[3 * k + 1] - pose[7],
+                     dz = corners[3 * k + 2] - pose[11];
         q[k][0] = pose[0] * dx + pose[4] * dy + pose[8] * dz;
         q[k][1] = pose[1] * dx + pose[5] * dy + pose[9] * dz;
         q[k][2] = distance - (pose[2] * dx + pose[6] * dy + pose[10] * dz);
@@ -184,8 +185,8 @@ void Scene::draw_face(int32_t face, const double* pose, float* penetration, int3
         const int begin = static_cast<int>(std::ceil(first)), end = static_cast<int>(std::floor(last)) + 1;
         if (begin >= end) continue;
         // 1 / depth is linear in the column: counted from the span's first, single precision errs by nanometres
-        const float at_begin = static_cast<float>(
-            (total[1] * ty + total[2] + total[0] * (begin - middle_u) * step) * per_determinant);
+        const float at_begin =
+            static_cast<float>((total[1] * ty + total[2] + total[0] * (begin - middle_u) * step) * per_determinant);
         float* row = penetration + v * width() + begin;
         const float* gel = gel_depth_.data() + v * width() + begin;
         if (faces) {
@@ -273,8 +274,8 @@ Out<float> interpolate_normals(const Scene& scene, In<double, -1, 4, 4> poses, I
 
 void bind_renderer(nb::module_& m) {
     nb::class_<Scene>(m, "Scene", "A mesh in its grid of cells, and the sensor that sees it.")
-        .def(nb::init<std::shared_ptr<const TriangleGrid>, In<float, -1, -1>, double, double, double>(), nb::arg("grid"),
-             named("gel_depth"), nb::arg("focal"), nb::arg("gel_distance"), nb::arg("margin"));
+        .def(nb::init<std::shared_ptr<const TriangleGrid>, In<float, -1, -1>, double, double, double>(),
+             nb::arg("grid"), named("gel_depth"), nb::arg("focal"), nb::arg("gel_distance"), nb::arg("margin"));
     m.def("render", &render, nb::arg("scene"), named("poses"), named("penetration"), named("faces"),
           "Penetration plus margin (N, H, W) [m] at poses (N, 4, 4) into arrays of zeros, and the faces seen into an "
           "array of -1, or of size 0 if nobody asks.");

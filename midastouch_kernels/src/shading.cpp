@@ -17,7 +17,8 @@ inline float clamp(float x, float low, float high) {
     return x < high ? x : high;
 }
 
-// x to the power of gamma for x in [0, 1], to 2e-6 of the value (the cases of std::pow keep a loop from being vectorised).
+// x to the power of gamma for x in [0, 1], to 2e-6 of the value (the cases of std::pow keep a loop from being
+// vectorised).
 inline float gamma(float x) {
     // logarithm: x = m 2^e with m in [sqrt(1/2), sqrt(2)), ln m as a series of the odd powers of (m - 1) / (m + 1)
     x = x > 1e-30f ? x : 1e-30f;
@@ -33,8 +34,7 @@ inline float gamma(float x) {
     const float y = kGamma * log2;
     const int32_t n = static_cast<int32_t>(y - 0.5f);  // y <= 0: towards zero rounds to the nearest
     const float r = (y - n) * 0.693147181f;
-    const float power =
-        1 + r * (1 + r * (1 / 2.0f + r * (1 / 6.0f + r * (1 / 24.0f + r * (1 / 120.0f + r / 720)))));
+    const float power = 1 + r * (1 + r * (1 / 2.0f + r * (1 / 6.0f + r * (1 / 24.0f + r * (1 / 120.0f + r / 720)))));
     const int32_t scale_bits = (n + 127) << 23;
     float scale;
     std::memcpy(&scale, &scale_bits, sizeof(scale));
@@ -80,14 +80,14 @@ void add_light(Block& b, int n, const Light& light, const Material& material) {
         const float shadowing = nl * nv / ((nl * (1 - kk) + kk) * (nv * (1 - kk) + kk));
         const float lobe = nh * nh * (a2 - 1) + 1;
         const float microfacets = a2 / (kPi * lobe * lobe);
-        const float reflected =
-            (1 - fresnel) * diffuse + fresnel * shadowing * microfacets / (4 * nl * nv + 1e-3f);
+        const float reflected = (1 - fresnel) * diffuse + fresnel * shadowing * microfacets / (4 * nl * nv + 1e-3f);
         const float energy = strength * nl * reflected;
         b.red[i] += energy * light.red, b.green[i] += energy * light.green, b.blue[i] += energy * light.blue;
     }
 }
 
-void prepare(Block& b, int n, const float* depth, const float* normals, const float* tangent_x, const float* tangent_y) {
+void prepare(Block& b, int n, const float* depth, const float* normals, const float* tangent_x,
+             const float* tangent_y) {
     for (int i = 0; i < n; ++i) b.nx[i] = normals[3 * i], b.ny[i] = normals[3 * i + 1], b.nz[i] = normals[3 * i + 2];
     for (int i = 0; i < n; ++i) {
         const float x = tangent_x[i] * depth[i], y = tangent_y[i] * depth[i], z = -depth[i];
@@ -125,7 +125,8 @@ Out<float> shade(In<float, -1, -1> depth, In<float, -1, -1, 3> normals, In<float
         }
         to_grey_levels(block.red, n), to_grey_levels(block.green, n), to_grey_levels(block.blue, n);
         float* to = out.data() + 3 * first;
-        for (int i = 0; i < n; ++i) to[3 * i] = block.red[i], to[3 * i + 1] = block.green[i], to[3 * i + 2] = block.blue[i];
+        for (int i = 0; i < n; ++i)
+            to[3 * i] = block.red[i], to[3 * i + 1] = block.green[i], to[3 * i + 2] = block.blue[i];
     }
     return out;
 }

@@ -16,9 +16,8 @@ inline std::array<double, 9> rotation_series(const double* w, double a, double b
     const double x = w[0], y = w[1], z = w[2], squared = x * x + y * y + z * z;
     // W^2 = w w' - |w|^2 I
     const double diagonal = a - c * squared;
-    return {diagonal + c * x * x, c * x * y - b * z,        c * x * z + b * y,
-            c * x * y + b * z,    diagonal + c * y * y,     c * y * z - b * x,
-            c * x * z - b * y,    c * y * z + b * x,        diagonal + c * z * z};
+    return {diagonal + c * x * x, c * x * y - b * z, c * x * z + b * y, c * x * y + b * z,   diagonal + c * y * y,
+            c * y * z - b * x,    c * x * z - b * y, c * y * z + b * x, diagonal + c * z * z};
 }
 
 inline Transform exponential(const Vector6& xi) {
@@ -28,7 +27,8 @@ inline Transform exponential(const Vector6& xi) {
     if (angle < kSmallAngle)
         a = 1 - squared / 6, b = 0.5 - squared / 24, c = 1.0 / 6 - squared / 120;
     else
-        a = std::sin(angle) / angle, b = (1 - std::cos(angle)) / squared, c = (angle - std::sin(angle)) / (squared * angle);
+        a = std::sin(angle) / angle, b = (1 - std::cos(angle)) / squared,
+        c = (angle - std::sin(angle)) / (squared * angle);
     const auto r = rotation_series(w, 1, a, b), v = rotation_series(w, 1, b, c);
     Transform out{};
     for (int i = 0; i < 3; ++i) {

@@ -23,7 +23,12 @@ TriangleGrid::Ball ball_around(const double* corners) {
     const double nz = edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0];
     const double length = std::max(std::sqrt(nx * nx + ny * ny + nz * nz), 1e-300);
     const float radius = std::nextafter(static_cast<float>(std::sqrt(squared)), INFINITY);
-    return {centre[0], centre[1], centre[2], radius, static_cast<float>(nx / length), static_cast<float>(ny / length),
+    return {centre[0],
+            centre[1],
+            centre[2],
+            radius,
+            static_cast<float>(nx / length),
+            static_cast<float>(ny / length),
             static_cast<float>(nz / length)};
 }
 

@@ -34,7 +34,8 @@ Out<int32_t> neighbours(In<int64_t, -1> keys, int64_t width, int64_t plane, int6
 }  // namespace
 
 void bind_voxels(nb::module_& m) {
-    m.def("neighbours", &neighbours, named("keys"), nb::arg("width"), nb::arg("plane"), nb::arg("radius"),
-          "Rows ((2 radius + 1)^3, N) of the voxels at each offset of a cubic kernel, x fastest; -1 where there is none. "
-          "Keys (N,) are sorted: x + width y + plane z.");
+    m.def(
+        "neighbours", &neighbours, named("keys"), nb::arg("width"), nb::arg("plane"), nb::arg("radius"),
+        "Rows ((2 radius + 1)^3, N) of the voxels at each offset of a cubic kernel, x fastest; -1 where there is none. "
+        "Keys (N,) are sorted: x + width y + plane z.");
 }

@@ -1,1 +1,0 @@
-"""What the launch files have in common."""
