@@ -30,9 +30,7 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Make the slide and the codebook if they are missing, then include replay.launch.py with these arguments."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     replay = PythonLaunchDescriptionSource(f"{SHARE}/launch/replay.launch.py")
     return LaunchDescription(
         [

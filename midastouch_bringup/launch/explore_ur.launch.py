@@ -23,22 +23,14 @@ ARGUMENTS = {
     "use_sim_time": ("false", "Take the time from /clock"),
     "arm": ("running", "TF and motion of the arm: of one that runs already (running), or by RTDE (rtde)"),
     "tcp_offset": ("", "With arm:=rtde: tool centre point on the teach pendant, [x, y, z, rx, ry, rz], m and rad"),
-    "sensor_model": (
-        "digit_real",
-        "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file",
-    ),
-    "record": (
-        "out/explore_ur/%Y-%m-%d_%H-%M-%S.mcap",
-        "Bag that the run is recorded into; the time by %Y, %m, %d, %H, %M, %S",
-    ),
+    "sensor_model": ("digit_real", "Kind of the sensor: digit_real, gelsight_mini, or a YAML file"),
+    "record": ("out/explore_ur/%Y-%m-%d_%H-%M-%S.mcap", "Bag that the run is recorded into"),
 }
 
 
 def generate_launch_description():
     """Start the nodes of `live_ur`, `contact_controller`, `recorder`, `explorer`, and with arm:=rtde `ur_speed`."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     live_ur = PythonLaunchDescriptionSource(f"{SHARE}/launch/live_ur.launch.py")
     return LaunchDescription(
         [
@@ -60,60 +52,48 @@ def start(context):
     """Start the nodes that are not in `live_ur`. An argument that is empty leaves its parameter to the files."""
     given = context.launch_configurations
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
-    clock = {"use_sim_time": given["use_sim_time"] == "true"}
-    base = {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
+    moving = {"use_sim_time": given["use_sim_time"] == "true"}
+    moving |= {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
     gel = {"sensor_frame_id": given["sensor_prefix"] + "digit_gel_frame"} if given["sensor_prefix"] else {}
-    controller = {**clock, **base, **gel, "sensor_model": given["sensor_model"]}
-    explorer = {**clock, **base, **gel}
+    lifecycle = {"autostart": given["autostart"] == "true"} if given["autostart"] else {}
+    explorer = {**moving, **gel}
     if given["object"]:
         explorer["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
     if given["mesh"]:
         explorer["mesh"] = ParameterValue(LaunchConfiguration("mesh"), value_type=str)
     if given["seed"]:
         explorer["seed"] = LaunchConfiguration("seed")
-    common = {"namespace": given["namespace"], "output": "screen", "ros_arguments": ["--log-level", given["log_level"]]}
+    controller = {**moving, **gel, **lifecycle, "sensor_model": given["sensor_model"]}
+    tool = {"tool_frame_id": given["tf_prefix"] + "tool0", "tcp_offset": LaunchConfiguration("tcp_offset")}
+    nodes = [
+        (LifecycleNode, "midastouch_motion", "contact_controller", controller),
+        (Node, "midastouch_tools", "recorder", {"path": given["record"]}),
+        (Node, "midastouch_motion", "explorer", explorer),
+    ]
+    if given["arm"] == "rtde":
+        ur_speed = {"robot_ip": given["robot_ip"], **tool, **gel, **lifecycle}
+        nodes.append((LifecycleNode, "midastouch_motion", "ur_speed", ur_speed))
     respawn = given["use_respawn"] == "true"
 
     def ended(event, context):
-        # bad input (2) stays bad; after a Shutdown the launch would exit with 0
-        if not context.is_shutdown and not (respawn and event.returncode != 2):
-            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
-
-    def finished(event, context):
-        # the others stay once the pose is known; after it gave up all end
-        if event.returncode and not context.is_shutdown:
+        # bad input (2) stays bad, and so does an explorer that gave up; after a Shutdown the launch would exit with 0
+        stays = event.process_name.startswith("explorer") and event.returncode == 0
+        again = respawn and event.returncode != 2 and not event.process_name.startswith("explorer")
+        if not (context.is_shutdown or stays or again):
             raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}: ending all")
 
-    lasting = common | {"respawn": respawn, "respawn_delay": 2.0, "on_exit": ended}
-    nodes = [
-        LifecycleNode(
-            package="midastouch_motion",
-            executable="contact_controller",
-            name="contact_controller",
-            parameters=[*files, controller],
-            **lasting,
-        ),
-        Node(
-            package="midastouch_tools", executable="recorder", parameters=[*files, {"path": given["record"]}], **lasting
-        ),
-        Node(
-            package="midastouch_motion",
-            executable="explorer",
-            parameters=[*files, explorer],
-            on_exit=finished,
-            **common,
-        ),
-    ]
-    if given["arm"] == "rtde":
-        tcp = {"robot_ip": given["robot_ip"], "tcp_offset": LaunchConfiguration("tcp_offset")}
-        tool = {"tool_frame_id": given["tf_prefix"] + "tool0", **gel}
-        nodes.append(
-            LifecycleNode(
-                package="midastouch_motion",
-                executable="ur_speed",
-                name="ur_speed",
-                parameters=[*files, {**tcp, **tool}],
-                **lasting,
-            )
+    return [
+        action(
+            package=package,
+            executable=name,
+            name=name,
+            namespace=given["namespace"],
+            parameters=[*files, parameters],
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+            respawn=respawn and name != "explorer",
+            respawn_delay=2.0,
+            on_exit=ended,
         )
-    return nodes
+        for action, package, name, parameters in nodes
+    ]

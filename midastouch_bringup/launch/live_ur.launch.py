@@ -22,19 +22,14 @@ ARGUMENTS = {
     "kinematics_params_file": ("", "Calibration of this very arm (ur_calibration), for arm:=ur_driver"),
     "use_mock_hardware": ("false", "Mock arm, for arm:=ur_driver"),
     "tf_prefix": ("", "Put before the arm's frames and joints, as in the UR driver"),
-    "sensor_model": (
-        "digit_real",
-        "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file",
-    ),
+    "sensor_model": ("digit_real", "Kind of the sensor: digit_real, gelsight_mini, or a YAML file"),
     "use_rviz": ("true", "Start RViz"),
 }
 
 
 def generate_launch_description():
     """Start everything; the arm's own driver only with arm:=ur_driver."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     return LaunchDescription(
         [
             DeclareLaunchArgument(

@@ -26,9 +26,7 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Declare the arguments, then `start`."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 

@@ -30,9 +30,7 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Start node `replay`, the localisation and RViz."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     return LaunchDescription(
         [
             *declared,

@@ -16,9 +16,7 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Start RViz in the namespace, so that the relative topics of its configuration resolve there."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
+    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
     return LaunchDescription(
         [
             *declared,
