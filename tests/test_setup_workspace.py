@@ -23,6 +23,7 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "FIX_EXPORTS", tmp_path / "fix.py")
     monkeypatch.setattr(tool, "INTERFACES", [tmp_path / "msgs"])
     monkeypatch.setattr(tool, "PYTHON_ONLY", tmp_path / "only.cmake")
+    monkeypatch.setattr(tool, "TF2_ROS", tmp_path / "tf2_ros")
     monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
     monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
     (tmp_path / "lock.txt").write_text("numpy==1\n")
@@ -30,6 +31,8 @@ def workspace(load_tool, tmp_path, monkeypatch):
     (tmp_path / "only.cmake").touch()
     (tmp_path / "msgs").mkdir()
     (tmp_path / "msgs" / "A.msg").write_text("bool a\n")
+    (tmp_path / "tf2_ros").mkdir()
+    (tmp_path / "tf2_ros" / "pyproject.toml").touch()
     (tmp_path / "kernels").mkdir()
     (tmp_path / "kernels" / "a.cpp").touch()
     (tmp_path / "package").mkdir()
@@ -80,6 +83,7 @@ def test_second_call_does_nothing(workspace, capsys):
         ("only.cmake", ["interfaces"]),
         ("kernels/a.cpp", ["kernels"]),
         ("package/setup.py", ["packages"]),
+        ("tf2_ros/pyproject.toml", ["packages"]),
     ],
 )
 def test_a_change_repeats_what_depends_on_it(workspace, changed, steps):

@@ -38,6 +38,7 @@ LOCK = ROOT / "tools" / "requirements" / f"lock_{ROS}.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 PYTHON_ONLY = ROOT / "tools" / "ros_wheels" / "python_only.cmake"
+TF2_ROS = ROOT / "tools" / "ros_wheels" / "tf2_ros"
 KERNELS = ROOT / "midastouch_kernels"
 PACKAGES = sorted(manifest.parent for manifest in ROOT.glob("*/setup.py"))
 
@@ -193,7 +194,7 @@ def install_packages():
     uninstall = [PYTHON, "-m", "pip", "uninstall", "--yes", *(package.name for package in PACKAGES)]
     yield Command(uninstall, "Removing the former packages of this workspace failed.")
     command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
-    command += [argument for package in PACKAGES for argument in ("--editable", package)]
+    command += [argument for package in (TF2_ROS, *PACKAGES) for argument in ("--editable", package)]
     yield Command(command, "Installing the packages of this workspace failed.")
     # What colcon would install to share (package.xml, launch, config, ...) is linked, so that it is always current.
     index = VENV / "share" / "ament_index" / "resource_index" / "packages"
@@ -252,6 +253,7 @@ def set_up(lock):
     remove_unusable_environment()
     dependencies_key = content_hash([LOCK, FIX_EXPORTS], ENVIRONMENT_PTH)
     described_by = [p / name for p in PACKAGES for name in ("setup.py", "setup.cfg", "package.xml")]
+    described_by.append(TF2_ROS / "pyproject.toml")
     # the steps of a stage do not need each other
     stages = [
         [("environment", environment_key(), make_environment, "virtual environment")],
