@@ -15,7 +15,7 @@ from tf2_ros import Buffer, TransformException, TransformListener
 
 from ..message_arrays import SECOND, stamp_ns, xyzquat_from_msg
 from ..transforms.queue import Wait
-from ..transforms.rigid import InvalidTransformError, TransformError, to_matrix
+from ..transforms.rigid import TransformError, to_matrix
 from ..transforms.tree import TransformWatch
 from . import qos
 
@@ -159,7 +159,7 @@ class TransformSource:
         with self._lock:
             try:
                 self._watch.link(parent, child, xyzquat_from_msg(transform.transform))
-            except InvalidTransformError as error:
+            except TransformError as error:
                 self._bad.append(f"{'/tf_static' if static else '/tf'}: {error}")
             else:
                 if static:
@@ -169,7 +169,7 @@ class TransformSource:
                         self._jumps.append(stamp)
                         self._buffer.clear()
                     self._buffer.set_transform(transform, authority)
-            if self._bad or self._jumps or self._has_come():
+            if self._bad or self._jumps or (self._awaited and self._has_come()):
                 self._wake.trigger()
 
     def _has_come(self) -> bool:

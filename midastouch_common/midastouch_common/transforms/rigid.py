@@ -1,4 +1,4 @@
-"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and the errors of checking them and looking them up.
+"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and the error of checking them and looking them up.
 
 On so few numbers, NumPy and SciPy cost 10-100 times the arithmetic.
 """
@@ -19,11 +19,7 @@ _UNIT_TOLERANCE = 1e-2
 
 
 class TransformError(Exception):
-    """A transform is not known at a stamp; the message names the frames and the reason."""
-
-
-class InvalidTransformError(TransformError):
-    """The transform offered is not a rigid transform between two frames of a tree."""
+    """A transform is invalid, or not known at a stamp; the message names the frames and the reason."""
 
 
 def rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -96,12 +92,12 @@ def to_matrix(pose: Pose) -> np.ndarray:
 def checked_pose(parent: str, child: str, pose: Sequence[float]) -> Pose:
     """Return the pose [x y z qx qy qz qw] of one frame in another with a unit quaternion.
 
-    Raises InvalidTransformError with the fix if it holds NaN or infinite values, if the quaternion is far from unit
+    Raises TransformError with the fix if it holds NaN or infinite values, if the quaternion is far from unit
     length, or if the frames are not two.
     """
     if not parent or not child or parent == child:
         fault = "needs two different frame names; fix its publisher"
-    elif not all(map(math.isfinite, pose)):
+    elif not math.isfinite(sum(pose)):
         fault = "holds NaN or infinite values; fix its publisher"
     else:
         x, y, z, qx, qy, qz, qw = pose
@@ -111,4 +107,4 @@ def checked_pose(parent: str, child: str, pose: Sequence[float]) -> Pose:
             return x, y, z, qx / norm, qy / norm, qz / norm, qw / norm
         kind = "zero" if norm < 1e-6 else "not a unit quaternion"
         fault = f"rotation is {kind} (norm {norm:.6g}); normalise it"
-    raise InvalidTransformError(f"transform '{parent}' -> '{child}': {fault}")
+    raise TransformError(f"transform '{parent}' -> '{child}': {fault}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from ..message_arrays import SECOND
-from .rigid import InvalidTransformError, Pose, checked_pose
+from .rigid import Pose, TransformError, checked_pose
 
 # A transform that is older than its frame's newest by more than this [ns] is no late one: time has run back.
 _JUMP_NS = SECOND
@@ -20,12 +20,12 @@ class FrameTree:
     def link(self, parent: str, child: str, pose: Sequence[float]) -> Pose:
         """Link two frames by a pose [x y z qx qy qz qw], and return it with a unit quaternion.
 
-        Raises InvalidTransformError if the pose is not rigid, or if the link would close a loop.
+        Raises TransformError if the pose is not rigid, or if the link would close a loop.
         """
         valid = checked_pose(parent, child, pose)
         if self.parents.get(child) != parent:
             if child in self.ancestors(parent):
-                raise InvalidTransformError(f"transform '{parent}' -> '{child}' closes a loop")
+                raise TransformError(f"transform '{parent}' -> '{child}' closes a loop")
             self.parents[child] = parent
         return valid
 

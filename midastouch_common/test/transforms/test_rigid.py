@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from midastouch_common import se3
 from midastouch_common.transforms.rigid import (
-    InvalidTransformError,
+    TransformError,
     checked_pose,
     interpolate,
     invert,
@@ -59,13 +59,13 @@ def test_products_and_inverses_are_those_of_the_matrices(seed):
     ],
 )
 def test_what_is_not_rigid_is_refused_with_a_reason(pose, reason):
-    with pytest.raises(InvalidTransformError, match=f"'base' -> 'gel'.*{reason}"):
+    with pytest.raises(TransformError, match=f"'base' -> 'gel'.*{reason}"):
         checked_pose("base", "gel", pose)
 
 
 @pytest.mark.parametrize(("parent", "child"), [("gel", "gel"), ("", "gel"), ("base", "")])
 def test_frame_names_must_be_two_different_ones(parent, child):
-    with pytest.raises(InvalidTransformError, match="frame names"):
+    with pytest.raises(TransformError, match="frame names"):
         checked_pose(parent, child, (0, 0, 0, 0, 0, 0, 1))
 
 

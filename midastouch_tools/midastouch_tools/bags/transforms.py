@@ -63,7 +63,7 @@ class RecordedTransforms(FrameTree):
     def insert(self, parent: str, child: str, stamp: int, pose: Sequence[float], static: bool = False) -> bool:
         """Store [x y z qx qy qz qw] (m) at `stamp` [ns], or for ever; return False if there is one at this stamp.
 
-        A child that changes its parent starts again. Raises InvalidTransformError as `link` does.
+        A child that changes its parent starts again. Raises TransformError as `link` does.
         """
         valid, link = self.link(parent, child, pose), self._links.get(child)
         if link is None or link.parent != parent or static or link.static:

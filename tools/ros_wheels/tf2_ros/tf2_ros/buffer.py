@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import Any
@@ -55,57 +56,67 @@ class _Static:
 
 
 class _Moving:
-    """A frame's parents and poses, sorted by stamp, for `cache_time` [ns] before the newest."""
+    """A frame's parents and poses, sorted by stamp, for `cache_time` [ns] before the newest.
+
+    They are in arrays, as Python's garbage collection would look through 100,000 tuples, which takes 50 ms and more.
+    """
 
     def __init__(self, cache_time: int):
         self._cache_time = cache_time
-        self._stamps: list[int] = []
-        self._samples: list[tuple[str, Pose]] = []
+        self.clear()
+
+    def clear(self) -> None:
+        self._first = 0  # index of the oldest sample; those before it have expired
+        self._stamps, self._poses, self._parents = array("q"), array("d"), []
 
     @property
     def newest(self) -> tuple[str, int] | None:
         """The parent at the newest stamp, and that stamp."""
-        return (self._samples[-1][0], self._stamps[-1]) if self._stamps else None
+        return (self._parents[-1], self._stamps[-1]) if self._stamps else None
 
     def insert(self, stamp: int, parent: str, pose: Pose) -> bool:
         """Sort in a sample; return False if it is too old. A repeated one changes nothing."""
-        stamps, samples = self._stamps, self._samples
+        stamps = self._stamps
         if stamps:
-            oldest = stamps[-1] - self._cache_time
-            if stamps[0] < oldest:
-                expired = bisect_left(stamps, oldest)
-                del stamps[:expired], samples[:expired]
+            self._expire(oldest := stamps[-1] - self._cache_time)
             if stamp < oldest:
                 return False
-        at = bisect_right(stamps, stamp)
-        if (parent, pose) not in samples[bisect_left(stamps, stamp) : at]:
-            stamps.insert(at, stamp)
-            samples.insert(at, (parent, pose))
+        at = bisect_right(stamps, stamp, self._first)
+        for same in range(bisect_left(stamps, stamp, self._first), at):
+            if self._sample(same) == (parent, pose):
+                return True
+        stamps.insert(at, stamp)
+        self._parents.insert(at, parent)
+        self._poses[7 * at : 7 * at] = array("d", pose)
         return True
 
-    def clear(self) -> None:
-        self._stamps.clear()
-        self._samples.clear()
+    def _expire(self, oldest: int) -> None:
+        self._first = first = bisect_left(self._stamps, oldest, self._first)
+        if first > len(self._stamps) // 2:  # seldom: the others have to move
+            del self._stamps[:first], self._parents[:first], self._poses[: 7 * first]
+            self._first = 0
+
+    def _sample(self, index: int) -> tuple[str, Pose]:
+        return self._parents[index], tuple(self._poses[7 * index : 7 * index + 7])
 
     def at(self, stamp: int) -> tuple[str, Pose]:
         """Return parent and pose at a stamp; raises ExtrapolationException outside of the history."""
-        stamps, samples = self._stamps, self._samples
+        stamps = self._stamps
         if not stamps:
             raise ExtrapolationException("the history is empty")
-        if stamp in (0, stamps[-1]):
-            return samples[-1]
-        if stamp == stamps[0]:
-            return samples[0]
-        if not stamps[0] < stamp < stamps[-1]:
-            where = "past" if stamp < stamps[0] else "future"
-            first, last = stamps[0] / _SECOND, stamps[-1] / _SECOND
-            raise ExtrapolationException(
-                f"Lookup would require extrapolation into the {where}.  Requested time {stamp / _SECOND:.6f} "
-                f"but the data is from {first:.6f} to {last:.6f}"
-            )
-        after = bisect_right(stamps, stamp)
+        oldest, newest = stamps[self._first], stamps[-1]
+        if stamp in (0, newest):
+            return self._sample(len(stamps) - 1)
+        if stamp == oldest:
+            return self._sample(self._first)
+        if not oldest < stamp < newest:
+            where = "past" if stamp < oldest else "future"
+            span = f"{oldest / _SECOND:.6f} to {newest / _SECOND:.6f}"
+            asked = f"Requested time {stamp / _SECOND:.6f} but the data is from {span}"
+            raise ExtrapolationException(f"Lookup would require extrapolation into the {where}.  {asked}")
+        after = bisect_right(stamps, stamp, self._first)
         start, end = stamps[after - 1], stamps[after]
-        (parent, before), (next_parent, behind) = samples[after - 1], samples[after]
+        (parent, before), (next_parent, behind) = self._sample(after - 1), self._sample(after)
         if start == stamp or parent != next_parent:
             return parent, before
         return parent, interpolate(before, behind, (stamp - start) / (end - start))
