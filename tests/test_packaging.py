@@ -35,6 +35,7 @@ ROSDEP_KEYS = {
     "scipy": "python3-scipy",
     "sklearn": "python3-sklearn",
     "tabulate": "python3-tabulate",
+    "tf2_ros": "tf2_ros_py",
     "tqdm": "python3-tqdm",
     "trimesh": "python3-trimesh-pip",
     "yaml": "python3-yaml",

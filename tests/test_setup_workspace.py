@@ -25,12 +25,14 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "PYTHON_ONLY", tmp_path / "only.cmake")
     monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
     monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
-    monkeypatch.setattr(tool, "SHIMS", [])
+    monkeypatch.setattr(tool, "SHIMS", [tmp_path / "tf2_ros"])
     (tmp_path / "lock.txt").write_text("numpy==1\n")
     (tmp_path / "fix.py").touch()
     (tmp_path / "only.cmake").touch()
     (tmp_path / "msgs").mkdir()
     (tmp_path / "msgs" / "A.msg").write_text("bool a\n")
+    (tmp_path / "tf2_ros").mkdir()
+    (tmp_path / "tf2_ros" / "pyproject.toml").touch()
     (tmp_path / "kernels").mkdir()
     (tmp_path / "kernels" / "a.cpp").touch()
     (tmp_path / "package").mkdir()
@@ -81,6 +83,7 @@ def test_second_call_does_nothing(workspace, capsys):
         ("only.cmake", ["interfaces"]),
         ("kernels/a.cpp", ["kernels"]),
         ("package/setup.py", ["packages"]),
+        ("tf2_ros/pyproject.toml", ["packages"]),
     ],
 )
 def test_a_change_repeats_what_depends_on_it(workspace, changed, steps):

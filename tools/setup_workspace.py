@@ -39,7 +39,7 @@ FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 PYTHON_ONLY = ROOT / "tools" / "ros_wheels" / "python_only.cmake"
 KERNELS = ROOT / "midastouch_kernels"
-SHIMS = [ROOT / "tools/ros_wheels/launch"]
+SHIMS = [ROOT / "tools/ros_wheels/launch", ROOT / "tools/ros_wheels/tf2_ros"]
 """Python parts of ROS that PyPI lacks."""
 PACKAGES = sorted(manifest.parent for manifest in ROOT.glob("*/setup.py"))
 
@@ -195,7 +195,7 @@ def install_packages():
     uninstall = [PYTHON, "-m", "pip", "uninstall", "--yes", *(package.name for package in PACKAGES)]
     yield Command(uninstall, "Removing the former packages of this workspace failed.")
     command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
-    command += [argument for package in [*PACKAGES, *SHIMS] for argument in ("--editable", package)]
+    command += [argument for package in [*SHIMS, *PACKAGES] for argument in ("--editable", package)]
     yield Command(command, "Installing the packages of this workspace failed.")
     # What colcon would install to share (package.xml, launch, config, ...) is linked, so that it is always current.
     index = VENV / "share" / "ament_index" / "resource_index" / "packages"

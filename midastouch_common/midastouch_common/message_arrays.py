@@ -15,6 +15,7 @@ import numpy as np
 
 from . import se3
 from .errors import InputError
+from .transforms.rigid import Pose
 
 SECOND = 1_000_000_000
 """One second [ns]."""
@@ -109,9 +110,9 @@ def pose_from_msg(pose: Any) -> np.ndarray:
     return poses_from_msgs([pose])[0]
 
 
-def xyzquat_from_msg(transform: Any) -> np.ndarray:
-    """Return [x y z qx qy qz qw] (7,) of a transform message, position in m, unchecked."""
-    return np.array(_xyzquat(transform.translation, transform.rotation))
+def xyzquat_from_msg(transform: Any) -> Pose:
+    """Return [x y z qx qy qz qw] of a transform message, position in m, unchecked."""
+    return _xyzquat(transform.translation, transform.rotation)
 
 
 def transform_from_msg(transform: Any) -> np.ndarray:
@@ -119,7 +120,7 @@ def transform_from_msg(transform: Any) -> np.ndarray:
     return se3.from_xyzquat(xyzquat_from_msg(transform))
 
 
-def _xyzquat(p: Any, q: Any) -> tuple[float, ...]:
+def _xyzquat(p: Any, q: Any) -> Pose:
     return p.x, p.y, p.z, q.x, q.y, q.z, q.w
 
 

@@ -26,8 +26,8 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import PastExtrapolationError
 from midastouch_common.transforms.queue import Wait
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_tools.processes.local_domain import local_environment, own_domain
 from midastouch_tools.ros.local_context import local_context
 
@@ -83,7 +83,7 @@ def _listen(context: rclpy.Context, step: Callable[[], object], images: int, sec
                     return
                 ages.append(1e-6 * (time.time_ns() - waiting.popleft()))
                 step()
-            except PastExtrapolationError:  # an image from before the first transform
+            except TransformError:  # an image from before the first transform
                 waiting.popleft()
 
     def on_image(header: Header) -> None:

@@ -4,6 +4,3 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 RCLError = rclpy_implementation.RCLError
 """What publishers raise once a signal has shut down their context. rclpy does not export it (ros2/rclpy#31)."""
-
-WaitSet = rclpy_implementation.WaitSet
-"""An executor of rclpy takes 200 us of CPU a message, a wait set of our own 33 us (ros2/rclpy#1223)."""

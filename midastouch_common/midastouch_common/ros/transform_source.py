@@ -1,43 +1,33 @@
-"""Transforms from `/tf` and `/tf_static`."""
+"""Transforms from `/tf` and `/tf_static`, kept by tf2."""
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Callable, Collection
-from typing import NamedTuple
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from tf2_msgs.msg import TFMessage
+from rclpy.time import Time
+from tf2_ros import Buffer, TransformException, TransformListener
 
-from ..errors import InputError
-from ..message_arrays import SECOND
-from ..transforms import (
-    JUMP_S,
-    Insertion,
-    InvalidTransformError,
-    PastExtrapolationError,
-    TransformBuffer,
-    TransformError,
-    ancestors,
-)
+from ..message_arrays import SECOND, stamp_ns, xyzquat_from_msg
 from ..transforms.queue import Wait
-from ..transforms.wire import WireTransforms, frame_name
+from ..transforms.rigid import TransformError, to_matrix
+from ..transforms.tree import TransformWatch
 from . import qos
-from .topic_reader import TopicReader
 
-_JUMP_NS = round(JUMP_S * SECOND)
 _JUMPED = "time ran back a moment ago"
 
 
 class TransformSource:
-    """Transforms from TF, which is read in a thread of its own.
+    """Transforms from TF; the node's executor or, on the ROS wheels, another thread reads them.
 
-    `frames` are those whose poses relative to each other are looked up. Only the transforms on the way between them
-    are kept over time (all, until it is known how they are linked); of every other frame just the newest. If a
-    transform on the way jumps back in time, so has the recording, and all moving transforms are forgotten. Other frames
-    may have clocks of their own.
+    `frames` are those whose poses relative to each other are looked up. If a transform on the way between them jumps
+    back in time, so has the recording, and all moving transforms are forgotten. Other frames may have clocks of their
+    own.
 
     In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
     transform that was refused, and `on_update` when a transform that a `lookup` has to wait for has come. After a jump
@@ -52,44 +42,43 @@ class TransformSource:
         on_jump: Callable[[int], object] = lambda stamp: None,
         on_bad: Callable[[str], object] = lambda reason: None,
     ):
-        self._buffer = TransformBuffer()
         self._on_update, self._on_jump, self._on_bad = on_update, on_jump, on_bad
-        self._frames = [frame.lstrip("/") for frame in frames]
+        self._watch = TransformWatch([_name(frame) for frame in frames])
         self._lock = threading.RLock()
-        self._links: dict[bytes, _Link] = {}  # by the child's name as it travels
-        self._between: set[str] = set()
         self._awaited: dict[tuple[str, str], int] = {}
         self._jumps: list[int] = []
         self._bad: list[str] = []
         self._node, self._closed = node, False
         self._wake = node.create_guard_condition(self._on_wake)
-        self._reader = TopicReader(node)
-        self._reader.subscribe(TFMessage, "/tf", lambda message: self._read(message, False), qos.TF_SUBSCRIBER)
-        self._reader.subscribe(
-            TFMessage, "/tf_static", lambda message: self._read(message, True), qos.TF_STATIC_SUBSCRIBER
+        self._buffer = Buffer()
+        checked = SimpleNamespace(
+            set_transform=partial(self._take, False), set_transform_static=partial(self._take, True)
         )
-        self._reader.start()
+        self._listener = TransformListener(checked, node, qos=qos.TF_SUBSCRIBER, static_qos=qos.TF_STATIC_SUBSCRIBER)
 
     def close(self) -> None:
         """Stop listening; nothing is called after this."""
-        self._reader.close()
+        self._listener.unregister()
         self._closed = True
         self._node.destroy_guard_condition(self._wake)
 
     def lookup(self, target: str, source: str, stamp: int) -> np.ndarray | Wait:
-        """Return T_target_source (4, 4) at `stamp` [ns], both among `frames`, or `Wait` while it may still come.
+        """Return T_target_source (4, 4) at `stamp` [ns], or `Wait` while it may still come.
 
-        Raises PastExtrapolationError if the stamp lies before everything that is known.
+        Raises TransformError if the stamp lies before everything that is known.
         """
+        names = _name(target), _name(source)
         with self._lock:
             if self._jumps:
                 return Wait(_JUMPED)
             try:
-                return self._buffer.lookup(target, source, stamp)
-            except PastExtrapolationError:
-                raise
-            except TransformError as error:
-                self._awaited[target, source] = min(stamp, self._awaited.get((target, source), stamp))
+                if stamp <= 0:  # to tf2, 0 means the newest
+                    raise TransformException(f"stamp {stamp / SECOND:g} s is not after the epoch")
+                return self._look_up(names, stamp)
+            except TransformException as error:
+                if self._has(names, stamp):
+                    raise TransformError(f"the history starts after it: {error}") from error
+                self._awaited[names] = min(stamp, self._awaited.get(names, stamp))
                 return Wait(str(error))
 
     def known(self, target: str, source: str, stamp: int) -> np.ndarray | None:
@@ -108,31 +97,46 @@ class TransformSource:
         with self._lock:
             if self._jumps:
                 raise TransformError(_JUMPED)
-            return self._buffer.latest_common_stamp(target, source)
+            try:
+                return self._latest((_name(target), _name(source))) or None
+            except TransformException as error:
+                raise TransformError(str(error)) from error
 
     def newest(self, target: str, source: str) -> np.ndarray:
-        """Return T_target_source (4, 4) between any two frames, with each link on the way at its newest transform.
+        """Return T_target_source (4, 4) between any two frames at the newest stamp that tf2 has of all links.
 
         Raises TransformError if they are not linked.
         """
-        tree = TransformBuffer()
-        with self._lock:
-            for link in self._links.values():
-                if link.last is not None:
-                    with contextlib.suppress(InvalidTransformError):  # a bad one must not spoil all others
-                        tree.insert(link.parent, link.child, 0, link.last.pose, static=True)
-        return tree.lookup(target, source, 0)
+        try:
+            return self._look_up((_name(target), _name(source)), 0)
+        except TransformException as error:
+            raise TransformError(str(error)) from error
 
     def rewind(self, stamp: int) -> None:
         """Follow the images' time back to `stamp` [ns]: forget transforms that come from before the jump."""
         with self._lock:
-            if any((self._buffer.newest(frame) or stamp) > stamp + _JUMP_NS for frame in self._between):
-                self._forget()
+            if self._watch.is_ahead(stamp):
+                self.forget()
 
     def forget(self) -> None:
         """Forget all moving transforms, as after a jump of time that is too short to show in their stamps."""
         with self._lock:
-            self._forget()
+            self._buffer.clear()
+            self._watch.forget()
+
+    def _look_up(self, names: tuple[str, str], stamp: int) -> np.ndarray:
+        found = self._buffer.lookup_transform(*names, Time(nanoseconds=stamp))
+        return to_matrix(xyzquat_from_msg(found.transform))
+
+    def _latest(self, names: tuple[str, str]) -> int:
+        return self._buffer.get_latest_common_time(*names).nanoseconds
+
+    def _has(self, names: tuple[str, str], stamp: int) -> bool:
+        """Return whether the frames are linked and no transform of `stamp` [ns] is still to come."""
+        try:
+            return not 0 < self._latest(names) < stamp
+        except TransformException:
+            return False
 
     def _on_wake(self) -> None:
         if self._closed:  # it was closed in the same round of the executor
@@ -146,95 +150,36 @@ class TransformSource:
             self._on_jump(stamp)
         self._on_update()
 
-    # --- in the reader's thread
+    # --- where the listener reads
 
-    def _read(self, message: bytes, static: bool) -> None:
+    def _take(self, static: bool, transform: TransformStamped, authority: str) -> None:
+        """Hand a transform on to tf2, unless it is invalid."""
+        parent, child = _name(transform.header.frame_id), _name(transform.child_frame_id)
+        stamp = stamp_ns(transform.header.stamp)
         with self._lock:
             try:
-                wire = WireTransforms(message)
-                for parent, child, stamp, at in wire:
-                    self._take(_Sample(wire, stamp, at), parent, child, static)
-            except InputError as error:
-                self._refuse(error, static)
-            if self._jumps or self._bad or self._has_come():
-                self._wake.trigger()
-
-    def _take(self, sample: _Sample, parent: bytes, child: bytes, static: bool) -> None:
-        link = self._links.get(child)
-        try:
-            if link is None or link.of != (parent, static):
-                self._meet(_Link(parent, child, static), sample)
-            elif link.on_the_way:
-                self._insert(link, sample)
+                self._watch.link(parent, child, xyzquat_from_msg(transform.transform))
+            except TransformError as error:
+                self._bad.append(f"{'/tf_static' if static else '/tf'}: {error}")
             else:
-                link.last = sample
-        except InvalidTransformError as error:
-            self._refuse(error, static)
-
-    def _refuse(self, error: Exception, static: bool) -> None:
-        self._bad.append(f"{'/tf_static' if static else '/tf'}: {error}")
-
-    def _meet(self, link: _Link, sample: _Sample) -> None:
-        """Take a frame that is new or has a new parent, and find the way between `frames` again."""
-        self._insert(link, sample)
-        self._links[link.name] = link
-        parents = {each.child: each.parent for each in self._links.values()}
-        chains = [set(ancestors(frame, parents.get)) for frame in self._frames]
-        common = set.intersection(*chains)
-        self._between = set.union(*chains) - common
-        for each in self._links.values():
-            was_kept, each.on_the_way = each.on_the_way, not common or each.child in self._between
-            if each.on_the_way and not was_kept and each.last is not None:
-                with contextlib.suppress(InvalidTransformError):  # its next transform counts
-                    self._insert(each, each.last)
-        if common:
-            self._buffer.keep(self._between)
-
-    def _insert(self, link: _Link, sample: _Sample) -> None:
-        """Keep a transform; if it jumped back in time between `frames`, forget those from before."""
-        what = link.parent, link.child, sample.stamp, sample.pose, link.static
-        if self._buffer.insert(*what) is Insertion.TIME_JUMP and link.child in self._between:
-            self._jumps.append(sample.stamp)
-            self._forget()
-            self._buffer.insert(*what)
-        link.last = sample
+                if static:
+                    self._buffer.set_transform_static(transform, authority)
+                else:
+                    if self._watch.has_jumped(child, stamp):
+                        self._jumps.append(stamp)
+                        self._buffer.clear()
+                    self._buffer.set_transform(transform, authority)
+            if self._bad or self._jumps or (self._awaited and self._has_come()):
+                self._wake.trigger()
 
     def _has_come(self) -> bool:
         """Return, once for each, whether a transform that a `lookup` has to wait for is there."""
-        come = []
-        for frames, stamp in self._awaited.items():
-            with contextlib.suppress(TransformError):
-                newest = self._buffer.latest_common_stamp(*frames)
-                if newest is None or newest >= stamp:
-                    come.append(frames)
-        for frames in come:
-            del self._awaited[frames]
+        come = [names for names, stamp in self._awaited.items() if self._has(names, stamp)]
+        for names in come:
+            del self._awaited[names]
         return bool(come)
 
-    def _forget(self) -> None:
-        self._buffer.clear()
-        for link in self._links.values():
-            if not link.static:
-                link.last = None
 
-
-class _Sample(NamedTuple):
-    """A transform in the message that brought it."""
-
-    wire: WireTransforms
-    stamp: int
-    at: int
-
-    @property
-    def pose(self) -> tuple[float, ...]:
-        return self.wire.pose(self.at)
-
-
-class _Link:
-    """State of a frame: its names, whether its transforms are kept over time, and the newest one."""
-
-    def __init__(self, parent: bytes, child: bytes, static: bool):
-        self.name, self.of, self.static = child, (parent, static), static
-        self.parent, self.child = frame_name(parent), frame_name(child)
-        self.on_the_way = True
-        self.last: _Sample | None = None
+def _name(frame: str) -> str:
+    """Return a frame's name without the leading slash of ROS 1."""
+    return frame.lstrip("/")

@@ -1,4 +1,4 @@
-"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and the errors of storing them and looking them up.
+"""Rigid transforms as seven numbers, [x y z qx qy qz qw], and the error of checking them and looking them up.
 
 On so few numbers, NumPy and SciPy cost 10-100 times the arithmetic.
 """
@@ -9,38 +9,17 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 Pose = tuple[float, float, float, float, float, float, float]
 
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
-# How far a squared quaternion norm or a rotation's Gram matrix may be from the identity: tf2's own tolerance.
+# How far a squared quaternion norm may be from 1: the tolerance of tf2 in ROS 1; that of ROS 2 normalises anything.
 _UNIT_TOLERANCE = 1e-2
 
 
 class TransformError(Exception):
-    """A transform cannot be stored or looked up; the message names the frames and the reason."""
-
-
-class InvalidTransformError(TransformError):
-    """The transform offered is not a rigid transform between two frames of a tree."""
-
-
-class UnknownFrameError(TransformError):
-    """A frame was never mentioned; it may still come."""
-
-
-class DisconnectedError(TransformError):
-    """Both frames are known, but no chain of transforms links them (yet)."""
-
-
-class PastExtrapolationError(TransformError):
-    """The stamp is older than the history kept; waiting does not help."""
-
-
-class FutureExtrapolationError(TransformError):
-    """The stamp is newer than the newest transform; wait for the next one."""
+    """A transform is invalid, or not known at a stamp; the message names the frames and the reason."""
 
 
 def rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -110,30 +89,22 @@ def to_matrix(pose: Pose) -> np.ndarray:
     )
 
 
-def checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
-    """Convert a (4, 4) matrix or [x y z qx qy qz qw] to a pose with unit quaternion; raises InvalidTransformError."""
-    if isinstance(transform, np.ndarray):
-        if transform.shape == (4, 4):
-            return _pose_of_matrix(transform)
-        transform = transform.tolist()
-    if len(transform) != 7:
-        raise InvalidTransformError(f"expected a (4, 4) matrix or 7 values, got shape {np.shape(transform)}")
-    if not all(map(math.isfinite, transform)):
-        raise InvalidTransformError("holds NaN or infinite values; fix its publisher")
-    x, y, z, qx, qy, qz, qw = transform
-    square = qx * qx + qy * qy + qz * qz + qw * qw
-    norm = math.sqrt(square)
-    if abs(square - 1.0) > _UNIT_TOLERANCE:
+def checked_pose(parent: str, child: str, pose: Sequence[float]) -> Pose:
+    """Return the pose [x y z qx qy qz qw] of one frame in another with a unit quaternion.
+
+    Raises TransformError with the fix if it holds NaN or infinite values, if the quaternion is far from unit
+    length, or if the frames are not two.
+    """
+    if not parent or not child or parent == child:
+        fault = "needs two different frame names; fix its publisher"
+    elif not math.isfinite(sum(pose)):
+        fault = "holds NaN or infinite values; fix its publisher"
+    else:
+        x, y, z, qx, qy, qz, qw = pose
+        square = qx * qx + qy * qy + qz * qz + qw * qw
+        norm = math.sqrt(square)
+        if abs(square - 1.0) <= _UNIT_TOLERANCE:
+            return x, y, z, qx / norm, qy / norm, qz / norm, qw / norm
         kind = "zero" if norm < 1e-6 else "not a unit quaternion"
-        raise InvalidTransformError(f"rotation is {kind} (norm {norm:.6g}); normalise it")
-    return x, y, z, qx / norm, qy / norm, qz / norm, qw / norm
-
-
-def _pose_of_matrix(matrix: np.ndarray) -> Pose:
-    if not np.isfinite(matrix).all():
-        raise InvalidTransformError("holds NaN or infinite values; fix its publisher")
-    rotation = matrix[:3, :3]
-    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < _UNIT_TOLERANCE and np.linalg.det(rotation) > 0
-    if not rigid or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:
-        raise InvalidTransformError("the matrix is not rigid; orthonormalise its rotation")
-    return (*matrix[:3, 3].tolist(), *Rotation.from_matrix(rotation).as_quat().tolist())
+        fault = f"rotation is {kind} (norm {norm:.6g}); normalise it"
+    raise TransformError(f"transform '{parent}' -> '{child}': {fault}")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
 from tf2_msgs.msg import TFMessage
 from tf_messages import tf_msg, translation
 
-from midastouch_common.ros import transform_source
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformBuffer, TransformError
 from midastouch_common.transforms.queue import Wait
+from midastouch_common.transforms.rigid import TransformError
 
 FRAMES = "base_link", "digit_gel_frame"
 
@@ -23,10 +21,7 @@ class Listening:
 
     def __init__(self, graph):
         self.graph, self.updates, self.jumps, self.bad, self.marks = graph, 0, [], [], 0
-        self.buffer = TransformBuffer()
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(transform_source, "TransformBuffer", lambda: self.buffer)
-            self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
+        self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
         self.tf = graph.publisher(TFMessage, "/tf")
 
     def _update(self):
@@ -38,7 +33,7 @@ class Listening:
     def send(self, *transforms) -> None:
         """Publish, and wait until all is read: a mark, which nobody looks up, follows."""
         self.marks += 1
-        self.tf.publish(TFMessage(transforms=[*transforms, stamped(0, self.marks, "mark", "mark_below")]))
+        self.tf.publish(TFMessage(transforms=[*transforms, stamped(self.marks, self.marks, "mark", "mark_below")]))
         self.graph.spin_until(self._marked, "the transforms to be read")
 
     def _marked(self) -> bool:

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from midastouch_common.transforms import PastExtrapolationError, queue
+from midastouch_common.transforms import queue
 from midastouch_common.transforms.queue import TransformQueue, Wait
+from midastouch_common.transforms.rigid import TransformError
 
 
 class World:
@@ -22,7 +23,7 @@ class World:
 
     def lookup(self, stamp: int):
         if stamp < self.forgotten:
-            raise PastExtrapolationError("before the history")
+            raise TransformError("before the history")
         return np.eye(4) * stamp if stamp <= self.known else Wait(f"newest is {self.known}")
 
     def unreported(self) -> tuple[int, str] | None:

@@ -14,8 +14,8 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformError
 from midastouch_common.transforms.queue import TransformQueue, Wait
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import TactileCode
 
 from ..core.pace import InTime, always, until_next_frame

@@ -18,7 +18,7 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import INACTIVE
 from midastouch_common.ros.parameters import Parameters
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.srv import SetObject
 
 from ..localiser import Localiser, Start, spread_of

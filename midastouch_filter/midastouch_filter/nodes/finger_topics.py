@@ -14,8 +14,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import points_from_msg, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.parameters import Parameters
-from midastouch_common.transforms import TransformError
 from midastouch_common.transforms.queue import Wait
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel

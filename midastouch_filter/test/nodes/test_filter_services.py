@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common import se3
 from midastouch_common.message_arrays import SECOND
-from midastouch_common.transforms import TransformBuffer
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.nodes.filter_services import StartTopics
 from midastouch_msgs.srv import SetObject
@@ -62,14 +62,18 @@ class Topics:
             start_at=self.starts.append,
             expect_object_at=lambda *prior: self.priors.append(prior),
         )
-        known = TransformBuffer()
-        known.insert("base_link", "camera", 0, translation(0.1), static=True)
-        transforms = types.SimpleNamespace(newest=lambda target, source: known.lookup(target, source, 0))
+        transforms = types.SimpleNamespace(newest=self._newest)
         frames = {"base_frame_id": "base_link", "object_frame_id": "object"}
         StartTopics(node, frames, localiser, transforms, lambda *bad: self.bad.append(bad))
 
     def _subscribe(self, _type, topic, callback, _qos):
         self.callbacks[topic] = callback
+
+    @staticmethod
+    def _newest(target, source):
+        if (target, source) != ("base_link", "camera"):
+            raise TransformError(f"frame '{source}' is not known")
+        return translation(0.1)
 
     def send(self, topic: str, frame: str) -> None:
         self.callbacks[topic](pose_msg(frame, translation(0.0, 0.3)))

@@ -19,8 +19,8 @@ from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformError
 from midastouch_common.transforms.queue import Wait
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
@@ -77,7 +77,6 @@ class ContactController(ManagedNode):
         self._transforms = TransformSource(
             self,
             frames=self._frames,
-            on_update=lambda: None,
             on_jump=lambda stamp: self._on_time_jump(),
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )

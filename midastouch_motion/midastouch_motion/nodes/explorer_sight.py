@@ -15,7 +15,7 @@ from midastouch_common.message_arrays import pose_from_msg, poses_from_msgs, sta
 from midastouch_common.ros import qos
 from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformError
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import PoseModes
 
 from ..exploration.surroundings import Surroundings

@@ -20,8 +20,8 @@ from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
 from midastouch_common.ros.transform_source import TransformSource
-from midastouch_common.transforms import TransformError
 from midastouch_common.transforms.queue import Wait
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel

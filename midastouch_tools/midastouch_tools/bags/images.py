@@ -14,11 +14,11 @@ from midastouch_common import images
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.message_arrays import rgb_from_msg
-from midastouch_common.transforms import TransformBuffer, TransformError
+from midastouch_common.transforms.rigid import TransformError
 
 from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, header_stamp_ns, typestore
 from .reader import bag_messages, bag_topics, readable
-from .transforms import recorded_transforms
+from .transforms import RecordedTransforms, recorded_transforms
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
         raise InputError(f"{path}: no image on {stream.image_topic} has a pose ({reason}); record /tf and /tf_static")
 
 
-def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
+def _true_pose(transforms: RecordedTransforms, stamp: int) -> np.ndarray | None:
     try:
         return transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
     except TransformError:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
-from midastouch_common.transforms import Insertion, TransformBuffer, TransformError
+from midastouch_common.transforms.rigid import IDENTITY, Pose, TransformError, interpolate, invert, multiply, to_matrix
+from midastouch_common.transforms.tree import FrameTree
 
 from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
 from .reader import bag_messages, readable
 
-_FOREVER_S = 1e9
 _LATEST_NS = 1_000_000_000  # largest delay of a transform behind those recorded before it
 
 
@@ -47,14 +50,78 @@ class _Track:
             self.jump = self._again_from
 
 
-def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[TransformBuffer, str]:
+class RecordedTransforms(FrameTree):
+    """Tree of frames with all poses of a recording, however long; it interpolates and composes as tf2 does.
+
+    tf2 itself is part of ROS, which reading a bag does not need.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._links: dict[str, _Link] = {}
+
+    def insert(self, parent: str, child: str, stamp: int, pose: Sequence[float], static: bool = False) -> bool:
+        """Store [x y z qx qy qz qw] (m) at `stamp` [ns], or for ever; return False if there is one at this stamp.
+
+        A child that changes its parent starts again. Raises TransformError as `link` does.
+        """
+        valid, link = self.link(parent, child, pose), self._links.get(child)
+        if link is None or link.parent != parent or static or link.static:
+            link = self._links[child] = _Link(parent, static)
+        at = bisect_left(link.stamps, stamp)
+        if link.stamps[at : at + 1] == [stamp]:
+            return False
+        link.stamps.insert(at, stamp)
+        link.poses.insert(at, valid)
+        return True
+
+    def lookup(self, target: str, source: str, stamp: int) -> np.ndarray:
+        """Return T_target_source (4, 4) at `stamp` [ns]; raises TransformError if the recording does not give it."""
+        ends = target.lstrip("/"), source.lstrip("/")
+        ways = [self.ancestors(end) for end in ends]
+        common = next((frame for frame in ways[0] if frame in ways[1]), None)
+        if common is None:
+            unknown = {*ends} - {*self.parents, *self.parents.values()}
+            names = ", ".join(f"frame '{frame}' is not known" for frame in sorted(unknown))
+            raise TransformError(names or f"no chain of transforms links '{target}' and '{source}'")
+        poses = []  # of the ends in the common frame
+        for way in ways:
+            pose = IDENTITY
+            for frame in way[: way.index(common)]:
+                pose = multiply(self._links[frame].at(frame, stamp), pose)
+            poses.append(pose)
+        return to_matrix(multiply(invert(poses[0]), poses[1]))
+
+
+class _Link:
+    """Poses of a frame in its parent, sorted by stamps [ns]."""
+
+    def __init__(self, parent: str, static: bool):
+        self.parent, self.static = parent, static
+        self.stamps: list[int] = []
+        self.poses: list[Pose] = []
+
+    def at(self, frame: str, stamp: int) -> Pose:
+        stamps, poses = self.stamps, self.poses
+        if self.static:
+            return poses[0]
+        if not stamps[0] <= stamp <= stamps[-1]:
+            span = f"from {stamps[0] / 1e9:.6f} to {stamps[-1] / 1e9:.6f} s"
+            raise TransformError(f"'{self.parent}' -> '{frame}' at {stamp / 1e9:.6f} s: recorded {span}")
+        after = bisect_left(stamps, stamp)
+        if stamps[after] == stamp:
+            return poses[after]
+        start, end = stamps[after - 1], stamps[after]
+        return interpolate(poses[after - 1], poses[after], (stamp - start) / (end - start))
+
+
+def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[RecordedTransforms, str]:
     """Return all transforms of a bag, and the reason why the last invalid one was refused (empty if none was).
 
     asked: pairs of frames. On the path between them, late or repeated transforms are reported on stderr, and time that
     runs backwards raises InputError. Other frames may have odd clocks.
     """
-    buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
-    unused = TransformBuffer()
+    transforms, unused, refused = RecordedTransforms(), RecordedTransforms(), ""
     tracks: dict[str, _Track] = {}
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
@@ -65,19 +132,19 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
             stamp = stamp_ns(item.header.stamp)
             parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
             track = tracks.setdefault(child, _Track())
-            into = unused if not static and track.too_late(stamp) else buffer
+            into = unused if not static and track.too_late(stamp) else transforms
             try:
-                outcome = into.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
+                is_new = into.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
             except TransformError as error:
                 refused = str(error)
                 continue
             if not static:
-                track.add(stamp, into is buffer and outcome is not Insertion.DUPLICATE)
+                track.add(stamp, into is transforms and is_new)
     for target, source in asked:
-        between = set(buffer.ancestors(target)) ^ set(buffer.ancestors(source))
+        between = set(transforms.ancestors(target)) ^ set(transforms.ancestors(source))
         for child in sorted(tracks.keys() & between):
             _report(path, child, tracks[child])
-    return buffer, refused
+    return transforms, refused
 
 
 def _report(path: Path, frame: str, track: _Track) -> None:

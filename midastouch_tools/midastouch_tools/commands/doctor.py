@@ -36,6 +36,7 @@ MODULES = (
     ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2"),
     ("midastouch_msgs.msg", "midastouch_msgs", "our messages", True, f"{_SET_UP}, or colcon build"),
     ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2"),
+    ("tf2_ros", "tf2_ros", "look-ups of transforms", True, f"{_SET_UP}, or source a ROS 2"),
     ("midastouch_kernels", "midastouch_kernels", "compiled inner loops", True, f"{_SET_UP}, or colcon build"),
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),

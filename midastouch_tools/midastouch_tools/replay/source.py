@@ -11,7 +11,7 @@ from typing import Any
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
-from midastouch_common.transforms import ancestors
+from midastouch_common.transforms.tree import FrameTree
 
 from ..bags.images import decode_image
 from ..bags.messages import (
@@ -125,13 +125,14 @@ class ReplaySource:
         """
         if self._sequence is not None:
             return ""
-        links: dict[str, str] = {}
+        tree = FrameTree()
+        links = tree.parents
         if {TF_TOPIC, TF_STATIC_TOPIC} & {topic.name for topic in self.topics}:
             for message in islice(bag_messages(self.path, {TF_TOPIC, TF_STATIC_TOPIC}), _FIRST):
                 with readable(self.path):
                     content: Any = typestore().deserialize_cdr(message.data, message.type_name)
                 links |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in content.transforms}
-        roots = {ancestors(frame.lstrip("/"), links.get)[-1] for frame in (base, gel)}
+        roots = {tree.ancestors(frame.lstrip("/"))[-1] for frame in (base, gel)}
         if len(roots) == 1:
             return ""
         frames = f"; it has the frames {', '.join(sorted({*links, *links.values()}))}" if links else ""

@@ -6,7 +6,9 @@ from recorded import MOVED, MS, SECOND, STILL, image, tf, write
 
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
+from midastouch_common.transforms.rigid import TransformError
 from midastouch_tools.bags.images import read_bag
+from midastouch_tools.bags.transforms import RecordedTransforms
 
 
 def test_a_chain_with_a_static_mount(tmp_path):
@@ -72,3 +74,24 @@ def test_transforms_late_or_twice_are_sorted_in_or_left_out_and_told(
     told = f"{path}: transforms of '{GEL_FRAME}': {late} late, sorted in; "
     told += f"{left_out} repeated or more than 1 s late, left out\n"
     assert capsys.readouterr().err == (told if late or left_out else "")
+
+
+def test_a_recording_refuses_what_it_does_not_give():
+    recorded = RecordedTransforms()
+    assert recorded.insert("base", "tool", SECOND, STILL)
+    assert not recorded.insert("base", "tool", SECOND, MOVED), "the first of equal stamps counts"
+    recorded.insert("map", "camera", SECOND, STILL)
+    np.testing.assert_array_equal(recorded.lookup("/base", "tool", SECOND), np.eye(4))
+    for source, stamp, reason in (
+        ("tool", SECOND - 1, "recorded from 1.0"),
+        ("tool", SECOND + 1, "recorded from 1.0"),
+        ("camera", SECOND, "no chain"),
+        ("cup", SECOND, "'cup' is not known"),
+    ):
+        with pytest.raises(TransformError, match=reason):
+            recorded.lookup("base", source, stamp)
+    with pytest.raises(TransformError, match="closes a loop"):
+        recorded.insert("tool", "base", SECOND, STILL)
+    recorded.insert("map", "tool", 2 * SECOND, STILL)
+    with pytest.raises(TransformError):
+        recorded.lookup("map", "tool", SECOND)

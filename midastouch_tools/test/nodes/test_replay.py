@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_fakes import code_msg, loader_of
+from rclpy.time import Time
 from replay_rig import play, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
+from tf2_ros import Buffer
 
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FROM_OBJECT
 from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
-from midastouch_common.transforms import TransformBuffer
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import TactileCode
 from midastouch_tools.bags.messages import sequence_messages
@@ -39,18 +40,21 @@ def test_every_frame_arrives_in_order_with_its_transforms(graph, tmp_path, simul
     graph.spin_until(lambda: len(images) == len(infos) == len(moving) == 6 and static, "all messages")
 
     assert stamps(images) == stamps(infos) == sequence.stamps_ns.tolist()
-    buffer = TransformBuffer()
+    buffer = Buffer()
     for message in moving:
         for t in message.transforms:
-            stamp = stamp_ns(t.header.stamp)
-            buffer.insert(t.header.frame_id, t.child_frame_id, stamp, transform_from_msg(t.transform))
+            buffer.set_transform(t, "replay")
+
+    def known(target, source, stamp):
+        return transform_from_msg(buffer.lookup_transform(target, source, Time.from_msg(stamp)).transform)
+
     for i, image in enumerate(images):
         np.testing.assert_array_equal(image_from_msg(image), sequence.image(i))
         assert image.header.frame_id == "digit_optical_frame"
-        stamp = stamp_ns(image.header.stamp)
-        measured = buffer.lookup("base_link", "digit_gel_frame", stamp)
+        stamp = image.header.stamp
+        measured = known("base_link", "digit_gel_frame", stamp)
         np.testing.assert_allclose(measured, BASE_FROM_OBJECT @ sequence.poses_measured[i], atol=1e-9)
-        truth = buffer.lookup("object_ground_truth", "digit_gel_ground_truth", stamp)
+        truth = known("object_ground_truth", "digit_gel_ground_truth", stamp)
         np.testing.assert_allclose(truth, sequence.poses_true[i], atol=1e-9)
     assert (node.player.frames_sent, node.player.frames_lost, node.error) == (6, 0, None)
 
