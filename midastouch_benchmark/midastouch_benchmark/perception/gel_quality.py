@@ -84,10 +84,9 @@ def _calibrations(
     presses: BallPresses, penetrations: list[np.ndarray], sensor: SensorModel
 ) -> list[tuple[SensorCalibration, str]]:
     """Return calibrations with all by which `midastouch calibrate` recognises a gel, and without its texture."""
-    seen = sum(
-        gel_texture(image, penetration > 0)
-        for image, penetration in zip(presses.images.values(), penetrations, strict=True)
-    )
+    pairs = zip(presses.images.values(), penetrations, strict=True)
+    # wider than the textures: their sums would wrap in int8
+    seen = np.sum([gel_texture(image, penetration > 0) for image, penetration in pairs], axis=0, dtype=np.int64)
     texture = gel_texture(presses.background)
     calibration = SensorCalibration(
         serial="",
