@@ -46,14 +46,11 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.output_paths import cached_codebook_path
     from midastouch_tools.codebooks import cached_codebook
     from midastouch_tools.progress import progress_bar
-    from midastouch_tools.result_file import to_json
 
     from ..ros.pose_age import pose_age
     from ..speed.stages import SpeedMeasurement
     from ..speed.start import node_start
     from ..speed.timing import peak_rss_mb
-    from ..tables.speed import rates, stages
-    from ..tables.table import terminal
 
     slide = TimedSlide.of(args)
     mesh, networks = slide.mesh, slide.networks
@@ -74,8 +71,7 @@ def run(args: argparse.Namespace) -> int:
     result["peak_rss_mb"] = peak_rss_mb()
     if args.paper_networks:  # last: they need more memory than all the others
         result |= speed.paper_networks()
-    result = to_json(result)
-    return options.conclude(args, result, terminal(stages(result)), "", terminal(rates(result)))
+    return options.conclude(args, "bench", result)
 
 
 _FEWEST = 10  # frames, of which the first ones are dropped

@@ -40,8 +40,6 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_tools.progress import progress_bar
 
     from ..speed.scaling import PARTICLES, POSES, FilterInput, measure, sizes
-    from ..tables.speed import scaling_table
-    from ..tables.table import terminal
     from ..trials.cache import Touches
 
     timed = TimedSlide.of(args)
@@ -55,5 +53,4 @@ def run(args: argparse.Namespace) -> int:
         cached_codebook(mesh, networks.tcn, networks.sensor, poses)
         measured = measure(mesh.path, cached_codebook_path(mesh.name, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
-    result = timed.result(frames=args.frames, scaling=points)
-    return options.conclude(args, result, terminal(scaling_table(points)))
+    return options.conclude(args, "bench-scale", timed.result(frames=args.frames, scaling=points))

@@ -32,34 +32,12 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    import dataclasses
-
-    from midastouch_tools.machine import machine_info
-
     from ..statistics.exploring import summarise_exploration
-    from ..tables.exploring import exploration_table
-    from ..tables.table import terminal
-    from ..trials.cache import Cache
-    from ..trials.exploration import ExplorationPlan, chosen_policies, run_exploration
-    from ..trials.object_sets import chosen_meshes
-    from ..trials.setup import load_filter_config
-    from ..trials.trial_log import TrialLog
+    from ..trials.exploration import ExplorationPlan, chosen_policies
 
-    folder = options.campaign_folder(args)
-    cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
-    config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
+    cache = options.cache_of(args, codebook_size=args.codebook_size)
+    config = options.single_threaded(args)
     plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)
-    meshes = chosen_meshes(args.meshes, args.objects, args.out)
-    with options.campaign(args, "trial") as workforce:
-        trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
-    summary = summarise_exploration(trials)
-    config_used = plan.describe()
-    result = {
-        "config": config_used,
-        "machine": machine_info(),
-        "missing_trials": missing,
-        "exploration": summary,
-        "trials": trials,
-    }
-    table = terminal(exploration_table(trials, config_used["policies"]))
-    return options.conclude(args, result, table, *options.left(missing, "trial"))
+    trials, result = options.run_campaign(args, plan, "trial")
+    result |= {"exploration": summarise_exploration(trials), "trials": trials}
+    return options.conclude(args, "evaluate-exploration", result)

@@ -34,19 +34,10 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from midastouch_simulation.mujoco_arm import require_mujoco
-    from midastouch_tools.machine import machine_info
 
-    from ..tables.motion import fault_table, motion_table
-    from ..tables.table import terminal
-    from ..trials.motion import MotionPlan, run_motion
-    from ..trials.object_sets import chosen_meshes
-    from ..trials.trial_log import TrialLog
+    from ..trials.motion import MotionPlan
 
     require_mujoco()
-    plan = MotionPlan(args.trials, args.sensor)
-    meshes = chosen_meshes(args.meshes, args.objects, args.out)
-    with options.campaign(args, "trial") as workforce:
-        trials, missing = run_motion(plan, meshes, TrialLog(Path(args.out) / "motion.jsonl"), workforce)
-    result = {"config": plan.describe(), "machine": machine_info(), "missing_trials": missing, "trials": trials}
-    tables = terminal(motion_table(trials)), terminal(fault_table(trials))
-    return options.conclude(args, result, "\n\n".join(tables), *options.left(missing, "trial"), parts=("perception",))
+    plan = MotionPlan(args.trials, args.sensor, Path(args.out))
+    trials, result = options.run_campaign(args, plan, "trial")
+    return options.conclude(args, "evaluate-motion", result | {"trials": trials})

@@ -32,27 +32,20 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_tools.progress import progress_bar
 
     from ..speed.start import first_poses, summarise_first_poses
-    from ..trials.cache import Cache, SlideKind
+    from ..trials.cache import SlideKind
     from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
 
-    cache = Cache(options.campaign_folder(args), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
-    config = load_filter_config(args.config, args.preset)
+    cache, config = options.cache_of(args, slides=SlideKind(args.length)), load_filter_config(args.config, args.preset)
     meshes = chosen_meshes(args.meshes, args.objects, args.out)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
         trials += first_poses(mesh, cache, range(args.slides), config)
-    summary = summarise_first_poses(trials)
-    seconds = summary["first_pose_s"]
     settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
     result = {
         "config": settings | {"networks": cache.describe()},
         "machine": machine,
-        "start": summary,
+        "start": summarise_first_poses(trials),
         "trials": trials,
     }
-    said = (
-        f"{summary['trials']} first touches of {summary['objects']} objects: a pose after {seconds['value']:.1f} s"
-        f" (median; at most {seconds['max']:.1f} s)"
-    )
-    return options.conclude(args, result, said)
+    return options.conclude(args, "evaluate-start", result)

@@ -35,36 +35,16 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    import dataclasses
-
-    from midastouch_tools.machine import machine_info
-
-    from ..statistics.observing import summarise_observing
-    from ..tables.observing import observing_table
-    from ..tables.table import terminal
-    from ..trials.cache import Cache
-    from ..trials.object_sets import chosen_meshes
-    from ..trials.observed_slides import EVIDENCE, ObservedPlan, chosen_observed, run_observed
+    from ..statistics.exploring import summarise_observing
+    from ..trials.observed_slides import EVIDENCE, ObservedPlan, chosen_observed
     from ..trials.protocols import PROTOCOLS
-    from ..trials.setup import load_filter_config
-    from ..trials.trial_log import TrialLog
 
     protocol = chosen_observed(args.protocol)
     slides = PROTOCOLS[protocol].slides.of_length(args.length)
-    folder = options.campaign_folder(args)
-    cache = Cache(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size)
-    config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
-    evidence = tuple(dict.fromkeys(args.evidence or EVIDENCE))
+    cache = options.cache_of(args, slides=slides, codebook_size=args.codebook_size)
+    config, evidence = options.single_threaded(args), tuple(dict.fromkeys(args.evidence or EVIDENCE))
     plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
-    meshes = chosen_meshes(args.meshes, args.objects, args.out)
-    with options.campaign(args, "slide") as workforce:
-        trials, missing = run_observed(plan, meshes, TrialLog(folder / "observed.jsonl"), workforce)
+    trials, result = options.run_campaign(args, plan, "slide")
+    result["config"] |= {"jobs": args.jobs, "cluster": args.cluster}
     summary = summarise_observing(trials, evidence, config.keyframe_spacing)
-    result = {
-        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
-        "machine": machine_info(),
-        "missing_slides": missing,
-        "ideal_observer": summary,
-        "trials": trials,
-    }
-    return options.conclude(args, result, terminal(observing_table(summary)), *options.left(missing, "slide"))
+    return options.conclude(args, "ideal-observer", result | {"ideal_observer": summary, "trials": trials})

@@ -31,26 +31,17 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_tools.machine import machine_info
-
     from ..statistics.exploring import summarise_identification
-    from ..tables.results import of_identification, shown
-    from ..trials.cache import Cache, SlideKind
-    from ..trials.identification import IdentityPlan, run_identification
+    from ..trials.cache import SlideKind
+    from ..trials.identification import IdentityPlan
     from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
-    from ..trials.trial_log import TrialLog
 
-    folder = options.campaign_folder(args)
-    cache = Cache(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
-    machine = machine_info()
+    cache = options.cache_of(args, slides=SlideKind(args.length), codebook_size=args.codebook_size)
     plan = IdentityPlan(cache, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
-    meshes = chosen_meshes(args.meshes, args.objects, args.out)
-    with options.campaign(args, "slide") as workforce:
-        trials, missing = run_identification(plan, meshes, TrialLog(cache.folder / "identifications.jsonl"), workforce)
+    trials, result = options.run_campaign(args, plan, "slide")
+    result["config"] |= {"jobs": args.jobs, "cluster": args.cluster}
+    catalogue = [mesh.name for mesh in chosen_meshes(args.meshes, args.objects, args.out)]
     summary = summarise_identification(trials) if trials else None
-    wrong = [f"{answer}: {times}" for answer, times in summary["answers"].items()] if summary else []
-    found = {"catalogue": [mesh.name for mesh in meshes], "identification": summary, "trials": trials}
-    config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
-    result = {"config": config, "machine": machine, "missing_slides": missing} | found
-    return options.conclude(args, result, shown(of_identification(result)), *wrong, *options.left(missing, "slide"))
+    result |= {"catalogue": catalogue, "identification": summary, "trials": trials}
+    return options.conclude(args, "identify", result)

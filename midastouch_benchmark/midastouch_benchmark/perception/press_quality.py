@@ -89,7 +89,7 @@ def measure_presses(
     progress: Callable[[int], object] = lambda presses: None,
     calibrations: Mapping[str, SensorCalibration] | None = None,
 ) -> tuple[list[dict], dict]:
-    """Return the figures of every press and their summary: `presses` and `summary` of the `evaluate-presses` JSON."""
+    """Return the figures of every press and their summary: `presses` and `summary` of the JSON."""
     rows = []
     for press in as_measured(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from . import accuracy, checks, comparisons, exploring, figures, motion, observing, perception, soft_gel, speed, trust
+from . import accuracy, checks, comparisons, exploring, figures, motion, perception, soft_gel, speed, trust
 from .reports import (
     COMMANDS,
     CONDITIONS,
@@ -57,7 +57,7 @@ TABLES = {
         comparisons.grasps, comparisons.variants, comparisons.front,
         figures.figures,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
-        exploring.identification, exploring.exploration, observing.observing, motion.motion, motion.faults,
+        exploring.identification, exploring.exploration, exploring.observing, motion.motion, motion.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch, perception.single_touch_limit,
         checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,

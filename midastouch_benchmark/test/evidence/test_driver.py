@@ -62,11 +62,11 @@ def test_a_command_that_fails_is_named_and_the_next_goes_on(root, monkeypatch):
 
 
 def test_campaigns_are_shared_out_and_bounded(tmp_path):
-    shared, alone = step("a", ""), step("b", "", "midastouch evaluate-tdn")
+    shared, alone = step("a", ""), step("b", "", "midastouch evaluate-perception tdn")
     assert driver.command_line(shared, tmp_path / "a", 2, 30).endswith(f" --jobs 2 --minutes 30.0 --json {tmp_path}/a")
     assert "--jobs" not in driver.command_line(alone, tmp_path / "b", 2, 30)
     prepared = driver.command_line(
-        step("c", "", "midastouch simulate a && midastouch evaluate-tdn a"), tmp_path, 1, None
+        step("c", "", "midastouch simulate a && midastouch evaluate-perception tdn a"), tmp_path, 1, None
     )
     assert prepared.count(" -m midastouch_tools.cli ") == 2
     assert (shared.takes(2), alone.takes(2)) == (300, 600)

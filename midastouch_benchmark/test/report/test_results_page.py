@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.report.results_page import scaling_figure, write_results_page
+from midastouch_benchmark.report.results_page import write_results_page
+from midastouch_benchmark.report.trial_figures import scaling_figure
 from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -62,7 +63,7 @@ def test_an_evaluation_with_its_pictures(evaluation, tmp_path, ball):
     page = write_results_page([("a.json", evaluation)], tmp_path / "out")
     content = page.read_text()
     assert "ball/00" in content
-    for picture in ("final_errors.png", "0_ball_00_errors.png", "0_ball_00_paths.png"):
+    for picture in ("evaluate_0.png", "evaluate_0_ball_00_errors.png", "evaluate_0_ball_00_paths.png"):
         assert f'src="{picture}"' in content
         assert (tmp_path / "out" / picture).stat().st_size > 5000
 
@@ -90,7 +91,7 @@ def test_the_other_kinds_of_result(tmp_path):
     depth = {"sequences": [{"sequence": "ball/00", "frames": 3, **figures}], "summary": figures}
     results = [("b.json", bench), ("d.json", depth)]
     content = write_results_page(results, tmp_path).read_text()
-    for text in ("41.5 Hz", "0.123", "stages_0.png"):
+    for text in ("41.5 Hz", "0.123", "bench_0.png"):
         assert text in content
 
 
@@ -177,5 +178,5 @@ def test_the_page_has_table_and_curves(tmp_path):
     content = {"object": "ball", "frames": 60, "threads": 2, "scaling": POINTS}
     page = write_results_page([("scale.json", content)], tmp_path).read_text()
     assert "1,000,000" in page
-    assert 'src="scaling_0.png"' in page
-    assert (tmp_path / "scaling_0.png").stat().st_size > 5000
+    assert 'src="bench_scale_0.png"' in page
+    assert (tmp_path / "bench_scale_0.png").stat().st_size > 5000

@@ -3,7 +3,7 @@
 import pytest
 
 from midastouch_benchmark.tables import comparisons, reports, trust
-from midastouch_benchmark.tables.table import UNMEASURED, tidy
+from midastouch_benchmark.tables.table import UNMEASURED
 from midastouch_benchmark.trials.variants import SETS, VARIANTS
 
 
@@ -20,7 +20,7 @@ def test_trust_is_claimed_by_whole_intervals_only(fraction, interval, verdict):
 def test_the_promise_about_converged_stands_in_its_table():
     wrong = {"share": 0.5, "interval": [0.4, 0.6]}
     rows = [{"what": "kidnap", "trials": n, "trust": {"converged_frames_wrong": wrong}} for n in (200, 99)]
-    table = trust.converged_table(tidy(rows)).iloc[:, 1:3].to_numpy().tolist()
+    table = trust.CONVERGED.of(rows).iloc[:, 1:3].to_numpy().tolist()
     assert table == [["50.0 % (40.0%...60.0%)", "*not kept*"], ["too few (99)"] * 2]
 
 

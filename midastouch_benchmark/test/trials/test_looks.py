@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from midastouch_benchmark.trials import looks
+from midastouch_benchmark.trials import campaign
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.campaign import Plan
 from midastouch_filter.core.config import FilterConfig
@@ -27,9 +27,9 @@ def asked(monkeypatch, trials, tmp_path):
             calls.append((plan.slides[0], plan.variants))
             return [of(variant, slide) for variant in plan.variants for slide in plan.slides], missing
 
-        monkeypatch.setattr(looks, "run_campaign", run_campaign)
+        monkeypatch.setattr(campaign, "run_campaign", run_campaign)
         plan = Plan(Cache(tmp_path), FilterConfig(), ("default", "clear", "unclear"), slides=tuple(range(100)))
-        found, _ = looks.run_in_looks(dataclasses.replace(plan), [], None, None, count)
+        found, _ = campaign.run_in_looks(dataclasses.replace(plan), [], None, None, count)
         return calls, found
 
     return run

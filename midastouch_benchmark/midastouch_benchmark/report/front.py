@@ -1,23 +1,16 @@
-"""Section of the results page on `midastouch benchmark`: errors per object, variants against time, calibration."""
+"""Figure of error against run time: variants of the filter, each labelled, and the Pareto front."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save, style_error_axes
-from midastouch_tools.drawing.page import Page
+from midastouch_tools.drawing.figures import style_error_axes
 
 from ..statistics.comparison import pareto_front, rows_by_init
-from ..statistics.coverage import observed_fractions
-from ..tables.results import of_start, of_variants
-from ..tables.table import on_page
 from ..trials.variants import BASELINE, BUDGET, DEFAULT, GATE, MECHANISM, PAPER, PRESET
-from .trial_figures import final_error_figure
 
 _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
@@ -128,88 +121,3 @@ def _handles(all_axes: np.ndarray) -> tuple[list, list[str]]:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     return list(handles.values()), list(handles)
-
-
-_KIND_STYLES = {
-    "one_mode": {"color": MODE_COLOUR},
-    "several_modes": {"color": PARTICLE_COLOUR},
-    "converged": {"color": ESTIMATE_COLOUR},
-    "right": {"color": "#2a8f4e"},
-}
-
-
-def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Add tables and pictures of result files of `midastouch benchmark`; the pictures go into `folder`."""
-    for k, content in enumerate(contents):
-        config = content["config"]
-        page.heading(f"Accuracy over {len(content['objects'])} objects, protocol {config['protocol']}")
-        page.note(
-            f"{len(config['slides'])} slides of {config['slide_length_m']:g} m each, {len(config['seeds'])} seeds, "
-            f"beta {config['beta']:g}, stride {config['stride']}, codebooks of {config['codebook_size']} poses, "
-            f"{config['jobs']} processes; networks {config['networks']['tdn']}, {config['networks']['tcn']}; "
-            f"{content['missing_trials']} trials missing"
-        )
-        for init, summary in content["summary"].get(DEFAULT, {}).items():
-            _one_init(page, content, init, summary, folder / f"accuracy_{k}_{init}")
-        _variants(page, content, folder / f"accuracy_{k}_front.png")
-        _likelihood(page, content, folder / f"likelihood_{k}.png")
-
-
-def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -> None:
-    for title, table in of_start(content, init):
-        page.heading(title)
-        on_page(page, table)
-    trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
-    page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
-    curves = {
-        (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
-        for kind, one in summary["coverage"].items()
-        if one["frames"]
-    }
-    figure = reliability_figure(content["levels"], curves, "mass of the published Gaussian around the pose")
-    page.picture(save(figure, stem.with_name(f"{stem.name}_coverage.png")), "How often the truth lies within")
-
-
-def _variants(page: Page, content: dict, path: Path) -> None:
-    """Add every variant against the default, if there are variants."""
-    comparison = content["comparison"]
-    if len(content["variants"]) < 2 or not comparison:
-        return
-    page.heading("Run time against error")
-    caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
-    page.picture(save(front_figure(comparison, content["variants"]), path), caption)
-    for title, table in of_variants(content):
-        page.heading(title)
-        on_page(page, table)
-
-
-def _likelihood(page: Page, content: dict, path: Path) -> None:
-    """Add the calibration of the likelihood of single touches, per object and over all."""
-    counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
-    if not counts:
-        return
-    curves: dict[str, tuple] = {key: (observed_fractions(one), {"lw": 1, "alpha": 0.7}) for key, one in counts.items()}
-    total = np.sum(list(counts.values()), axis=0)
-    curves[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
-    page.heading("Calibration of the likelihood")
-    figure = reliability_figure(content["levels"], curves, "mass of the codebook's likeliest poses given one touch")
-    page.picture(save(figure, path), "How often the true pose is among them")
-
-
-def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Plot observed over predicted fractions `levels` (L,); the diagonal is perfect calibration. curves: observed
-    fractions (L,) and line style, by name."""
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)
-    for name, (observed, style) in curves.items():
-        axes.plot([0, *levels], [0, *np.array(observed, float)], label=name, **style)
-    axes.set_xlabel(f"predicted share: {label}", fontsize=9)
-    axes.set_ylabel("observed share", fontsize=9)
-    axes.set_xlim(0, 1)
-    axes.set_ylim(0, 1)
-    axes.grid(color="#eceef1", lw=0.7)
-    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    return figure
