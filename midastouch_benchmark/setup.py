@@ -45,17 +45,11 @@ setup(
     entry_points={
         "midastouch.commands": [
             "bench = midastouch_benchmark.commands.bench",
-            "bench_scale = midastouch_benchmark.commands.bench_scale",
             "benchmark = midastouch_benchmark.commands.benchmark",
+            "campaigns = midastouch_benchmark.commands.campaigns",
             "evaluate = midastouch_benchmark.commands.evaluate",
-            "evaluate_exploration = midastouch_benchmark.commands.evaluate_exploration",
-            "evaluate_motion = midastouch_benchmark.commands.evaluate_motion",
             "evaluate_perception = midastouch_benchmark.commands.evaluate_perception",
-            "evaluate_start = midastouch_benchmark.commands.evaluate_start",
             "evidence = midastouch_benchmark.commands.evidence",
-            "fingerprint = midastouch_benchmark.commands.fingerprint",
-            "ideal_observer = midastouch_benchmark.commands.ideal_observer",
-            "identify = midastouch_benchmark.commands.identify",
             "report = midastouch_benchmark.commands.report",
             "single_touch = midastouch_benchmark.commands.single_touch",
         ]

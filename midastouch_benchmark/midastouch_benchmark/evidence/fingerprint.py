@@ -35,9 +35,8 @@ from ..trials import disturbances, protocols
 from . import constants
 from .constants import Constants
 from .filter_probes import filter_probes
-from .perception_probes import perception_probes, slide_probes
+from .perception_probes import perception_probes, real_gel_probes, slide_probes
 from .probe import Probe, Probes
-from .real_gel_probes import real_gel_probes
 from .scene import ProbeScene, nudged, off
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -16,6 +16,7 @@ _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
 _POINT = 5.0  # pt, half the size of a marker
 _NEXT = 9.0  # pt, from a point to a label next to it
+_CROWDED = 1e4  # cost of a box that overlaps, over that of the farthest one
 _DISTANCES, _ANGLES = np.arange(_NEXT, 160, 8), np.radians(np.arange(0, 360, 15))
 
 
@@ -24,47 +25,26 @@ def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str
     where there is room, preferably away from the crowd. A line joins a label to its point unless it is next to it."""
     scale = 72 / axes.figure.dpi
     where = scale * axes.transData.transform(np.array(points, float))
-    frame = scale * np.array(axes.bbox.extents)
-    crowd = np.median(where, axis=0)
-    taken = [(*(point - _POINT), *(point + _POINT)) for point in where]
+    low, high = scale * np.array(axes.bbox.extents).reshape(2, 2)
+    distance, angle = (grid.ravel() for grid in np.meshgrid(_DISTANCES, _ANGLES))
+    ways = distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    taken = np.hstack([where - _POINT, where + _POINT])  # left, bottom, right, top
     for point, place, label in zip(points, where, labels, strict=True):
-        box, offset, distance = _free_box(place, place - crowd, len(label) * _WIDTH, frame, taken)
-        taken.append(box)
+        size = np.array([len(label) * _WIDTH, _HEIGHT])
+        # the side of the box that faces the point lies at the distance
+        offsets = ways - np.column_stack([np.where(ways[:, 0] > -1e-9, 0.0, size[0]), np.full(len(ways), size[1] / 2)])
+        boxes = np.hstack([place + offsets, place + offsets + size])
+        inside = (boxes[:, :2] > low).all(axis=1) & (boxes[:, 2:] < high).all(axis=1)
+        overlap = np.all((boxes[:, None, :2] < taken[:, 2:]) & (taken[:, :2] < boxes[:, None, 2:]), axis=2)
+        outwards = np.arctan2(*(place - np.median(where, axis=0))[::-1])
+        cost = distance * (2 - np.cos(angle - outwards)) + _CROWDED * np.any(overlap, axis=1)
+        best = int(np.argmin(np.where(inside, cost, np.inf)))
+        taken = np.vstack([taken, boxes[best]])
         line = {"arrowstyle": "-", "color": "#9aa1ab", "lw": 0.6, "shrinkA": 0, "shrinkB": 2}
         axes.annotate(
-            label,
-            point,
-            (offset[0], offset[1]),
-            textcoords="offset points",
-            fontsize=_SIZE,
-            va="bottom",
-            arrowprops=line if distance > _NEXT else None,
-        )
-
-
-def _free_box(
-    point: np.ndarray, outwards: np.ndarray, width: float, frame: np.ndarray, taken: list[tuple]
-) -> tuple[tuple, np.ndarray, float]:
-    """Return a free box (left, bottom, right, top), its corner's offset and its distance from the point; if none is
-    free, the most preferred one within the frame."""
-    distance, angle = (grid.ravel() for grid in np.meshgrid(_DISTANCES, _ANGLES))
-    away = np.cos(angle - np.arctan2(outwards[1], outwards[0]))
-    boxes = []
-    for k in np.argsort(distance * (2 - away), kind="stable"):
-        x, y = distance[k] * np.cos(angle[k]), distance[k] * np.sin(angle[k])
-        # the side of the box that faces the point lies at the distance
-        offset = np.array([x if x > -1e-9 else x - width, y - _HEIGHT / 2])
-        left, bottom = point + offset
-        box = left, bottom, left + width, bottom + _HEIGHT
-        if left > frame[0] and bottom > frame[1] and box[2] < frame[2] and box[3] < frame[3]:
-            boxes.append((box, offset, distance[k]))
-            if not any(_overlap(box, other) for other in taken):
-                return boxes[-1]
-    return boxes[0] if boxes else ((*point, *point), np.zeros(2), 0.0)
-
-
-def _overlap(a: tuple, b: tuple) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+            label, point, tuple(offsets[best]), textcoords="offset points", fontsize=_SIZE, va="bottom",
+            arrowprops=line if distance[best] > _NEXT else None,
+        )  # fmt: skip
 
 
 _GROUPS = {

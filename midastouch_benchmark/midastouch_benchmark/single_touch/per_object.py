@@ -19,8 +19,7 @@ from midastouch_perception.tcn import AnyCodeNet
 
 from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
-from .exhaustive import BOOK, exhaustive_matches
-from .matches import SingleTouchErrors, best_matches, mean_summary, single_touch_errors
+from .matches import BOOK, SingleTouchErrors, best_matches, exhaustive_matches, mean_summary, single_touch_errors
 from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"

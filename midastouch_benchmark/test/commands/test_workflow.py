@@ -203,7 +203,7 @@ def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypat
 
 
 @pytest.mark.slow
-def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, workspace):
+def test_benchmark_compares_variants_and_continues(run, workspace):
     options = (
         "benchmark", "--objects", "eyebolt", "--out", "bm", "--slides", "1", "--length", "0.015", "--seeds", "1",
         "--init", "paper", "--codebook-size", "300", "--config", "small.yaml", "--json", "benchmark.json",

@@ -24,7 +24,7 @@ def test_the_promise_about_converged_stands_in_its_table():
     assert table == [["50.0 % (40.0%...60.0%)", "*not kept*"], ["too few (99)"] * 2]
 
 
-def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials():
+def test_the_front_marks_presets_and_claims_nothing_of_few():
     def compared(variant: str, cpu: float, error: float) -> dict:
         same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg", "cpu_difference_ms"), 0.0)
         paired = ("difference_mm", "right_difference", "wrong_converged_difference", "cpu_difference_ms")
@@ -48,7 +48,7 @@ def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     assert UNMEASURED in table().to_numpy()[0].tolist()
 
 
-def test_every_protocol_has_a_row_for_each_further_set_and_a_command_that_makes_it():
+def test_every_protocol_has_row_and_command_for_each_set():
     rows = reports.further()
     for objects, (words, _) in reports.FURTHER.items():
         own = {name: what for name, what in rows.items() if name.endswith(f"_{objects}") and name != "small_cad"}

@@ -46,7 +46,7 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
 
 
 @pytest.mark.slow
-def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
+def test_finished_slides_are_kept_and_a_deadline_ends(campaign):
     plan, meshes, trials = campaign
     begun = []
     with open_cluster() as cluster:
@@ -60,7 +60,7 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
 
 
 @pytest.mark.slow
-def test_before_the_first_touch_no_object_is_named_and_no_pose_is_right(campaign):
+def test_before_the_first_touch_no_object_is_named(campaign):
     plan, meshes, _ = campaign
     books = [plan.cache.codebook_path(mesh) for mesh in meshes]
     catalogue = read_catalogue(books, lambda path: None, plan.config, plan.cache.sensor)

@@ -36,7 +36,7 @@ def test_it_is_known_from_where_it_stays_sure_and_right():
     assert found_out([], None)["known_m"] is None
 
 
-def test_an_event_ends_what_was_known_and_is_asked_about_20_frames_later():
+def test_an_event_ends_what_was_known():
     before = answers((0, 1.0, True), (10, 1.0, True))
     late = answers((30, 1.0, False), (45, 0.5, True), (55, 1.0, True), (70, 1.0, True))
     found = found_out(before + late, Event(20, 30))
