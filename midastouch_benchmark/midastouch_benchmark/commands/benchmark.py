@@ -72,8 +72,7 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.accuracy import compact_trials, summarise_accuracy
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..trials.campaign import Plan, run_in_looks
-    from ..trials.likelihood import likelihood_levels
+    from ..trials.campaign import Plan, likelihood_levels, run_in_looks
     from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
     from ..trials.setup import load_filter_config

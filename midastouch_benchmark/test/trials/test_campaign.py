@@ -11,8 +11,7 @@ from scipy.stats import vonmises_fisher
 from midastouch_benchmark.statistics.coverage import LEVELS, observed_fractions
 from midastouch_benchmark.trials import campaign
 from midastouch_benchmark.trials.cache import Cache, SlideKind, Touches
-from midastouch_benchmark.trials.campaign import Plan, run_campaign
-from midastouch_benchmark.trials.likelihood import likelihood_counts, likelihood_levels
+from midastouch_benchmark.trials.campaign import Plan, likelihood_counts, likelihood_levels, run_campaign
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
 from midastouch_common import se3
