@@ -58,7 +58,8 @@ class Part:
 
     def differences(self, other: Part) -> list[str]:
         """Return, as text, the probes and constants of this part that differ in another one; none if they agree."""
-        lost = [name for name, probe in self.probes.items() if not _agrees(probe, other.probes.get(name))]
+        theirs = other.probes
+        lost = [name for name, probe in self.probes.items() if name not in theirs or not probe.agrees(theirs[name])]
         changed = constants.changed(self.constants, other.constants)
         return [*(f"probe '{name}'" for name in lost), *(f"constant {name}" for name in sorted(changed))]
 
@@ -70,10 +71,6 @@ class Part:
     def from_json(cls, content: dict) -> Part:
         """Return the part whose content `to_json` returned."""
         return cls({name: Probe.from_json(each) for name, each in content["probes"].items()}, content["constants"])
-
-
-def _agrees(probe: Probe, other: Probe | None) -> bool:
-    return other is not None and probe.agrees(other)
 
 
 Fingerprint = dict[str, Part]

@@ -163,15 +163,6 @@ def _benchmark(content: dict) -> Pictures:
         yield Picture("_likelihood", "Calibration of the likelihood: how often the true pose is among them", figure)
 
 
-def _speed(content: dict) -> Pictures:
-    yield Picture("", "Milliseconds per call", stage_figure(content))
-
-
-def _scaling(content: dict) -> Pictures:
-    caption = f"The other number is {USUAL:,}. CPU time counts all threads"
-    yield Picture("", caption, scaling_figure(content["scaling"]))
-
-
 def _presses(content: dict) -> Pictures:
     from .presses import depth_figure, press_figure, shown_presses
 
@@ -188,11 +179,12 @@ def _single_touch(content: dict) -> Pictures:
     return (each if isinstance(each, str) else Picture(*each) for each in pictures(content))
 
 
+_SCALED = f"The other number is {USUAL:,}. CPU time counts all threads"
 _PICTURES: dict[str, Callable[[dict], Pictures]] = {
     "evaluate": _evaluation,
     "benchmark": _benchmark,
     "evaluate-perception presses": _presses,
     "single-touch": _single_touch,
-    "bench": _speed,
-    "bench-scale": _scaling,
+    "bench": lambda content: iter([Picture("", "Milliseconds per call", stage_figure(content))]),
+    "bench-scale": lambda content: iter([Picture("", _SCALED, scaling_figure(content["scaling"]))]),
 }

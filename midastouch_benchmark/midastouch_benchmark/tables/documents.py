@@ -42,12 +42,8 @@ DOCUMENTS = (*HEADLINE, "docs/arm_motion.md", ARCHIVE)
 
 def commands() -> pd.DataFrame:
     """Table of the command that made each report."""
-    return listed(("report", "made by"), ((f"[{name}]", f"`{_made_by(name)}`") for name in reported()))
-
-
-def _made_by(name: str) -> str:
-    """Return the command that is stored in the report, without `--json`; if there is none, that of `COMMANDS`."""
-    return re.sub(r" --json \S+", "", report(name).get("command") or COMMANDS[name])
+    made_by = {name: re.sub(r" --json \S+", "", report(name).get("command") or COMMANDS[name]) for name in reported()}
+    return listed(("report", "made by"), ((f"[{name}]", f"`{command}`") for name, command in made_by.items()))
 
 
 FIGURES = (

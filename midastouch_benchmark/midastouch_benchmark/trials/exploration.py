@@ -203,14 +203,12 @@ class _Trial:
         """Carry out a plan, at most until the trial's end; return the ending and the path [m] to it."""
         for pose in self._world.follow(plan):
             self._frame(pose)
-            if self._arm is None and self._lasts():
+            lasts = self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
+            if self._arm is None and lasts:
                 return "converged", self._converged_at
         if self._arm is not None and self._is_known():
             return "converged", self._path
         return ("alike" if self._alike >= 2 else "given up"), self._path
-
-    def _lasts(self) -> bool:
-        return self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
 
     def _is_known(self) -> bool:
         """Return whether the pose is known after a motion, as the node `explorer` judges that."""

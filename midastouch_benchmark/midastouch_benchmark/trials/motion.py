@@ -186,7 +186,11 @@ class _Trial:
 
     def _motion(self, skill: TouchSkill | SlideSkill) -> dict:
         self._moments.clear()
-        ended = self._rehearsal.carry_out(skill, _TIMEOUT, self._keep)
+
+        def keep(moment: PeriodState) -> None:
+            self._moments.append((self._arm.deepest, moment.image))
+
+        ended = self._rehearsal.carry_out(skill, _TIMEOUT, keep)
         return {
             "ended": ended is not None,
             "success": ended is not None and ended.success,
@@ -194,9 +198,6 @@ class _Trial:
             "deepest_mm": 1e3 * max(depth for depth, _ in self._moments),
             "path_mm": 1e3 * skill.path,
         }
-
-    def _keep(self, moment: PeriodState) -> None:
-        self._moments.append((self._arm.deepest, moment.image))
 
     def _heading(self, length: float) -> float:
         """Return a direction in the gel's plane, if possible one in which the arm reaches the surface all the way."""
