@@ -45,20 +45,11 @@ setup(
     entry_points={
         "midastouch.commands": [
             "bench = midastouch_benchmark.commands.bench",
-            "bench_scale = midastouch_benchmark.commands.bench_scale",
             "benchmark = midastouch_benchmark.commands.benchmark",
+            "campaigns = midastouch_benchmark.commands.campaigns",
             "evaluate = midastouch_benchmark.commands.evaluate",
-            "evaluate_checks = midastouch_benchmark.commands.evaluate_checks",
-            "evaluate_exploration = midastouch_benchmark.commands.evaluate_exploration",
-            "evaluate_gel = midastouch_benchmark.commands.evaluate_gel",
-            "evaluate_motion = midastouch_benchmark.commands.evaluate_motion",
-            "evaluate_presses = midastouch_benchmark.commands.evaluate_presses",
-            "evaluate_start = midastouch_benchmark.commands.evaluate_start",
-            "evaluate_tdn = midastouch_benchmark.commands.evaluate_tdn",
+            "evaluate_perception = midastouch_benchmark.commands.evaluate_perception",
             "evidence = midastouch_benchmark.commands.evidence",
-            "fingerprint = midastouch_benchmark.commands.fingerprint",
-            "ideal_observer = midastouch_benchmark.commands.ideal_observer",
-            "identify = midastouch_benchmark.commands.identify",
             "report = midastouch_benchmark.commands.report",
             "single_touch = midastouch_benchmark.commands.single_touch",
         ]

@@ -21,7 +21,7 @@ HELD_UP = "import sys\nprint('importing', flush=True)\nsys.stdin.readline()\n"
 @pytest.mark.parametrize(
     ("name", "number"), [*((name, signal.SIGINT) for name in NODES), (next(iter(NODES)), signal.SIGTERM)]
 )
-def test_told_to_stop_while_it_is_imported_it_ends_at_once_and_well(name, number, tmp_path):
+def test_a_signal_during_the_import_ends_it_at_once_and_well(name, number, tmp_path):
     (tmp_path / "rclpy.py").write_text(HELD_UP)
     module, function = NODES[name].split(":")
     process = subprocess.Popen(

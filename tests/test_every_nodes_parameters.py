@@ -42,7 +42,7 @@ def test_illegal_changes_are_rejected_with_a_reason(name, context, tmp_path):
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_illegal_values_stop_the_node_at_its_start_with_its_name_for_the_parameter(name, context, tmp_path):
+def test_illegal_values_stop_the_node_and_name_the_parameter(name, context, tmp_path):
     for number, parameter in enumerate(TABLES[name]):
         for value in illegal_values(parameter)[:1]:
             with pytest.raises((InputError, DriverInputError), match=parameter.name):

@@ -78,5 +78,5 @@ def test_every_list_of_requirements_is_there():
         assert {line.split("==")[0] for line in file.read_text().splitlines() if "==" in line} == set(distributions)
 
 
-def test_one_function_says_how_to_install_for_the_python_that_runs():
+def test_no_message_says_pip_install_on_its_own():
     assert [file for file, message in MESSAGES if "pip install" in message] == []

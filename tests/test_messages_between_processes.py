@@ -68,7 +68,7 @@ def answer() -> None:
     rclpy.spin(node)
 
 
-def test_every_message_service_and_action_goes_to_another_process_and_back():
+def test_every_interface_goes_to_another_process_and_back():
     assert [len(interfaces(kind)) for kind in ("msg", "srv", "action")] == [13, 3, 5]
     context = rclpy.Context()
     rclpy.init(context=context)

@@ -140,7 +140,7 @@ def test_environment_of_someone_else_is_left_alone(workspace):
     assert (workspace.VENV / "theirs").exists()
 
 
-def test_a_distribution_without_wheels_is_named_with_those_that_have_some(load_tool, monkeypatch):
+def test_a_ros_without_wheels_is_named_with_those_that_have_some(load_tool, monkeypatch):
     monkeypatch.setenv("ROS", "humble")
     tool = load_tool("setup_workspace")
     assert tool.VENV.name == ".venv-humble"
@@ -162,7 +162,7 @@ def test_missing_cmake_is_named(load_tool, monkeypatch):
         tool.check_machine()
 
 
-def test_the_environment_s_own_python_hands_over_to_the_one_it_was_made_from(root, tmp_path):
+def test_the_environment_s_python_hands_over_to_its_base(root, tmp_path):
     venv.create(tmp_path / ".venv", symlinks=True)
     script = tmp_path / "called.py"
     script.write_text(f"""
@@ -214,7 +214,7 @@ def test_steps_of_a_stage_run_at_the_same_time(workspace, steps, tmp_path, capsy
     assert {line.split("s  ")[1] for line in capsys.readouterr().out.splitlines()} >= {"a: done", "b: done"}
 
 
-def test_a_step_that_fails_ends_the_others_and_leaves_them_to_be_done(workspace, steps, tmp_path):
+def test_a_failed_step_ends_the_others_and_leaves_them_undone(workspace, steps, tmp_path):
     os.mkfifo(tmp_path / "fifo")
     with pytest.raises(workspace.SetupError):
         steps(waits=f"open({str(tmp_path / 'fifo')!r}).read()", fails="exit(1)")

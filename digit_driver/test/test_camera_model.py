@@ -35,7 +35,7 @@ def test_a_digit() -> None:
     assert qvga.reduction == 1
 
 
-def test_a_gelsight_mini_shows_the_middle_of_its_image_in_portrait() -> None:
+def test_a_gelsight_mini_shows_the_middle_part_in_portrait() -> None:
     mini = CameraModel.load("gelsight_mini")
     mode = mini.mode("")
     assert (mode.width, mode.height, mode.pixel_format, mode.output) == (3280, 2464, PIX_FMT_MJPEG, (240, 320))

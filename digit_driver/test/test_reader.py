@@ -99,7 +99,7 @@ def test_unusable_request_fails_at_once(kernel, watch) -> None:
 
 
 @pytest.mark.parametrize("given", [{}, {"video_device": "/dev/video0"}], ids=["the only one", "by its number"])
-def test_a_sensor_replugged_under_another_number_is_not_mixed_up_with_another(kernel, watch, given) -> None:
+def test_a_replugged_sensor_is_known_again_by_its_serial(kernel, watch, given) -> None:
     camera = kernel.plug(FakeDigit("D5", number=0))
     watched = watch(**given)
     before = watched.wait_for(streaming(3)).frames
@@ -229,7 +229,7 @@ def test_start_twice_and_start_again(kernel, watch) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find) -> None:
+def test_an_unexpected_error_is_reported_and_closes_the_source(kernel, find) -> None:
     class Broken(V4l2Camera):
         def read(self, timeout):
             raise ZeroDivisionError("surprise")

@@ -19,7 +19,7 @@ GOOD = ImageReport(mean=90.0, saturated=0.0, repeats=0, problem="")
 NORMAL = StreamEvidence(STREAMING, 60.0, 0, GOOD, jitter=0.001, jitter_limit=0.005)
 
 
-def test_rate_is_known_after_one_window_and_falls_when_frames_cease() -> None:
+def test_rate_is_known_after_a_window_and_falls_without_frames() -> None:
     monitor = RateMonitor(60.0, now_ns=0)
     for i in range(1, 121):
         monitor.add(i * SECOND // 60)

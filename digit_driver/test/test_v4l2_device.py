@@ -217,7 +217,7 @@ def test_no_frame_within_the_timeout(kernel, device) -> None:
     assert digit.read(0.001) is None
 
 
-def test_reading_an_unplugged_camera_fails_and_a_renumbered_one_is_found_by_serial(kernel, device) -> None:
+def test_an_unplugged_camera_fails_and_is_found_again_by_serial(kernel, device) -> None:
     camera = kernel.plug(FakeDigit("D7", number=0))
     digit = device()
     digit.open()
@@ -245,7 +245,7 @@ def test_reading_an_unplugged_camera_fails_and_a_renumbered_one_is_found_by_seri
     ],
     ids=["unknown clock", "ancient", "future"],
 )
-def test_incredible_time_stamps_are_replaced_by_the_time_of_reading(kernel, device, fault) -> None:
+def test_incredible_stamps_are_replaced_by_the_time_of_reading(kernel, device, fault) -> None:
     camera = kernel.plug(FakeDigit(**fault))
     digit = device()
     digit.open()
@@ -253,7 +253,7 @@ def test_incredible_time_stamps_are_replaced_by_the_time_of_reading(kernel, devi
     assert 3_000_000 <= stamp - camera.last_stamp_ns < 1_000_000_000
 
 
-def test_a_frame_that_waited_while_the_process_was_halted_is_dropped(kernel, device) -> None:
+def test_a_frame_that_waited_for_a_halted_process_is_dropped(kernel, device) -> None:
     """It shows what was; stamped as new, the next one would be older."""
     camera = kernel.plug(FakeDigit())
     digit = device()

@@ -114,7 +114,7 @@ def in_the_build_context(path):
     return kept
 
 
-def test_every_package_is_resolved_and_built_and_the_rest_stays_out():
+def test_every_package_is_built_and_the_rest_stays_out():
     for stage, copied in (("manifests", ". ."), ("build", ". src")):
         assert ("COPY", copied) in STAGES[stage][1]
     packages = [path.parent.name for path in ROOT.glob("*/package.xml")]
@@ -210,14 +210,14 @@ def test_colcon_runs_in_the_environment_that_pip_has_filled():
     assert any("&& python3 -m colcon build " in argument for _, argument in STAGES["build"][1])
 
 
-def test_the_entrypoint_sources_both_installations_and_becomes_the_command(machine):
+def test_the_entrypoint_sources_both_setups_and_runs_the_command(machine):
     text = (DOCKER / "entrypoint.sh").read_text()
     assert text.startswith("#!/usr/bin/env bash\n")
     _, said = machine(["/bin/bash", "-c"], text, "entrypoint.sh", "/usr/bin/printenv", "SOURCED")
     assert said == ":jazzy:install\n"
 
 
-def test_scripts_are_executable_and_the_entrypoint_becomes_the_command():
+def test_scripts_are_executable_and_the_entrypoint_ends_in_exec():
     for name in ("entrypoint.sh", "healthcheck.py"):
         assert (DOCKER / name).stat().st_mode & 0o111
     subprocess.run(["bash", "-n", DOCKER / "entrypoint.sh"], check=True)

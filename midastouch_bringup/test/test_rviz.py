@@ -114,7 +114,7 @@ class TestOfAnExploration:
         (finger,) = (one for one in self.VIEW["Displays"] if one["Class"] == "rviz_default_plugins/InteractiveMarkers")
         assert PUBLISHED[f"{finger['Interactive Markers Namespace']}/update"] == "InteractiveMarkerUpdate"
 
-    def test_the_mouse_drags_it_from_the_start_and_a_tool_clicks_on_the_object(self):
+    def test_the_mouse_drags_at_first_and_a_tool_clicks_the_object(self):
         drag, click, *_ = self.VIEW["Tools"]
         assert drag["Class"] == "rviz_default_plugins/Interact"
         assert click["Class"] == "rviz_default_plugins/PublishPoint"
@@ -159,6 +159,6 @@ def test_the_foxglove_layout_of_a_namespace_reads_its_topics(namespace, tmp_path
     assert layout["configById"]["3D!object"]["followTf"] == "object"
 
 
-def test_the_foxglove_layout_without_a_namespace_is_the_shipped_one(tmp_path):
+def test_foxglove_without_a_namespace_writes_the_shipped_layout(tmp_path):
     assert cli.main(["foxglove", "--out", str(tmp_path / "layout.json")]) == 0
     assert json.loads((tmp_path / "layout.json").read_text()) == LAYOUT

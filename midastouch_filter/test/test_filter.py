@@ -51,7 +51,7 @@ def settled(filter_, mapped_slide):
 # --------------------------------------------------------------------------- starts
 
 
-def test_from_nothing_known_to_the_right_pose_within_some_centimetres(filter_, mapped_slide):
+def test_from_nothing_known_it_converges_in_some_centimetres(filter_, mapped_slide):
     first = play(filter_, mapped_slide, slice(0, 1), FRAME)
     assert first.status.state == state.SEARCHING
     assert len(filter_.belief) > 1000
@@ -71,7 +71,7 @@ def test_without_maps_codes_lead_to_the_right_place(coded_slide):
 
 
 @pytest.mark.parametrize("sigma", [0.5e-3, 2e-3, 0.01])
-def test_a_pose_that_is_given_is_the_answer_until_something_is_measured(filter_, mapped_slide, sigma):
+def test_a_given_pose_is_the_answer_until_something_is_measured(filter_, mapped_slide, sigma):
     given = mapped_slide.poses[60]
     filter_.initialise_gaussian(given, sigma, 20 * sigma)
     estimate = filter_.step(None, AIR)
@@ -109,7 +109,7 @@ def test_without_a_start_it_says_uninitialised(mapped_slide):
     assert len(filter_.poses) == len(filter_.weights) == 0
 
 
-def test_from_nothing_known_the_way_to_the_first_touch_does_not_count(filter_, mapped_slide, world):
+def test_from_nothing_known_the_way_to_a_touch_does_not_count(filter_, mapped_slide, world):
     """Wherever the sensor was, it touches the surface; from a pose that is known it does not if it goes past it."""
     down = se3.translation([0.0, 0.0, -5e-3])
     on_surface = []
@@ -141,7 +141,7 @@ def test_where_the_gel_was_in_the_air_there_is_no_object(filter_, mapped_slide, 
     assert inside[1] < 0.6 * inside[0]
 
 
-def test_what_was_free_speaks_against_a_pose_by_how_well_it_is_known(filter_, mapped_slide):
+def test_free_space_counts_more_against_a_pose_known_well(filter_, mapped_slide):
     """Poses of which one finger is 6 mm inside, known to 0.5 mm and to 4 mm; 9 mm outside; 9 mm inside."""
     pose = mapped_slide.poses[0]
     poses = pose @ se3.exp([[0, 0, z, 0, 0, 0] for z in (0.0, 0.0, 0.03, -0.01)])
@@ -178,7 +178,7 @@ def bits(filter_, slide, frames=30, deferred=False):
     return digest.hexdigest()
 
 
-def test_a_filter_is_the_same_after_a_reset_with_any_threads_and_with_or_without_a_call_between(mapped_slide):
+def test_a_reset_threads_and_deferred_updates_change_no_bit(mapped_slide):
     fresh = mapped_slide.make_filter(mapped_slide.codebook)
     first = bits(fresh, mapped_slide)
     fresh.reset(0)
@@ -213,7 +213,7 @@ def test_what_is_done_in_a_frame_is_bounded_by_its_time(mapped_slide):
     assert done[-1] > 30
 
 
-def test_on_a_machine_that_is_too_slow_a_part_is_done_none_the_less(filter_, mapped_slide):
+def test_a_machine_too_slow_for_deferred_updates_still_converges(filter_, mapped_slide):
     for k in range(len(mapped_slide.poses)):
         estimate = play(filter_, mapped_slide, slice(k, k + 1), FRAME)
         filter_.deferred_update(in_time=lambda: False)
@@ -264,7 +264,7 @@ def test_a_forced_update_counts_although_the_arm_rests(filter_, mapped_slide):
     assert skipped(estimate, "keyframes") == skipped(before, "keyframes") + 1
 
 
-def test_in_the_air_hypotheses_move_with_the_arm_and_nothing_else(filter_, mapped_slide):
+def test_in_the_air_hypotheses_only_move_with_the_arm(filter_, mapped_slide):
     play(filter_, mapped_slide, slice(0, 5))
     filter_.deferred_update()
     before = filter_.poses
@@ -322,7 +322,7 @@ def test_a_push_is_followed(filter_, mapped_slide):
     converged(estimates[-1], poses[-1])
 
 
-def test_an_object_that_is_exchanged_for_another_pose_under_the_gel_is_found_again(settled, mapped_slide, world):
+def test_an_object_moved_under_the_gel_is_found_again(settled, mapped_slide, world):
     """Without a lift; its surface is so smooth that the old pose still explains much of the maps."""
     there = world.make_slide(world.mesh, 60, np.random.default_rng(5))
     before = skipped(settled.step(None, mapped_slide.touches_at(there[:1])[0], elapsed=FRAME), "born")
@@ -419,7 +419,7 @@ def test_on_another_object_it_is_not_sure(filter_, shelf):
     assert_defined(filter_, estimate)
 
 
-def test_which_of_several_objects_is_touched_is_found_with_the_pose(shelf):
+def test_which_object_is_touched_is_found_with_the_pose(shelf):
     objects = [entry.model for entry in shelf.catalogue.entries]
     filter_ = ParticleFilter.on(objects, FilterConfig(threads=1, unknown_prior=0.0))
     filter_.initialise_uniform()

@@ -150,7 +150,7 @@ def test_hypotheses_are_compared_over_a_denser_codebook(world, mapped_slide):
 
 
 @pytest.mark.parametrize("started", [False, True])
-def test_it_starts_over_the_denser_codebook_before_anything_was_measured(world, started):
+def test_before_a_touch_it_starts_over_on_the_denser_codebook(world, started):
     running = coarse_filter(world)
     if started:
         running.initialise_uniform()
@@ -180,7 +180,7 @@ def built(monkeypatch) -> threading.Event:
 
 
 @pytest.mark.parametrize(("paper", "kind"), [(False, ParticleFilter), (True, PaperFilter)])
-def test_a_mesh_alone_is_enough_for_a_filter_whose_codebook_grows_once_it_runs(built, paper, kind):
+def test_a_mesh_is_enough_for_a_filter_whose_codebook_grows(built, paper, kind):
     loaded = loaded_object.build_object(EYEBOLT, "fast", "digit_tacto", CONFIG, 0, paper)
     assert (loaded.name, loaded.sensor.height) == ("eyebolt", 160)
     assert loaded.network_id.startswith("tcn_fast")

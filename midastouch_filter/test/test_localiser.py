@@ -156,7 +156,7 @@ def test_object_prior_starts_where_the_sensor_is_on_it():
     assert len(running.starts) == 1, "a prior counts once"
 
 
-def test_a_prior_that_nobody_can_start_from_is_refused_and_forgotten():
+def test_an_unusable_prior_is_refused_and_forgotten():
     """Kept, it would end the node at the next restart."""
     subject, running = localiser()
     subject.expect_object_at(translation(1e300), 0.01, 0.1)
@@ -179,7 +179,7 @@ def test_what_was_said_last_counts():
     assert running.starts[-1] == "uniform"
 
 
-def test_time_that_runs_back_starts_where_the_sensor_is_then_on_the_object_that_was_seen():
+def test_a_loop_starts_where_the_sensor_is_on_the_seen_object():
     """A looped bag: the sensor is elsewhere at its beginning than it was when the camera saw the object."""
     subject, running = localiser(wait=True)
     T_base_obj = translation(0.5, 0.1)

@@ -41,7 +41,7 @@ def test_what_it_does_not_know_changes_nothing(world, running, touches):
 
 
 @pytest.mark.parametrize("code", [np.zeros(64), np.ones(63), np.full(64, np.nan)])
-def test_a_code_that_cannot_be_used_is_refused_before_anything_moves(running, touches, code):
+def test_an_unusable_code_is_refused_before_anything_moves(running, touches, code):
     running.step(None, touches[0])
     before = running.poses
     with pytest.raises(InputError, match="64 finite numbers"):
@@ -146,7 +146,7 @@ def test_particles_off_the_surface_are_pruned(world, touches, prune_distance):
     assert len(running.poses) == SMALL.n_start
 
 
-def test_when_all_are_off_the_surface_they_return_to_the_codebook(world, running, touches):
+def test_particles_all_off_the_surface_return_to_the_codebook(world, running, touches):
     running.step(se3.translation([0.0, 0.0, 0.2]), touches[0])
     assert len(running.poses) == SMALL.n_start
     assert world.mesh.closest_points(running.poses[:, :3, 3])[1].max() < 3e-3

@@ -63,7 +63,7 @@ def test_two_fingers_tell_what_one_cannot(filter_, gripper, hand, two):
         assert min(np.linalg.norm(mode.pose[:3, 3] - pose[:3, 3]) for mode in estimate.modes) < 3e-3
 
 
-def test_what_a_grasp_that_holds_still_tells_is_worked_out_with_time(filter_, gripper, hand):
+def test_what_a_still_grasp_tells_is_worked_out_with_time(filter_, gripper, hand):
     above, below = hand
     listed = []
     for k in range(60):
@@ -76,7 +76,7 @@ def test_what_a_grasp_that_holds_still_tells_is_worked_out_with_time(filter_, gr
     assert listed[-1] > 0.9
 
 
-def test_a_second_finger_that_closes_is_a_new_touch_although_nothing_moves(filter_, hand):
+def test_a_second_finger_closing_at_rest_is_a_new_touch(filter_, hand):
     above, below = hand
     for k in range(5):
         filter_.step(np.eye(4) if k else None, above[0], {}, elapsed=FRAME)
@@ -126,7 +126,7 @@ def test_the_finger_whose_code_says_most_tells_where_to_search(mapped_slide):
     assert off(estimates[-1], tilted[24]) < 2e-3
 
 
-def test_neither_order_nor_a_finger_far_from_the_object_changes_anything(filter_, gripper, hand):
+def test_neither_order_nor_a_far_finger_changes_anything(filter_, gripper, hand):
     above, below = hand
     aside = Measurement(False, T_gel_finger=se3.translation([0, 0, 0.4]))
     poses = []

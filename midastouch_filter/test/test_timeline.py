@@ -132,7 +132,7 @@ def test_of_two_sources_one_is_followed(told, pattern, behind):
     assert len(told.odd) >= 40
 
 
-def test_what_was_left_is_followed_again_once_the_present_is_silent(told):
+def test_a_former_time_is_followed_again_after_a_silence(told):
     """A replay is sent back, then to where it had been."""
     told.tell(9000, 9030, 1000, 1030)
     told.seconds += 0.6

@@ -254,7 +254,7 @@ def test_a_hypothesis_is_moved_only_if_all_fingers_are_explained(hypotheses):
     np.testing.assert_array_equal(poses, hypotheses.poses[:10])
 
 
-def test_descents_go_on_from_where_the_last_one_ended_while_that_explains_more(hypotheses):
+def test_descents_follow_each_other_while_they_explain_more(hypotheses):
     found = hypotheses.aligned()
     assert set(found[5]) <= {1, 2, 3, 4}
     assert len(set(found[5])) > 1

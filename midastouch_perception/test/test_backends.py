@@ -83,7 +83,7 @@ def test_only_the_backend_that_is_named_loads_the_network(with_others, monkeypat
     assert load_backend(TDN, 1, "openvino") is wanted
 
 
-def test_a_file_that_is_no_network_is_named_whatever_was_to_run_it(monkeypatch, tmp_path):
+def test_a_file_that_is_no_network_is_named_by_every_backend(monkeypatch, tmp_path):
     def refuses(path, threads):
         raise RuntimeError("cannot parse it")
 

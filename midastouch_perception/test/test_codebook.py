@@ -51,7 +51,7 @@ def test_mismatches_are_named(book, tool, block, tmp_path):
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 1e4), (1.0, 0.02), (1e3, 0.0)])
-def test_poses_that_are_not_on_the_mesh_are_refused_with_both_files(book, tool, tmp_path, scale, shift):
+def test_poses_off_the_mesh_are_refused_with_both_files(book, tool, tmp_path, scale, shift):
     """As of a codebook in millimetres, or one whose poses were moved."""
     path, mesh_path = tmp_path / "tool.npz", tmp_path / "tool.ply"
     tool.save(mesh_path)

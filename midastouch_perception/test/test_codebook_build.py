@@ -141,7 +141,7 @@ def test_one_entry_is_a_book(tool, tcn, sensor):
     assert build_codebook(tool, tcn, sensor, size=1).codes.shape == (1, tcn.dim)
 
 
-def test_a_mesh_whose_faces_do_not_agree_where_outside_is_is_refused(tool, tcn, sensor):
+def test_a_mesh_whose_faces_disagree_on_outside_is_refused(tool, tcn, sensor):
     turned = np.random.default_rng(0).random(len(tool.faces)) < 0.1
     faces = np.where(turned[:, None], tool.faces[:, ::-1], tool.faces)
     with pytest.raises(InputError, match=r"part: .*normals"):

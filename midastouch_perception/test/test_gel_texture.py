@@ -40,7 +40,7 @@ def rng():
     return np.random.default_rng(0)
 
 
-def test_a_gel_is_known_again_under_another_brightness_and_others_are_not(rng):
+def test_a_gel_is_known_at_any_brightness_and_others_are_not(rng):
     known = gel_texture(image(gel(1), rng))
     same = [likeness(known, gel_texture(image(gel(1), rng, each))) for each in (0.7, 1.0, 1.2)]
     others = [likeness(known, gel_texture(image(gel(seed), rng))) for seed in range(2, 12)]
@@ -56,7 +56,7 @@ def test_a_smooth_image_has_no_texture(rng):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_simulated_sensor_has_a_smooth_gel_and_is_left_in_peace(seed):
+def test_a_smooth_simulated_gel_is_left_in_peace(seed):
     rng = np.random.default_rng(seed)
     sensor = SensorModel.load("digit_tacto")
     background, optics = no_contact_image(sensor, rng), TactoOptics(sensor)

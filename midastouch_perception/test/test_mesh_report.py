@@ -60,7 +60,7 @@ def test_a_mesh_that_is_mostly_inside_is_refused():
         report_of(ball(0.03), ball(0.029, inward=True), ball(0.028)).require_usable()
 
 
-def test_half_a_surface_turned_inside_is_refused_though_hardly_an_edge_tells():
+def test_a_surface_half_inside_out_is_refused():
     sphere = ball(0.03)
     turned = sphere.triangles_center[:, 0] > 0.005
     faces = np.where(turned[:, None], sphere.faces[:, ::-1], sphere.faces)
@@ -68,7 +68,7 @@ def test_half_a_surface_turned_inside_is_refused_though_hardly_an_edge_tells():
         report_of(trimesh.Trimesh(sphere.vertices, faces, process=False)).require_usable()
 
 
-def test_doubled_faces_are_to_be_removed_before_the_normals_are_recalculated():
+def test_it_says_to_remove_doubled_faces_before_fixing_normals():
     with pytest.raises(InputError, match="inside out; remove doubled faces, then let"):
         report_of(ball(0.03), ball(0.03, inward=True)).require_usable()
 

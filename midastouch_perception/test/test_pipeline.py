@@ -60,7 +60,7 @@ def test_a_touch_has_a_unit_code_and_an_area(touches, pipeline):
     assert pipeline.ms == {"tdn": 1000.0, "tcn": 1000.0}
 
 
-def test_the_background_itself_is_no_contact_and_skips_the_network(touches, pipeline):
+def test_the_background_is_no_contact_and_skips_the_network(touches, pipeline):
     _, background, _ = touches
     rng = np.random.default_rng(1)
     noisy = np.clip(background + rng.normal(0, 2, background.shape), 0, 255).astype(np.uint8)
@@ -125,7 +125,7 @@ class Watcher:
         self.frames.append(frame)
 
 
-def test_checks_see_each_frame_of_the_network_once_after_its_contact_is_out(touches):
+def test_checks_see_each_frame_once_after_its_contact_is_out(touches):
     images, background, _ = touches
     checks = fit, touched, gel = Watcher(), Watcher(), Watcher()
     stage = DepthStage(load_tdn("fast"), *checks)

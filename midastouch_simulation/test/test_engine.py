@@ -21,7 +21,7 @@ def test_moments_are_evenly_spaced_and_never_ahead_of_the_engine(shutter):
     assert all(m is None or m <= 7 * PERIOD + i * 3_000_000 for i, m in enumerate(taken))
 
 
-def test_an_engine_slower_than_the_camera_has_images_between_its_states(shutter):
+def test_a_slow_engine_has_images_between_its_states(shutter):
     newest = 10 * PERIOD
     assert [shutter.due(newest) for _ in range(4)] == [8 * PERIOD, 9 * PERIOD, newest, None]
 
@@ -52,7 +52,7 @@ def watch():
     return MotionWatch(timeout=0.5)
 
 
-def test_silence_counts_from_the_last_change_and_only_beyond_the_timeout(watch):
+def test_silence_counts_from_the_last_change_past_the_timeout(watch):
     assert watch.silence(10, now=100.0) == 0
     assert watch.silence(10, now=100.4) == 0
     assert watch.silence(10, now=103.0) == pytest.approx(3.0)

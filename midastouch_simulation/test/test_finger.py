@@ -88,7 +88,7 @@ def test_a_slide_ends_where_it_cannot_go_on(sensor):
     assert len(poses) < 1.0 / STEP / 2
 
 
-def test_in_the_air_it_does_not_slide_and_on_the_surface_it_approaches_nothing(sensor):
+def test_it_slides_only_in_contact_and_approaches_only_in_air(sensor):
     finger, down, _ = finger_on("ball", sensor)
     assert moved(finger.approach(down[-1] @ se3.translation([0, 0, 0.05]))) == (
         pytest.approx(np.zeros((0, 4, 4))),
@@ -107,7 +107,7 @@ def test_a_lift_goes_straight_off_the_surface(sensor):
     assert deepest(renderer, poses)[-1] == 0
 
 
-def test_an_approach_is_straight_turns_on_the_way_and_ends_at_the_pose(sensor):
+def test_an_approach_is_straight_and_ends_at_the_turned_pose(sensor):
     finger, _, _ = finger_on("ball", sensor)
     moved(finger.lift(0.02))
     start = finger.pose

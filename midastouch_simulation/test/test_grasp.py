@@ -42,7 +42,7 @@ def test_the_thumb_opposes_two_fingers_side_by_side(grasps):
     assert np.median((z[:, 1] * z[:, 2]).sum(axis=1)) > 0.7
 
 
-def test_a_box_is_mostly_touched_on_its_faces_and_never_from_inside(sensor):
+def test_a_box_is_mostly_touched_on_faces_and_never_from_inside(sensor):
     box = trimesh.creation.box(sides := np.array([0.12, 0.06, 0.04]))
     mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
     grasps = np.stack([simulate_grasp(mesh, sensor, np.random.default_rng(seed)) for seed in range(20)])

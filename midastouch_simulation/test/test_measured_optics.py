@@ -56,7 +56,7 @@ def test_gel_at_rest_shows_no_change(optics, sensor):
     np.testing.assert_allclose(optics.ratio(rest, half.pixel_size), 1, atol=1e-6)
 
 
-def test_colours_stay_as_they_are_beyond_the_steepest_slope_measured(optics, sensor):
+def test_colours_saturate_at_the_steepest_measured_slope(optics, sensor):
     half = sensor.for_maps
     edge = np.zeros((half.height, half.width), np.float32)
     edge[:, 60:] = 5e-3

@@ -107,7 +107,7 @@ def test_an_arm_that_meets_the_table_stays_where_it_is():
     assert not there.reaches(rest[None] @ se3.translation([0, 0, 0.05])).any()
 
 
-def test_pressing_pushes_back_along_the_gel_and_friction_is_bounded():
+def test_a_press_pushes_back_and_friction_is_bounded():
     there = arm(1e-3, gel=Gel(friction=0.3))
     push(there, [0, 0, -0.005, 0, 0, 0], 0.4)
     assert 2e-4 < there.deepest < 1.2e-3

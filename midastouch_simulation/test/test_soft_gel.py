@@ -33,7 +33,7 @@ def test_a_thin_compressible_layer_is_a_mattress():
 
 
 @pytest.mark.parametrize("thickness", [1.5e-3, 3e-3, 6e-3])
-def test_the_gel_lies_on_the_object_where_it_bears_it_and_outside_of_it_elsewhere(thickness):
+def test_the_gel_lies_on_the_object_or_outside_of_it(thickness):
     penetration = np.maximum(ball(), np.roll(ball(2e-3, 0.2e-3), 35, axis=0))
     height, bears = ElasticLayer(ROWS.shape, PIXEL, thickness).pressed(penetration)
     assert 0 < bears.mean() < 1
@@ -41,7 +41,7 @@ def test_the_gel_lies_on_the_object_where_it_bears_it_and_outside_of_it_elsewher
     assert (height - penetration).min() > -1.5e-5
 
 
-def test_a_flat_face_that_is_pressed_in_by_a_millimetre_is_a_millimetre_deep_in_its_middle():
+def test_a_flat_face_is_as_deep_in_its_middle_as_it_is_pressed():
     face = np.where((np.abs(ROWS - 8e-3) < 3e-3) & (np.abs(COLUMNS - 6e-3) < 2e-3), 1e-3, -1e-3)
     height, bears = ElasticLayer(ROWS.shape, PIXEL, 3e-3).pressed(face)
     assert height[80, 60] == pytest.approx(1e-3, abs=5e-6)

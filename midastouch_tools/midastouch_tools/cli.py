@@ -53,8 +53,8 @@ OF_BENCHMARK = (
         "evaluate-gel",
         "evaluate-motion",
     ),
-    *("evaluate-presses", "evaluate-start", "evaluate-tdn", "evidence", "fingerprint", "ideal-observer", "identify"),
-    *("report", "single-touch"),
+    *("evaluate-perception", "evaluate-presses", "evaluate-start", "evaluate-tdn", "evidence", "fingerprint"),
+    *("ideal-observer", "identify", "report", "single-touch"),
 )
 """Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
 

@@ -72,7 +72,7 @@ def test_no_file_but_a_codebook_is_replaced(tmp_path, capsys):
     assert mesh.read_bytes() == bundled_objects()["eyebolt"].read_bytes()
 
 
-def test_what_is_wrong_with_a_mesh_is_said_before_its_codebook_is_built(tmp_path, capsys):
+def test_a_mesh_s_faults_are_said_before_its_codebook_is_built(tmp_path, capsys):
     sphere, cavity = (trimesh.creation.icosphere(subdivisions=3, radius=radius) for radius in (0.03, 0.02))
     cavity.invert()
     hollow = trimesh.util.concatenate(sphere, cavity)
@@ -139,7 +139,7 @@ def test_a_running_build_is_kept_now_and_then(build, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["ball.npz"]
 
 
-def test_a_book_of_one_pose_is_built_and_refused_where_two_are_needed(tmp_path):
+def test_a_book_of_one_pose_is_built_and_refused_by_the_filter(tmp_path):
     out = tmp_path / "one.npz"
     assert cli.main(["build-codebook", "ball", "--size", "1", "--jobs", "2", "--out", str(out)]) == 0
     book = Codebook.load(out, mesh=ObjectMesh.load(bundled_objects()["ball"]))
@@ -188,7 +188,7 @@ def test_codebooks_of_many_are_built_and_kept(tmp_path, monkeypatch, capsys):
     assert "20 poses of ball" in capsys.readouterr().out
 
 
-def test_a_codebook_is_built_again_if_anything_it_is_made_of_changes_or_by_force(tmp_path, capsys):
+def test_a_codebook_is_built_again_after_changes_or_by_force(tmp_path, capsys):
     out, info = tmp_path / "ball.npz", tmp_path / "models_info.json"
     info.write_text(json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}}))
     built = []
@@ -208,7 +208,7 @@ def test_a_codebook_is_built_again_if_anything_it_is_made_of_changes_or_by_force
 
 
 @pytest.mark.parametrize("objects", [["ball"], ["ball", "eyebolt"]])
-def test_a_place_where_nothing_can_be_written_is_refused_before_the_work(objects, tmp_path, monkeypatch, capsys):
+def test_an_unwritable_path_is_refused_before_the_work(objects, tmp_path, monkeypatch, capsys):
     blocked = tmp_path / "file"
     blocked.touch()
     monkeypatch.setattr(codebooks, "CodebookBuild", lambda *_: pytest.fail("built"))

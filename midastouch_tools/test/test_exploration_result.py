@@ -80,7 +80,7 @@ def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
         assert words in page
 
 
-def test_a_run_of_which_nothing_felt_was_recorded_is_told_on_a_page(tmp_path):
+def test_a_run_without_recorded_touches_still_gets_a_page(tmp_path):
     page = write_page([frame({})], None, None, result({}), tmp_path).read_text()
     assert "There is nothing to draw" in page
     assert ENDED.reason in page

@@ -21,7 +21,7 @@ def test_in_a_log_a_bar_is_a_line_now_and_then(capsys, monkeypatch):
     assert shown[-1] == 40
 
 
-def test_each_step_has_its_bar_and_one_without_a_known_end_counts(capsys):
+def test_each_step_has_its_bar_and_one_without_an_end_counts(capsys):
     bars = Bars()
     for _ in range(3):
         bars.of("symmetry of mug", "motion").update()

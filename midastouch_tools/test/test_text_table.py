@@ -6,7 +6,7 @@ def test_columns_are_padded_to_their_widest_cell():
     assert table.splitlines() == ["name      mm", "------  ----", "a        1.0", "longer  10.0"]
 
 
-def test_what_is_longer_than_the_terminal_is_wide_is_wrapped_in_its_column(monkeypatch):
+def test_what_is_too_long_for_the_terminal_wraps_in_its_column(monkeypatch):
     monkeypatch.setenv("COLUMNS", "36")
     reason = "gave up: still ambiguous after 1.50 m: two poses"
     assert text_table(["mug", ""], [["exploration", reason], ["way", "12 mm"]]).splitlines() == [

@@ -30,7 +30,7 @@ def test_process_ends_with_a_code_and_one_reason(run_driver, tmp_path, yaml, cod
 
 
 @pytest.mark.parametrize(("moment", "number"), [("no-such-serial", signal.SIGINT), ("]: active", signal.SIGTERM)])
-def test_process_ends_well_when_told_to_while_starting_and_while_spinning(run_driver, moment, number) -> None:
+def test_a_signal_ends_it_well_at_its_start_and_while_it_spins(run_driver, moment, number) -> None:
     process = run_driver("-p", "serial:=no-such-serial")
     for line in process.stderr:
         if moment in line:

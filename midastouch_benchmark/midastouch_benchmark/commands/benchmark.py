@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
 
 from midastouch_tools.commands import arguments
 
 from . import options
-
-if TYPE_CHECKING:
-    from ..trials.campaign import Plan
-    from ..trials.protocols import Protocol
 
 
 def add_parser(subparsers) -> None:
@@ -77,24 +72,34 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.accuracy import compact_trials, summarise_accuracy
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..tables.results import of_start, of_variants, shown
-    from ..trials.likelihood import likelihood_levels
-    from ..trials.looks import run_in_looks
+    from ..trials.campaign import Plan, likelihood_levels, run_in_looks
     from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
+    from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
-    from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
+    from ..trials.variants import VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
-    plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
+    also = ("real_gel",) if protocol.real_gel else ()
+    folder, slides = options.campaign_folder(args, *also), protocol.slides.of_length(args.length)
+    size = args.codebook_size or protocol.codebook_size
+    plan = Plan(
+        protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),
+        load_filter_config(args.config, args.preset),
+        tuple(name for name in chosen if name not in skipped),
+        tuple(dict.fromkeys(args.init or protocol.starts)),
+        args.beta or protocol.beta,
+        tuple(range(args.slides)),
+        tuple(range(args.seeds)),
+        args.stride,
+        args.protocol,
+    )
     meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
-    log = TrialLog(plan.cache.folder / "trials.jsonl")
-    machine = machine_info()
+    log, machine = TrialLog(folder / "trials.jsonl"), machine_info()
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_in_looks(plan, meshes, log, workforce, args.looks)
-    levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
-    result: dict[str, Any] = {
+    result = {
         "config": plan.describe() | {"looks": args.looks, "jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [
@@ -102,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
                 "symmetry": plan.cache.symmetry(mesh).exact.describe(),
-                "likelihood_levels": levels.get(mesh.name),
+                "likelihood_levels": None if missing else likelihood_levels(plan, mesh, log),
             }
             for mesh in meshes
         ],
@@ -116,33 +121,4 @@ def run(args: argparse.Namespace) -> int:
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
-    parts = [part for init in result["summary"].get(DEFAULT, {}) for part in of_start(result, init)]
-    rows = shown([*parts, *of_variants(result)])
-    notes = [*left_out, *options.left(missing, "trial")]
-    return options.conclude(args, result, rows, *notes, parts=("estimates", *_beside_slides(protocol)))
-
-
-def _beside_slides(protocol: Protocol) -> tuple[str, ...]:
-    """Return further parts of the fingerprint on which the touches of a protocol depend."""
-    return ("real_gel",) if protocol.real_gel else ()
-
-
-def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
-    """Return the plan by the options, and by the protocol for options that are not given."""
-    from ..trials.campaign import Plan
-    from ..trials.setup import load_filter_config
-
-    folder = options.campaign_folder(args, *_beside_slides(protocol))
-    slides = protocol.slides.of_length(args.length)
-    size = args.codebook_size or protocol.codebook_size
-    return Plan(
-        protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),
-        load_filter_config(args.config, args.preset),
-        tuple(variants),
-        tuple(dict.fromkeys(args.init or protocol.starts)),
-        args.beta or protocol.beta,
-        tuple(range(args.slides)),
-        tuple(range(args.seeds)),
-        args.stride,
-        args.protocol,
-    )
+    return options.conclude(args, "benchmark", result, *left_out, also=also)

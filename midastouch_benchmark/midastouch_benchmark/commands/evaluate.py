@@ -72,8 +72,6 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_tools.progress import progress_bar
 
     from ..statistics.accuracy import summarise_trials
-    from ..tables.accuracy import objects, real_row
-    from ..tables.table import terminal
     from ..trials.sequence_trials import PAPER_REAL, PAPER_REAL_BETA, TrialPlan, mesh_doubt, require_real, run_sequence
     from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
 
@@ -118,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
     result["summary"] = summarise_trials(result["trials"])
     if args.real:
         result["paper_real"] = PAPER_REAL
-    return options.conclude(args, result, terminal(objects(result["summary"], beside=real_row(result))))
+    return options.conclude(args, "evaluate", result)
 
 
 def _identify(
@@ -136,7 +134,6 @@ def _identify(
     from midastouch_filter.identification.catalogue import read_catalogue
     from midastouch_tools.machine import machine_info
 
-    from ..tables.table import listed, terminal
     from ..trials.identification import identify, right_answer
     from ..trials.sequence_trials import perceived
 
@@ -154,10 +151,6 @@ def _identify(
         frames = perceived(sequence, indices, images, free.image, networks)
         truth = right_answer(catalogue, sequence.object_name)
         trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
-    rows = [
-        (t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}")
-        for t in trials
-    ]
     names = [entry.name for entry in catalogue.entries]
     result = {"machine": machine_info(), "catalogue": names, "identified": trials}
-    return options.conclude(args, result, terminal(listed(("sequence", "answer", "probability", "right"), rows)))
+    return options.conclude(args, "evaluate --objects", result)

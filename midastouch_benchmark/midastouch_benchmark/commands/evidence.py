@@ -1,4 +1,4 @@
-"""`midastouch evidence`: the reports of other code than today's, and how they are made again."""
+"""`midastouch evidence` and `fingerprint`: reports of other code than today's, made again, and the ids of today's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from midastouch_tools.commands import arguments
 
 
 def add_parser(subparsers) -> None:
-    """Add the sub-command."""
+    """Add the sub-commands."""
+    _add_fingerprint(subparsers)
     parser = arguments.add_command(
         subparsers,
         "evidence",
@@ -37,8 +38,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..evidence import fingerprint
-    from ..evidence.driver import carry_out, in_words
-    from ..evidence.plan import plan
+    from ..evidence.driver import carry_out, in_words, plan
     from ..tables.reports import COMMANDS
     from ..tables.table import listed, terminal
 
@@ -74,3 +74,31 @@ def _check(old: list[str]) -> int:
         return 1
     print("\n".join(f"{name}: of other code" for name in old) or "every headline figure is of today's code")
     return 1 if old else 0
+
+
+def _add_fingerprint(subparsers) -> None:
+    parser = arguments.add_command(
+        subparsers,
+        "fingerprint",
+        _fingerprint,
+        "tell the ids of what makes estimates, which every report stores",
+        "midastouch fingerprint",
+        "Small probes of simulator, networks, renderer, codebook and filter, and the values of constants. A renamed\n"
+        "or commented line leaves the ids as they are; an estimate that changes, changes them.",
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="make reports/fingerprint.json today's, a few minutes; commit it"
+    )
+
+
+def _fingerprint(args: argparse.Namespace) -> int:
+    from ..evidence import fingerprint
+
+    if args.write:
+        for part, what in fingerprint.write().items():
+            shown = ", ".join(what[:8]) + (f" and {len(what) - 8} more" if len(what) > 8 else "")
+            print(f"{part}: {'changed: ' + shown if what else 'as it was'}")
+        fingerprint.today.cache_clear()
+    for part, name in fingerprint.today().items():
+        print(f"{part}: {name}")
+    return 0

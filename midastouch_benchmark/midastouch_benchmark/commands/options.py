@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from midastouch_common.errors import InputError
 from midastouch_common.output_paths import SIMULATED, codebook_path
@@ -17,10 +17,12 @@ from midastouch_tools.commands import arguments
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
+    from midastouch_filter.core.config import FilterConfig
     from midastouch_perception.codebook import Codebook
 
+    from ..trials.cache import Cache
     from ..trials.setup import Networks
-    from ..trials.trial_log import Workforce
+    from ..trials.trial_log import Campaign, Workforce
 
 
 def add_network_options(parser: argparse.ArgumentParser, sensor: str = SIMULATED) -> None:
@@ -110,19 +112,30 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=arguments.writable_file, metavar="OUT", help="write the results here")
 
 
-def conclude(args: argparse.Namespace, result: dict, *shown: str, parts: Sequence[str] = ("estimates",)) -> int:
-    """Write `result` to the file of --json, with the command line that made it and its fingerprint, and print `shown`.
+def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, also: Sequence[str] = ()) -> int:
+    """Write `result` to the file of --json, with the command line that made it and its fingerprint; print its tables.
 
-    parts: of the fingerprint, on which the result depends. Returns the exit status.
+    kind: one of `EXPERIMENTS`; notes: further lines; also: parts of the fingerprint on which this result depends, too.
+    Returns the exit status.
     """
-    from midastouch_tools.result_file import write_compact_json
+    from midastouch_tools.result_file import to_json, write_compact_json
 
+    from ..tables.experiments import EXPERIMENTS
+    from ..tables.table import shown
+
+    experiment, result = EXPERIMENTS[kind], to_json(result)
     if args.json:
         from ..evidence.fingerprint import today
 
-        made = "+".join(today()[part] for part in parts)
+        made = "+".join(today()[part] for part in (*experiment.parts, *also))
         write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
-    print("\n".join(shown))
+    left = [
+        f"{result[key]} {unit}s are left; the same command goes on with them"
+        for key, unit in (("missing_trials", "trial"), ("missing_slides", "slide"))
+        if result.get(key)
+    ]
+    lines = [shown(experiment.tables(result)), *experiment.notes(result), *notes, *left]
+    print("\n".join(line for line in lines if line))
     return 0
 
 
@@ -169,6 +182,22 @@ def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
     return Path(args.out).resolve() / made_by  # workers may run elsewhere
 
 
+def cache_of(args: argparse.Namespace, **settings: Any) -> Cache:
+    """Return the cache of a campaign with the networks and the sensor of the options; settings: further ones of it."""
+    from ..trials.cache import Cache
+
+    return Cache(campaign_folder(args), args.tdn, args.tcn, args.sensor, **settings)
+
+
+def single_threaded(args: argparse.Namespace) -> FilterConfig:
+    """Return the filter settings of the options for a filter that runs next to others."""
+    import dataclasses
+
+    from ..trials.setup import load_filter_config
+
+    return dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
+
+
 @contextmanager
 def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
     """Open the workers that run the trials, by the options of a campaign."""
@@ -187,6 +216,14 @@ def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
         yield Workforce(cluster, deadline, start_progress)
 
 
-def left(missing: int, unit: str) -> list[str]:
-    """Return a line on how to continue a campaign that its deadline has ended; none if nothing is missing."""
-    return [f"{missing} {unit}s are left; the same command goes on with them"] if missing else []
+def run_campaign(args: argparse.Namespace, plan: Campaign, unit: str) -> tuple[list[dict], dict]:
+    """Run a campaign over the objects of the options; return its trials, and the first entries of its result: config,
+    machine and the number of missing units."""
+    from midastouch_tools.machine import machine_info
+
+    from ..trials.object_sets import chosen_meshes
+
+    machine, meshes = machine_info(), chosen_meshes(args.meshes, args.objects, args.out)
+    with campaign(args, unit) as workforce:
+        trials, missing = plan.run(meshes, workforce)
+    return trials, {"config": plan.describe(), "machine": machine, f"missing_{unit}s": missing}

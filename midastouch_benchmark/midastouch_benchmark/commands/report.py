@@ -15,8 +15,7 @@ def add_parser(subparsers) -> None:
         run,
         "turn result files into a page (HTML and Markdown) with tables, plots and pictures",
         "midastouch report out/drill.json out/bench.json --out out/report",
-        "Takes the JSON files of evaluate, benchmark, evaluate-tdn, evaluate-presses, evaluate-checks,\n"
-        "single-touch and bench, several of each.",
+        "Takes the JSON files of every command that measures, several of each.",
     )
     parser.add_argument("results", nargs="+", metavar="JSON", help="result files")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for index.html, index.md, pictures")

@@ -80,8 +80,6 @@ def run(args: argparse.Namespace) -> int:
 
     from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
     from ..single_touch.simulated_touch import Lighting
-    from ..tables.perception import single_touch_limits, single_touch_notes, single_touch_table
-    from ..tables.table import terminal
     from ..trials.setup import Networks
 
     wanted = _wanted(args)
@@ -114,10 +112,7 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    table, notes = terminal(single_touch_table(content)), single_touch_notes(content)
-    if content["exhaustive"]:
-        notes.append("\n" + terminal(single_touch_limits(content["exhaustive"])))
-    return options.conclude(args, content, table, *notes, parts=("perception",))
+    return options.conclude(args, "single-touch", content)
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

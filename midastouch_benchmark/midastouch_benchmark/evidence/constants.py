@@ -78,18 +78,14 @@ def _of_package(package: ModuleType, elsewhere: tuple[str, ...] = _ELSEWHERE) ->
     """Return the constants of all modules of a package except those in `elsewhere`; constants that have a name in
     common give a sorted list of values, each once."""
     found: dict[str, set[float]] = {}
-    for module in _modules(package, elsewhere):
-        for name, value in vars(module).items():
+    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if set(info.name.split(".")) & set(elsewhere):
+            continue
+        for name, value in vars(importlib.import_module(info.name)).items():
             if _CONSTANT.fullmatch(name):
                 for key, number in _flat({name: value}):
                     found.setdefault(key, set()).add(number)
     return {name: sorted(values) for name, values in sorted(found.items())}
-
-
-def _modules(package: ModuleType, elsewhere: tuple[str, ...]) -> Iterator[ModuleType]:
-    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        if not set(info.name.split(".")) & set(elsewhere):
-            yield importlib.import_module(info.name)
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, float]]:

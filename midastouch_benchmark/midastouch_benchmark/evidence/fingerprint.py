@@ -35,9 +35,8 @@ from ..trials import disturbances, protocols
 from . import constants
 from .constants import Constants
 from .filter_probes import filter_probes
-from .perception_probes import perception_probes, slide_probes
+from .perception_probes import perception_probes, real_gel_probes, slide_probes
 from .probe import Probe, Probes
-from .real_gel_probes import real_gel_probes
 from .scene import ProbeScene, nudged, off
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -59,7 +58,8 @@ class Part:
 
     def differences(self, other: Part) -> list[str]:
         """Return, as text, the probes and constants of this part that differ in another one; none if they agree."""
-        lost = [name for name, probe in self.probes.items() if not _agrees(probe, other.probes.get(name))]
+        theirs = other.probes
+        lost = [name for name, probe in self.probes.items() if name not in theirs or not probe.agrees(theirs[name])]
         changed = constants.changed(self.constants, other.constants)
         return [*(f"probe '{name}'" for name in lost), *(f"constant {name}" for name in sorted(changed))]
 
@@ -71,10 +71,6 @@ class Part:
     def from_json(cls, content: dict) -> Part:
         """Return the part whose content `to_json` returned."""
         return cls({name: Probe.from_json(each) for name, each in content["probes"].items()}, content["constants"])
-
-
-def _agrees(probe: Probe, other: Probe | None) -> bool:
-    return other is not None and probe.agrees(other)
 
 
 Fingerprint = dict[str, Part]

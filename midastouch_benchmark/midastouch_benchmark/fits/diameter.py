@@ -4,7 +4,7 @@
 
 The results are `RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of
 `midastouch_perception/sensor_calibration/network_checks.py`. No sensor here is among those on which
-`midastouch evaluate-checks` judges them.
+the report `checks` of `midastouch evaluate-perception` judges them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--backgrounds", type=Path, required=True, help="no-contact images of many DIGITs")
     parser.add_argument("--sensors", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=1, help="not that of evaluate-checks")
+    parser.add_argument("--seed", type=int, default=1, help="not that of the report")
     args = parser.parse_args()
     sensor = SensorModel.load("digit_real")
     backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))

@@ -14,15 +14,10 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.optimize import minimize
 
-from midastouch_benchmark.trials.cache import Cache
-from midastouch_benchmark.trials.yardstick import Yardstick
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.pose_difference import another
@@ -30,8 +25,11 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_simulation.procedural import random_shape
 from midastouch_simulation.random_parts import random_part
 
-from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
-from .training_scans import cache_of, parser_of, scans_of
+from ..trials.cache import Cache
+from ..trials.trial import TrialFrame
+from ..trials.yardstick import Yardstick
+from . import sliding
+from .sliding import CONFIG, FIRST, NOISE, cache_of, follow, keyframes, over_slides, parser_of, scans_of
 
 LENGTH = 0.5  # m of a slide
 PIECE = 80  # frames, 0.12 m: some ten keyframes
@@ -61,9 +59,9 @@ class Judged:
         return min(-np.log(max(self.probabilities(noise)[self.right].sum(), np.exp(-_MOST))), _MOST)
 
 
-def judged(cache: Cache, mesh: ObjectMesh, number: int) -> Iterator[Judged]:
-    """Yield the comparisons of two or more hypotheses on slide `number` over an object."""
-    particle_filter, frames = ParticleFilter(mesh, cache.codebook(mesh), CONFIG), cache.frames(mesh, number)
+def judged(cache: Cache, mesh: ObjectMesh, frames: list[TrialFrame]) -> Iterator[Judged]:
+    """Yield the comparisons of two or more hypotheses on the pieces of a slide over an object."""
+    particle_filter = ParticleFilter(mesh, cache.codebook(mesh), CONFIG)
     alignment, symmetry = particle_filter.object.alignment, particle_filter.object.symmetry.exact
     for start in range(0, len(frames) - PIECE, PIECE):
         particle_filter.reset(0)
@@ -94,19 +92,10 @@ def surprise(objects: Sequence[Sequence[Judged]], noise: NoiseModel) -> float:
 
 def fitted(names: Sequence[str], objects: Sequence[Sequence[Judged]]) -> NoiseModel:
     """Return the constants with which the truth surprises least; those not in `names` stay as they are."""
-
-    def assumed(parameters: np.ndarray) -> NoiseModel:
-        return dataclasses.replace(NOISE, **dict(zip(names, np.exp(parameters).tolist(), strict=True)))
-
     start = np.log([getattr(NOISE, name) for name in names])
     simplex = start - np.vstack([np.zeros(len(names)), np.eye(len(names))])
-    found = minimize(
-        lambda parameters: surprise(objects, assumed(parameters)),
-        start,
-        method="Nelder-Mead",
-        options={"maxiter": 150, "xatol": 0.01, "fatol": 1e-4, "initial_simplex": simplex},
-    )
-    return assumed(found.x)
+    options = {"xatol": 0.01, "fatol": 1e-4, "initial_simplex": simplex}
+    return sliding.fitted(names, lambda noise: surprise(objects, noise), **options)
 
 
 def described(noise: NoiseModel) -> str:
@@ -136,28 +125,6 @@ def made_by_code(parts: int, shapes: int, seed: int) -> Iterator[ObjectMesh]:
         yield from itertools.islice((mesh for mesh in drawn if DIAGONAL[0] <= mesh.diagonal <= DIAGONAL[1]), count)
 
 
-def collected(cache: Cache, meshes: Sequence[ObjectMesh], slides: int) -> list[list[Judged]]:
-    """Return the comparisons with a right hypothesis on `slides` slides over each object."""
-    objects, every, kept, done = [], 0, 0, 0
-    for mesh in meshes:
-        found: list[Judged] = []
-        for number in range(FIRST, FIRST + slides):
-            try:
-                found += judged(cache, mesh, number)
-                done += 1
-            except InputError as error:  # no slide of this length fits on it
-                print(error, file=sys.stderr)
-        every += len(found)
-        objects.append([each for each in found if each.right.any()])
-        kept = sum(map(len, objects))
-        print(f"{len(objects)} of {len(meshes)} objects, {kept} comparisons", file=sys.stderr, flush=True)
-    print(
-        f"{every} comparisons of two or more hypotheses on {done} slides over {len(objects)} objects; "
-        f"none is right in {1 - kept / max(every, 1):.1%} of them, which are left out"
-    )
-    return [some for some in objects if some]
-
-
 def main() -> None:
     """Print the constants, and the reliability of the probabilities with them."""
     parser = parser_of(__doc__, "out/fit_evidence", every=4, poses=10_000, meshes_required=False)
@@ -166,7 +133,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of parts and shapes")
     args = parser.parse_args()
     meshes = [*made_by_code(args.parts, args.shapes, args.seed), *scans_of(args)]
-    objects = collected(cache_of(args, LENGTH), meshes, args.slides)
+    cache, numbers = cache_of(args, LENGTH), range(FIRST, FIRST + args.slides)
+    every = list(over_slides(cache, meshes, numbers, lambda mesh, frames, _: list(judged(cache, mesh, frames))))
+    objects = [telling for some in every if (telling := [each for each in some if each.right.any()])]
+    count, kept = (sum(map(len, some)) for some in (every, objects))
+    print(
+        f"{count} comparisons of two or more hypotheses on {len(meshes)} objects; none is right in "
+        f"{1 - kept / max(count, 1):.1%} of them, which are left out"
+    )
     alone = fitted(ALONE, objects)
     for what, noise in (("both fitted", fitted(FREE, objects)), ("map_patches fitted", alone), ("today", NOISE)):
         print(f"{what}: {described(noise)}; {surprise(objects, noise):.3f} nats of surprise")

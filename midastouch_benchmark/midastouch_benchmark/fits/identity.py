@@ -21,11 +21,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import minimize
 
-from midastouch_benchmark.trials import disturbances
-from midastouch_benchmark.trials.disturbances import Disturbance, UndisturbedSlide
-from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.belief import Hypotheses
 from midastouch_filter.core.measurement_model import log_ratios
@@ -35,8 +31,10 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
 from midastouch_simulation.random_parts import random_part
 
-from .keyframes import CONFIG, FIRST, NOISE, follow, keyframes
-from .training_scans import cache_of, parser_of, scans_of
+from ..trials import disturbances
+from ..trials.disturbances import Disturbance, UndisturbedSlide
+from ..trials.trial import TrialFrame
+from .sliding import CONFIG, FIRST, NOISE, cache_of, fitted, follow, keyframes, parser_of, scans_of
 
 HALF = 0.5  # of the slides are over an object that the filter does not know
 FITTED = ("code_support", "contradiction")
@@ -114,23 +112,18 @@ def trials_of(size: int, scans: list[str], parts: list[str]) -> list[tuple[list[
 def fit(slides: list[WeighedSlide]) -> None:
     """Print the constants that fit the slides best, and how often the answers are right with them."""
 
-    def assumed(parameters: np.ndarray) -> NoiseModel:
-        return dataclasses.replace(NOISE, **dict(zip(FITTED, np.exp(parameters).tolist(), strict=True)))
+    def surprise(noise: NoiseModel) -> float:
+        return float(np.mean([slide.surprise(noise) for slide in slides]))
 
-    found = minimize(
-        lambda parameters: np.mean([slide.surprise(assumed(parameters)) for slide in slides]),
-        np.log([getattr(NOISE, name) for name in FITTED]),
-        method="Nelder-Mead",
-        options={"maxiter": 150, "xatol": 0.02, "fatol": 1e-3},
-    )
-    print(*(f"{name} {value:.3g}" for name, value in zip(FITTED, np.exp(found.x), strict=True)), sep=", ")
+    noise = fitted(FITTED, surprise, xatol=0.02, fatol=1e-3)
+    print(*(f"{name} {getattr(noise, name):.3g}" for name in FITTED), sep=", ")
     for what, known in (("known", True), ("unknown", False)):
-        ends = [(s.probabilities(assumed(found.x))[-1], s.truth) for s in slides]
+        ends = [(s.probabilities(noise)[-1], s.truth) for s in slides]
         ends = [(end, truth) for end, truth in ends if (truth < len(end) - 1) == known]
         right = np.mean([end.argmax() == truth for end, truth in ends])
         refused = np.mean([end[-1] > REFUSED for end, _ in ends])
         print(f"object {what}: {right:.0%} of {len(ends)} slides right at the end, {refused:.1%} say none")
-    print(f"{found.fun:.3f} nats of surprise")
+    print(f"{surprise(noise):.3f} nats of surprise")
 
 
 def main() -> None:

@@ -10,16 +10,9 @@ the scans hold the truth on the other half. It uses neither the ten test objects
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from scipy.stats import chi2
 
-from midastouch_benchmark.statistics.coverage import nees
-from midastouch_benchmark.trials.disturbances import UndisturbedSlide
-from midastouch_benchmark.trials.protocols import PAPER, PROTOCOLS
-from midastouch_benchmark.trials.sequence_trials import start_filter
-from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
@@ -27,7 +20,12 @@ from midastouch_filter.core.noise_model import REGION_WIDTH
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 
-from .training_scans import cache_of, parser_of, scans_of
+from ..statistics.coverage import nees
+from ..trials.disturbances import UndisturbedSlide
+from ..trials.protocols import PAPER, PROTOCOLS
+from ..trials.sequence_trials import start_filter
+from ..trials.trial import TrialFrame, run_trial
+from .sliding import cache_of, over_slides, parser_of, scans_of
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 LEVEL = 0.95  # of the regions
@@ -73,22 +71,19 @@ def main() -> None:
     """Print the factor for all scans, and how those of two halves do on the other half."""
     args = parser_of(__doc__, "out/fit_regions", every=4, poses=20_000).parse_args()
     cache = cache_of(args)
-    found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}
-    for mesh in scans_of(args):
-        slides = [cache.frames(mesh, number) for number in range(args.slides)]
-        running = ParticleFilter(mesh, cache.codebook(mesh), FilterConfig(threads=1))
-        for name, parts in found.items():
-            rows = [converged_frames(running, mesh, slide, name, number) for number, slide in enumerate(slides)]
-            parts.append(np.concatenate(rows))
-        print(mesh.name, {name: len(parts[-1]) for name, parts in found.items()}, file=sys.stderr, flush=True)
 
+    def measure(mesh: ObjectMesh, slide: list[TrialFrame], number: int) -> list[dict[str, np.ndarray]]:
+        running = ParticleFilter(mesh, cache.codebook(mesh), FilterConfig(threads=1))
+        return [{name: converged_frames(running, mesh, slide, name, number) for name in CONDITIONS}]
+
+    found = list(over_slides(cache, list(scans_of(args)), range(args.slides), measure))
     every, *halves = (
-        {name: np.concatenate(parts[part]) for name, parts in found.items()}
+        {name: np.concatenate([slide[name] for some in found[part] for slide in some]) for name in CONDITIONS}
         for part in (slice(None), slice(0, None, 2), slice(1, None, 2))
     )
     print(f"REGION_WIDTH {width(every):.3g}: {held(every, width(every))}")
-    for fitted, other in (halves, halves[::-1]):
-        print(f"REGION_WIDTH {width(fitted):.3g} of one half of the scans: {held(other, width(fitted))} of the other")
+    for one, other in (halves, halves[::-1]):
+        print(f"REGION_WIDTH {width(one):.3g} of one half of the scans: {held(other, width(one))} of the other")
 
 
 if __name__ == "__main__":

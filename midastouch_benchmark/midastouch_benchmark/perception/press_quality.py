@@ -70,7 +70,8 @@ def as_measured(
         measured = tdn.predict(image, presses.background, difference)
         region = _measured_contact(difference, measured, tdn.sensor)
         if presses.circles is None:
-            truth = _under_measured(_measured_contact(difference, measured, tdn.sensor, 0.0), radius, tdn.sensor)
+            outline = mask_outline(_measured_contact(difference, measured, tdn.sensor, 0.0), tdn.sensor)
+            truth = fit_sphere(outline, radius).centre if len(outline) >= _FEWEST else None
         elif circle := presses.circles.get(name):
             truth = _under_circle(name, circle, measured.shape[1] / image.shape[1], radius, tdn.sensor)
         else:
@@ -89,7 +90,7 @@ def measure_presses(
     progress: Callable[[int], object] = lambda presses: None,
     calibrations: Mapping[str, SensorCalibration] | None = None,
 ) -> tuple[list[dict], dict]:
-    """Return the figures of every press and their summary: `presses` and `summary` of the `evaluate-presses` JSON."""
+    """Return the figures of every press and their summary: `presses` and `summary` of the JSON."""
     rows = []
     for press in as_measured(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
@@ -124,12 +125,6 @@ def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor
             f"{2e3 * circle[2] * scale * sensor.pixel_size:.1f} mm; check --ball-diameter, --px-per-mm and the label"
         )
     return ball.centre
-
-
-def _under_measured(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
-    """Return the ball's centre (3,) m under the measured outline; None if that is too short."""
-    outline = mask_outline(region, sensor)
-    return fit_sphere(outline, radius).centre if len(outline) >= _FEWEST else None
 
 
 def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:

@@ -126,9 +126,8 @@ def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sen
 def calibrations_of(settings: dict, presses: BallPresses, sensor: SensorModel) -> dict[str, SensorCalibration] | None:
     """Return the calibration by which each press is judged, by file name; None if the settings have none.
 
-    settings: `calibration`, a file, `calibrated_with`, a number of presses, `seed` and `ball_diameter` of an
-    `evaluate-presses` result; sensor: at full size. Raises InputError if a calibration cannot be read or made, or is
-    another gel's.
+    settings: `calibration`, a file, `calibrated_with`, a number of presses, `seed` and `ball_diameter` of a result;
+    sensor: at full size. Raises InputError if a calibration cannot be read or made, or is another gel's.
     """
     if settings.get("calibration"):
         given = SensorCalibration.load(settings["calibration"])

@@ -1,8 +1,6 @@
-"""Section of the results page on real presses of a ball."""
+"""Pictures of real presses of a ball."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,13 +9,10 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_tools.datasets.ball_presses import load_ball_presses
-from midastouch_tools.drawing.figures import PENETRATION_COLOURS, save
-from midastouch_tools.drawing.page import Page
+from midastouch_tools.drawing.figures import PENETRATION_COLOURS
 
 from ..perception.press_quality import MeasuredPress, as_measured
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth
-from ..tables.perception import presses_table
-from ..tables.table import on_page
 
 _ACROSS = 2  # presses side by side
 _TITLES = ("image", "difference", "measured", "ideal")
@@ -46,7 +41,7 @@ def press_figure(presses: list[MeasuredPress]) -> Figure:
 
 
 def depth_figure(content: dict) -> Figure:
-    """Plot measured depth and measured radius over the pressed depth, of every press of an `evaluate-presses` result,
+    """Plot measured depth and measured radius over the pressed depth, of every press of an result,
     with the truth."""
     known = [row for row in content["presses"] if row["ideal_peak_mm"] is not None]
     figure = Figure(figsize=(10, 3), layout="constrained")
@@ -70,34 +65,14 @@ def depth_figure(content: dict) -> Figure:
 _SHOWN = 12
 
 
-def press_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Add the table of `evaluate-presses` results and, of each, measured over pressed depth and `_SHOWN` presses."""
-    page.heading("Real presses of a ball")
-    page.note(
-        "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
-        "where nobody labelled the one that the images tell. Where they tell none it is the measured outline, which "
-        "flatters the network: do not judge depth by it. A good network has peak ratio and correlation near 1, and "
-        "measures the true radius."
-    )
-    on_page(page, presses_table(contents))
-    for i, content in enumerate(contents):
-        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Measured over pressed depth")
-        try:
-            shown = _measured_again(content)
-        except InputError as error:
-            page.note(f"no pictures of the presses: {error}")
-            continue
-        page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
-
-
-def _measured_again(content: dict) -> list[MeasuredPress]:
-    """Measure some presses again with the network of the result; InputError if it or the images are gone."""
+def shown_presses(content: dict) -> list[MeasuredPress]:
+    """Measure `_SHOWN` presses again with the network of the result; InputError if it or the images are gone."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:
         sensor = sensor.at_scale(1e3 * content["px_per_mm"])
     tdn = load_tdn(content["tdn"], sensor)
     if tdn.network_id != content["network"]:
-        raise InputError(f"the network is now {tdn.network_id}; run midastouch evaluate-presses again")
+        raise InputError(f"the network is now {tdn.network_id}; measure them again")
     presses, _ = usable_presses(load_ball_presses(content["folder"]), sensor)
     names = list(presses.images)
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))

@@ -1,11 +1,12 @@
-"""Page that `midastouch report` makes of result files."""
+"""Page that `midastouch report` makes of result files: for each the tables that its command prints, and pictures."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,45 +16,48 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
-from midastouch_tools.drawing.figures import MODE_COLOUR, save, style_error_axes
+from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save
 from midastouch_tools.drawing.object_view import ObjectView
 from midastouch_tools.drawing.page import Page
 
 from ..speed.scaling import USUAL
-from ..tables.accuracy import objects, real_row
-from ..tables.checks import check_tables
-from ..tables.perception import depth_table
-from ..tables.results import of_identification
-from ..tables.speed import rates, scaling_table, stages
+from ..statistics.coverage import observed_fractions
+from ..tables.experiments import EXPERIMENTS, written
 from ..tables.table import on_page
-from .accuracy import accuracy_section
-from .presses import press_section
-from .single_touch import single_touch_section
-from .trial_figures import final_error_figure, stage_figure, trial_error_figure
+from ..trials.variants import DEFAULT
+from .front import front_figure
+from .trial_figures import final_error_figure, reliability_figure, scaling_figure, stage_figure, trial_error_figure
+
+
+class Picture(NamedTuple):
+    """A picture of a result. name: of its file, after the result's own; what: a figure, or RGB (H, W, 3) uint8."""
+
+    name: str
+    caption: str
+    what: Figure | np.ndarray
+
+
+Pictures = Iterator[Picture | str]
+"""Pictures of a result; a text says why one is missing."""
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:
     """Write a page on (file name, content) pairs into `folder`, as `index.html` and `index.md` with their pictures.
 
-    Files of the same command go into one section. Returns the path of `index.html`. Raises InputError for a file of an
-    unknown command, or an incomplete one.
+    Returns the path of `index.html`. Raises InputError for a file of an unknown command, or an incomplete one.
     """
     folder = Path(folder)
-    by_kind: dict[Callable, list[dict]] = {}
-    for name, content in results:
-        by_kind.setdefault(_section(name, content), []).append(content)
+    kinds = [_kind(name, content) for name, content in results]
     folder.mkdir(parents=True, exist_ok=True)
     page = Page("MidasTouch results")
-    for section in (
-        _evaluate, accuracy_section, _identification, _depth, press_section, _checks, single_touch_section,
-        _speed, _scaling,
-    ):  # fmt: skip
-        if section in by_kind:
+    for kind in EXPERIMENTS:
+        some = [result for result, each in zip(results, kinds, strict=True) if each == kind]
+        for number, (name, content) in enumerate(some):
+            stem = f"{re.sub(r'[^a-z]+', '_', kind)}_{number}"
             try:
-                section(page, by_kind[section], folder)
+                _add_section(page, kind, content, folder / stem)
             except (KeyError, TypeError, IndexError) as error:
-                names = ", ".join(name for name, content in results if _section(name, content) is section)
-                raise InputError(f"{names}: incomplete ({error!r}); run the command that wrote it again") from error
+                raise InputError(f"{name}: incomplete ({error!r}); run the command that wrote it again") from error
     page.heading("Machine and input")
     for name, content in results:
         machine = content.get("machine", {})
@@ -68,128 +72,119 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     return page.write(folder / "index.html")
 
 
-def _section(name: str, content: dict) -> Callable:
-    for key, section in (
-        ("comparison", accuracy_section),
-        ("identification", _identification),
-        ("tdn_ms", _speed),
-        ("scaling", _scaling),
-        ("sequences", _evaluate if "trials" in content else _depth),
-        ("presses", press_section),
-        ("fit_check", _checks),
-        ("queries", single_touch_section),
-    ):
-        if key in content:
-            return section
-    raise InputError(
-        f"{name}: not a result of evaluate, benchmark, identify, evaluate-tdn, evaluate-presses, evaluate-checks, "
-        "single-touch, bench or bench-scale: of the other commands there is no page"
-    )
+def _kind(name: str, content: dict) -> str:
+    for kind, experiment in EXPERIMENTS.items():
+        if all(key in content for key in experiment.keys):
+            return kind
+    raise InputError(f"{name}: not a result of {', '.join(EXPERIMENTS)}")
 
 
-def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Localisation")
-    for content in contents:
-        config = content["config"]
-        page.note(
-            f"init {config['init']}, beta {config['beta']:g}, {config['seeds']} seeds, "
-            f"stride {config['stride']}; networks {config['networks']['tdn']}, {config['networks']['tcn']}"
-        )
-        on_page(page, objects(content["summary"], beside=real_row(content)))
-    trials = [trial for content in contents for trial in content["trials"]]
-    page.picture(save(final_error_figure(trials), folder / "final_errors.png"), "Final errors over all trials")
-    for number_of_file, content in enumerate(contents):
-        for sequence in content["sequences"]:
-            own = [t for t in content["trials"] if t["sequence"] == sequence["sequence"]]
-            page.heading(f"{sequence['sequence']}, init {content['config']['init']}")
-            stem = f"{number_of_file}_{re.sub(r'[^0-9A-Za-z]+', '_', sequence['sequence'])}"
-            figure = trial_error_figure(f"{sequence['sequence']}, {len(own)} trials", own)
-            page.picture(save(figure, folder / f"{stem}_errors.png"), "Errors over the frames")
-            _paths(page, sequence, own, folder / f"{stem}_paths.png")
+def _add_section(page: Page, kind: str, content: dict, stem: Path) -> None:
+    experiment = EXPERIMENTS[kind]
+    page.heading(written(experiment.heading, content))
+    if about := written(experiment.about, content):
+        page.note(about)
+    for title, table in experiment.tables(content):
+        if title:
+            page.heading(title)
+        on_page(page, table)
+    if notes := experiment.notes(content):
+        page.note("; ".join(notes))
+    for picture in _PICTURES[kind](content) if kind in _PICTURES else ():
+        if isinstance(picture, str):
+            page.note(picture)
+            continue
+        path = stem.with_name(f"{stem.name}{picture.name}.png")
+        if isinstance(picture.what, Figure):
+            save(picture.what, path)
+        else:
+            with atomic_path(path) as temporary:
+                Image.fromarray(picture.what).save(temporary)
+        page.picture(path, picture.caption)
 
 
-def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
-    """Add a picture of the true path and the published poses on the mesh; without the mesh, a note."""
-    if not Path(sequence["mesh"]).is_file():
-        page.note(f"no picture of the paths: the mesh {sequence['mesh']} is not there")
-        return
+def _evaluation(content: dict) -> Pictures:
+    yield Picture("", "Final errors over all trials", final_error_figure(content["trials"]))
+    for sequence in content["sequences"]:
+        name = sequence["sequence"]
+        own = [t for t in content["trials"] if t["sequence"] == name]
+        stem = re.sub(r"[^0-9A-Za-z]+", "_", name)
+        figure = trial_error_figure(f"{name}, {len(own)} trials", own)
+        yield Picture(f"_{stem}_errors", f"{name}, init {content['config']['init']}: errors over the frames", figure)
+        if Path(sequence["mesh"]).is_file():
+            caption = "true path (green) and published poses of the second half of every trial (red)"
+            yield Picture(f"_{stem}_paths", f"{name}: {caption}", _paths(sequence, own))
+        else:
+            yield f"no picture of the paths: the mesh {sequence['mesh']} is not there"
+
+
+def _paths(sequence: dict, trials: list[dict]) -> np.ndarray:
+    """Draw the true path and the published poses on the mesh, (H, W, 3) uint8."""
     truth = se3.from_xyzquat(np.array(sequence["truth"]))
-    view = ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900)
     estimates = []
     for trial in trials:
-        known = [row for row in trial["per_frame"]["estimate"] if row is not None]
         # only the second half: in the first the filter still searches
-        if known:
+        if known := [row for row in trial["per_frame"]["estimate"] if row is not None]:
             estimates.append(se3.from_xyzquat(np.array(known[len(known) // 2 :])))
-    with atomic_path(path) as temporary:
-        Image.fromarray(view.paths(truth, estimates)).save(temporary)
-    page.picture(path, "True path (green) and published poses of the second half of every trial (red)")
+    return ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900).paths(truth, estimates)
 
 
-def _depth(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Depth network")
-    for content in contents:
-        on_page(page, depth_table(content))
+_KIND_STYLES = {
+    "one_mode": {"color": MODE_COLOUR},
+    "several_modes": {"color": PARTICLE_COLOUR},
+    "converged": {"color": ESTIMATE_COLOUR},
+    "right": {"color": "#2a8f4e"},
+}
 
 
-def _speed(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Speed")
-    for i, content in enumerate(contents):
-        page.note(f"{content['threads']} cores, codebook of {content['codebook_size']} poses")
-        on_page(page, rates(content))
-        on_page(page, stages(content))
-        page.picture(save(stage_figure(content), folder / f"stages_{i}.png"), "Milliseconds per call")
-
-
-def _checks(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Checks on tactile images")
-    for content in contents:
-        page.note(
-            f"network {content['network']}, sensor {content['sensor']}: {content['sensors']} imaginary sensors over "
-            f"{content['no_contact_images']} real no-contact images; areas under the ROC curve are against the sensors "
-            "that are right"
+def _benchmark(content: dict) -> Pictures:
+    for init, summary in content["summary"].get(DEFAULT, {}).items():
+        trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
+        yield Picture(f"_{init}_errors", f"Start {init}: final errors", final_error_figure(trials))
+        curves = {
+            (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
+            for kind, one in summary["coverage"].items()
+            if one["frames"]
+        }
+        figure = reliability_figure(content["levels"], curves, "mass of the published Gaussian around the pose")
+        yield Picture(f"_{init}_coverage", f"Start {init}: how often the truth lies within", figure)
+    if len(content["variants"]) > 1 and content["comparison"]:
+        caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
+        yield Picture("_front", caption, front_figure(content["comparison"], content["variants"]))
+    counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
+    if counts:
+        thin: dict[str, float] = {"lw": 1, "alpha": 0.7}
+        touches: dict[str, tuple] = {key: (observed_fractions(one), thin) for key, one in counts.items()}
+        total = np.sum(list(counts.values()), axis=0)
+        touches[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
+        figure = reliability_figure(
+            content["levels"], touches, "mass of the codebook's likeliest poses given one touch"
         )
-        for table in check_tables(content):
-            on_page(page, table)
+        yield Picture("_likelihood", "Calibration of the likelihood: how often the true pose is among them", figure)
 
 
-def _identification(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Which object")
-    for content in contents:
-        page.note(f"catalogue: {', '.join(content['catalogue'])}")
-        for _, table in of_identification(content):
-            on_page(page, table)
-        wrong = content["identification"]["answers"]
-        page.note("; ".join(f"{answer}: {times}" for answer, times in wrong.items()) or "every answer is right")
+def _presses(content: dict) -> Pictures:
+    from .presses import depth_figure, press_figure, shown_presses
+
+    yield Picture("_depths", "Measured over pressed depth", depth_figure(content))
+    try:
+        yield Picture("", f"Presses of {content['folder']}", press_figure(shown_presses(content)))
+    except InputError as error:
+        yield f"no pictures of the presses: {error}"
 
 
-# varied number, constant number, label
-_COLUMNS = ("particles", "poses", "hypotheses at the start"), ("poses", "particles", "codebook poses")
+def _single_touch(content: dict) -> Pictures:
+    from .single_touch import pictures
+
+    return (each if isinstance(each, str) else Picture(*each) for each in pictures(content))
 
 
-def _scaling(page: Page, contents: list[dict], folder: Path) -> None:
-    for k, content in enumerate(contents):
-        page.heading(f"Time and memory of the filter, on {content['object']}")
-        page.note(f"{content['frames']} frames, {content['threads']} cores; nothing is known at the start")
-        on_page(page, scaling_table(content["scaling"]))
-        caption = f"The other number is {USUAL:,}. CPU time counts all threads"
-        page.picture(save(scaling_figure(content["scaling"]), folder / f"scaling_{k}.png"), caption)
-
-
-def scaling_figure(points: list[dict]) -> Figure:
-    """Plot CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
-    for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):
-        shown = sorted((point for point in points if point[kept] == USUAL), key=lambda point: point[varied])
-        numbers = [point[varied] for point in shown]
-        for axes, values in (
-            (of_time, [point["step_ms"]["cpu"] for point in shown]),
-            (of_memory, [point["memory_mb"] for point in shown]),
-        ):
-            axes.loglog(numbers, values, "o-", color=MODE_COLOUR, ms=5, lw=1.4)
-            style_error_axes(axes, "", "")
-        of_memory.set_xlabel(label, fontsize=9)
-    for axes, label in zip(columns[0], ("CPU ms a step", "memory MiB"), strict=True):
-        axes.set_ylabel(label, fontsize=9)
-    return figure
+_SCALED = f"The other number is {USUAL:,}. CPU time counts all threads"
+_PICTURES: dict[str, Callable[[dict], Pictures]] = {
+    "evaluate": _evaluation,
+    "benchmark": _benchmark,
+    "evaluate-perception presses": _presses,
+    "single-touch": _single_touch,
+    "bench": lambda content: iter([Picture("", "Milliseconds per call", stage_figure(content))]),
+    "bench-scale": lambda content: iter([Picture("", _SCALED, scaling_figure(content["scaling"]))]),
+}

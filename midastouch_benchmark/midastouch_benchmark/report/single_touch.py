@@ -1,9 +1,9 @@
-"""The single-touch section of the results page, with the paper's figures 3, 4 and 14."""
+"""Pictures of single-touch results: the paper's figures 3, 4 and 14."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -20,13 +20,10 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_tools.drawing.figures import PARTICLE_COLOUR, save
+from midastouch_tools.drawing.figures import PARTICLE_COLOUR
 from midastouch_tools.drawing.object_view import ObjectView
-from midastouch_tools.drawing.page import Page
 
 from ..single_touch.per_object import BASELINES, OURS
-from ..tables.perception import single_touch_notes, single_touch_table
-from ..tables.table import on_page
 
 _CELL = 3e-3  # m
 _MAPPED = 1000  # codes; t-SNE takes some 3 s for them
@@ -81,25 +78,36 @@ _COLUMNS = 5
 _VIEW_WIDTH = 420
 
 
-def single_touch_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Add tables and pictures of `single-touch` results; the pictures go into `folder`."""
-    page.heading("Single touch")
-    for i, content in enumerate(contents):
-        config = content["config"]
-        page.note(
-            f"{config['lighting']} lighting, backgrounds {config['backgrounds'] or 'invented'}; networks "
-            f"{config['networks']['tdn']}, {config['networks']['tcn']}"
+def pictures(content: dict) -> Iterator[tuple[str, str, Figure] | str]:
+    """Yield name, caption and figure of each picture of a `single-touch` result; a text says why one is missing."""
+    objects = sorted(content["objects"], key=lambda one: one["summary"]["normalised_top25_error"])
+    caption = "Error over that of random touches, whole codebook, best object first; bars: median"
+    yield "", caption, violin_figure({OURS: objects})
+    compared = _compared(objects)
+    if len(compared) > 1:
+        caption = f"The same on a book of {objects[0]['baselines']['book_size']} poses"
+        yield "_methods", caption, violin_figure(compared)
+    errors, books = {}, {}
+    for one in objects:
+        if not (one["mesh"] and Path(one["mesh"]).is_file()):
+            yield f"{one['object']}: no pictures, the mesh {one['mesh']} is not there"
+            continue
+        view = overview(ObjectMesh.load(one["mesh"]), _VIEW_WIDTH)
+        title = f"{one['object']}   {one['summary']['normalised_top25_error']:.2f}"
+        errors[title] = partial(error_picture, view, np.array(one["cells"], float))
+        try:
+            books[one["object"]] = partial(codebook_picture, view, Codebook.load(one["codebook_file"]))
+        except InputError as error:
+            yield f"{one['object']}: no picture of the codebook ({error})"
+    if errors:
+        caption = "Where a touch tells the place (blue) and where it does not (red), means over 5 mm"
+        yield "_errors", caption, grid_figure(errors, "error / random touches")
+    if books:
+        yield (
+            "_codebooks",
+            "Codebooks: places of like colour have like codes (mean over yaw, t-SNE)",
+            grid_figure(books),
         )
-        on_page(page, single_touch_table(content))
-        page.note(" ".join(single_touch_notes(content)))
-        objects = sorted(content["objects"], key=lambda one: one["summary"]["normalised_top25_error"])
-        path = save(violin_figure({OURS: objects}), folder / f"single_touch_{i}.png")
-        page.picture(path, "Error over that of random touches, whole codebook, best object first; bars: median")
-        compared = _compared(objects)
-        if len(compared) > 1:
-            path = save(violin_figure(compared), folder / f"single_touch_{i}_methods.png")
-            page.picture(path, f"The same on a book of {objects[0]['baselines']['book_size']} poses")
-        _pictures(page, objects, folder / f"single_touch_{i}")
 
 
 def _compared(objects: list[dict]) -> dict[str, list[dict]]:
@@ -110,35 +118,6 @@ def _compared(objects: list[dict]) -> dict[str, list[dict]]:
         if all(details):
             out[way] = [{"object": one["object"]} | detail for one, detail in zip(objects, details, strict=True)]
     return out
-
-
-def _pictures(page: Page, objects: list[dict], stem: Path) -> None:
-    views: dict[str, ObjectView] = {}
-    for one in objects:
-        if one["mesh"] and Path(one["mesh"]).is_file():
-            views[one["object"]] = overview(ObjectMesh.load(one["mesh"]), _VIEW_WIDTH)
-        else:
-            page.note(f"{one['object']}: no pictures, the mesh {one['mesh']} is not there")
-    shown = [one for one in objects if one["object"] in views]
-    if not shown:
-        return
-    errors = {_title(one): partial(error_picture, views[one["object"]], np.array(one["cells"], float)) for one in shown}
-    path = save(grid_figure(errors, "error / random touches"), stem.with_name(f"{stem.name}_errors.png"))
-    page.picture(path, "Where a touch tells the place (blue) and where it does not (red), means over 5 mm")
-    books = {}
-    for one in shown:
-        try:
-            book = Codebook.load(one["codebook_file"])
-            books[one["object"]] = partial(codebook_picture, views[one["object"]], book)
-        except InputError as error:
-            page.note(f"{one['object']}: no picture of the codebook ({error})")
-    if books:
-        path = save(grid_figure(books), stem.with_name(f"{stem.name}_codebooks.png"))
-        page.picture(path, "Codebooks: places of like colour have like codes (mean over yaw, t-SNE)")
-
-
-def _title(one: dict) -> str:
-    return f"{one['object']}   {one['summary']['normalised_top25_error']:.2f}"
 
 
 def overview(mesh: ObjectMesh, width: int) -> ObjectView:
@@ -232,6 +211,5 @@ def violin_figure(results: dict[str, list[dict]]) -> Figure:
     axes.set_xlim(0.4, len(objects) + 0.6)
     if len(results) > 1:
         axes.legend(frameon=False, fontsize=9)
-    for edge in ("top", "right"):
-        axes.spines[edge].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -1,4 +1,4 @@
-"""Figures over trials: errors over the frames, box plots of the final errors, times per stage."""
+"""Figures over trials: errors over the frames, final errors, calibration, times per stage, time over size."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, style_error_axes
+
+from ..speed.scaling import USUAL
+
+_ESTIMATES = (
+    ("e", "particles", PARTICLE_COLOUR),
+    ("min_cluster", "closest mode", MODE_COLOUR),
+    ("estimate", "published pose", ESTIMATE_COLOUR),
+)
+_ERRORS = {"trans_mm": "translation error [mm]", "rot_deg": "rotation error [deg]"}
 
 
 def trial_error_figure(title: str, trials: list[dict]) -> Figure:
@@ -15,18 +24,9 @@ def trial_error_figure(title: str, trials: list[dict]) -> Figure:
     """
     figure = Figure(figsize=(10, 3.2), layout="constrained")
     figure.suptitle(title, fontsize=11)
-    for axes, key, label in zip(
-        figure.subplots(1, 2),
-        ("trans_mm", "rot_deg"),
-        ("translation error [mm]", "rotation error [deg]"),
-        strict=True,
-    ):
+    for axes, (key, label) in zip(figure.subplots(1, 2), _ERRORS.items(), strict=True):
         frames = trials[0]["per_frame"]["frame"]
-        for prefix, name, colour in (
-            ("e", "particles", PARTICLE_COLOUR),
-            ("min_cluster", "closest mode", MODE_COLOUR),
-            ("estimate", "published pose", ESTIMATE_COLOUR),
-        ):
+        for prefix, name, colour in _ESTIMATES:
             rows = np.array([t["per_frame"][f"{prefix}_{key}"] for t in trials], float)
             low, middle, high = np.nanpercentile(rows, [25, 50, 75], axis=0)
             axes.plot(frames, middle, color=colour, lw=1.6, label=name)
@@ -41,21 +41,12 @@ def final_error_figure(trials: list[dict]) -> Figure:
     8 and 20."""
     objects = sorted({t["object"] for t in trials})
     figure = Figure(figsize=(max(6.0, 1.5 * len(objects) + 3), 7), layout="constrained")
-    for axes, key, label in zip(
-        figure.subplots(2, 1),
-        ("trans_mm", "rot_deg"),
-        ("final translation error [mm]", "final rotation error [deg]"),
-        strict=True,
-    ):
-        for shift, prefix, name, colour in (
-            (-0.24, "e", "particles", PARTICLE_COLOUR),
-            (0.0, "min_cluster", "closest mode", MODE_COLOUR),
-            (0.24, "estimate", "published pose", ESTIMATE_COLOUR),
-        ):
-            values = [_finite(t["final"][f"{prefix}_{key}"] for t in trials if t["object"] == o) for o in objects]
+    for axes, (key, label) in zip(figure.subplots(2, 1), _ERRORS.items(), strict=True):
+        for k, (prefix, name, colour) in enumerate(_ESTIMATES):
+            errors = [[t["final"][f"{prefix}_{key}"] for t in trials if t["object"] == each] for each in objects]
             axes.boxplot(
-                values,
-                positions=np.arange(len(objects)) + shift,
+                [[error for error in some if error is not None] for some in errors],
+                positions=np.arange(len(objects)) + 0.24 * (k - 1),
                 widths=0.2,
                 patch_artist=True,
                 boxprops={"facecolor": colour, "alpha": 0.55, "lw": 0},
@@ -64,43 +55,71 @@ def final_error_figure(trials: list[dict]) -> Figure:
                 manage_ticks=False,
                 label=name,
             )
-        style_error_axes(axes, label, "")
+        style_error_axes(axes, f"final {label}", "")
         axes.set_xticks(np.arange(len(objects)), objects, fontsize=9)
     axes.legend(frameon=False, fontsize=9)
     return figure
 
 
-def _finite(values) -> list[float]:
-    return [v for v in values if v is not None]
-
-
 def stage_figure(speed: dict) -> Figure:
     """Plot the milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
-    names, rows = [], []
-    for key, label in (
-        ("tdn_ms", "TDN"),
-        ("tcn_ms", "TCN"),
-        ("filter_ms", "filter"),
-        ("deferred_ms", "after the answer"),
-        ("align_ms", "alignment"),
-        ("lookup_ms", "look-up"),
-    ):
+    stages = {
+        "tdn_ms": "TDN", "tcn_ms": "TCN", "filter_ms": "filter", "deferred_ms": "after the answer",
+        "align_ms": "alignment", "lookup_ms": "look-up",
+    }  # fmt: skip
+    timed: dict[str, dict] = {}
+    for key, label in stages.items():
         stage = speed.get(key, {})
-        if "p50" in stage:
-            names.append(label)
-            rows.append(stage)
-        else:
-            names += [f"{label}, {state}" for state in stage]
-            rows += stage.values()
-    figure = Figure(figsize=(9, 0.45 * len(names) + 1.4), layout="constrained")
+        timed |= {label: stage} if "p50" in stage else {f"{label}, {state}": each for state, each in stage.items()}
+    rows = timed.values()
+    figure = Figure(figsize=(9, 0.45 * len(timed) + 1.4), layout="constrained")
     axes = figure.subplots()
-    y = np.arange(len(names))[::-1]
+    y = np.arange(len(timed))[::-1]
     axes.barh(y, [r["p95"] for r in rows], height=0.6, color="#d5dbe3", label="p95")
     axes.barh(y, [r["p50"] for r in rows], height=0.6, color=MODE_COLOUR, alpha=0.8, label="p50")
     axes.plot([r["cpu"] for r in rows], y, "k|", ms=14, mew=2, label="CPU time")
-    axes.set_yticks(y, names, fontsize=9)
+    axes.set_yticks(y, list(timed), fontsize=9)
     axes.set_xlabel("ms per call", fontsize=9)
     axes.legend(frameon=False, fontsize=9)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
+    """Plot observed over predicted fractions `levels` (L,); the diagonal is perfect calibration. curves: observed
+    fractions (L,) and line style, by name."""
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)
+    for name, (observed, style) in curves.items():
+        axes.plot([0, *levels], [0, *np.array(observed, float)], label=name, **style)
+    axes.set_xlabel(f"predicted share: {label}", fontsize=9)
+    axes.set_ylabel("observed share", fontsize=9)
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.grid(color="#eceef1", lw=0.7)
+    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+# varied number, constant number, label
+_COLUMNS = ("particles", "poses", "hypotheses at the start"), ("poses", "particles", "codebook poses")
+
+
+def scaling_figure(points: list[dict]) -> Figure:
+    """Plot CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
+    for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):
+        shown = sorted((point for point in points if point[kept] == USUAL), key=lambda point: point[varied])
+        numbers = [point[varied] for point in shown]
+        for axes, values in (
+            (of_time, [point["step_ms"]["cpu"] for point in shown]),
+            (of_memory, [point["memory_mb"] for point in shown]),
+        ):
+            axes.loglog(numbers, values, "o-", color=MODE_COLOUR, ms=5, lw=1.4)
+            style_error_axes(axes, "", "")
+        of_memory.set_xlabel(label, fontsize=9)
+    for axes, label in zip(columns[0], ("CPU ms a step", "memory MiB"), strict=True):
+        axes.set_ylabel(label, fontsize=9)
     return figure

@@ -15,16 +15,25 @@ The paper does not define a random touch, and the two readings differ threefold:
 Both divide by the mean over all queries, not query by query. The authors query with the codebook's own poses, each of
 which is left out of its matches, and average by the median over objects of the medians over queries. Here the queries
 are fresh poses under fresh light, figures are means over queries and objects, and the medians are given, too.
+
+The limit of any code is known by comparing the map of a touch with every pose of a book (`exhaustive_matches`).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances, six_vectors
+from midastouch_filter.core.alignment import PenetrationAlignment
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
+from midastouch_perception.sensor_model import SensorModel
 
 TOP = 25
 _QUERIES_A_BLOCK = 256  # 50 MB of scores against 50,000 entries
@@ -115,3 +124,37 @@ def mean_summary(summaries: list[dict[str, float]]) -> dict[str, float]:
     """Return the mean over objects of each figure of their `summary`, and the authors' average, `median_of_medians`."""
     means = {key: float(np.mean([one[key] for one in summaries])) for key in summaries[0]}
     return means | {"median_of_medians": float(np.median([one["median"] for one in summaries]))}
+
+
+BOOK = 3000
+"""Number of poses of the book; a map then takes some seconds."""
+
+
+def exhaustive_matches(
+    mesh: ObjectMesh,
+    sensor: SensorModel,
+    poses: np.ndarray,
+    maps: np.ndarray,
+    rng: np.random.Generator,
+    progress: Callable[[int], object] = lambda maps: None,
+) -> np.ndarray:
+    """Return the entries (Q, min(TOP, M)) of a book of poses (M, 4, 4) `T_obj_gel` that explain most of each of the
+    penetration maps (Q, H, W) m, in no order. An empty map is matched by chance. Each pose is aligned as in the filter:
+    with the true map no method can do better; with the measured one, no code made of it.
+
+    sensor: at image resolution. progress: called with 1 after each map.
+    """
+    noise = NoiseModel.of(FilterConfig())
+    alignment = PenetrationAlignment(mesh, sensor.scaled(MAP_SCALE), noise)
+    order = rng.permutation(len(poses))
+    spread = np.tile(noise.between_entries, (len(poses), 1, 1))
+    top = min(TOP, len(poses))
+    out = np.empty((len(maps), top), np.int64)
+    for row, penetration in zip(out, maps, strict=True):
+        touch = Measurement(True, penetration=reduced_penetration(penetration))
+        explained: np.ndarray = np.zeros(len(poses))
+        if penetration.any():
+            explained = alignment.align_each(poses[order], spread, [touch]).fits[:, 0]
+        row[:] = order[np.argpartition(-explained, top - 1)[:top]]
+        progress(1)
+    return out

@@ -19,8 +19,7 @@ from midastouch_perception.tcn import AnyCodeNet
 
 from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
-from .exhaustive import BOOK, exhaustive_matches
-from .matches import SingleTouchErrors, best_matches, mean_summary, single_touch_errors
+from .matches import BOOK, SingleTouchErrors, best_matches, exhaustive_matches, mean_summary, single_touch_errors
 from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"
@@ -180,7 +179,9 @@ def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
 def summarise_objects(objects: list[dict]) -> dict:
     """Return the fields of one object as means over all of them (`missed`: their sum), and the `objects`."""
     name = objects[0]["object"] if len(objects) == 1 else f"mean of {len(objects)} objects"
-    baselines = {key: _mean(one["baselines"].get(key) for one in objects) for key in (OURS, *BASELINES)}
+    known = {way: [one["baselines"].get(way) for one in objects] for way in (OURS, *BASELINES)}
+    known = {way: [error for error in errors if error is not None] for way, errors in known.items()}
+    baselines = {way: float(np.mean(errors)) if errors else None for way, errors in known.items()}
     return {
         "object": name,
         "queries": objects[0]["queries"],
@@ -208,8 +209,3 @@ def _limits(objects: list[dict]) -> dict | None:
 
 def _with_interval(values: np.ndarray) -> dict:
     return {"value": float(values.mean()), "interval": bootstrap_interval(values, range(len(values)))}
-
-
-def _mean(values) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None

@@ -102,7 +102,10 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
     out = summarise_trials(trials) | {
         "coverage": coverage(trials),
         "recovery": recovery(trials),
-        "filter_stages_ms": stage_means(trials),
+        "filter_stages_ms": {
+            name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials]))
+            for name in dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
+        },
         "wrong_converged": wrong_converged(trials),
         "foreign": said_foreign(trials),
         "held": grasp_summary(trials),
@@ -115,12 +118,6 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         of_object = [trial for trial in trials if trial["object"] == name]
         one |= {"wrong_converged": wrong_converged(of_object), "foreign": said_foreign(of_object)}
     return out
-
-
-def stage_means(trials: list[dict]) -> dict[str, float]:
-    """Return the mean milliseconds per frame of each stage of the filter."""
-    names = dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
-    return {name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials])) for name in names}
 
 
 def compact_trials(trials: list[dict]) -> list[dict]:
@@ -152,15 +149,10 @@ def coverage(trials: list[dict]) -> dict[str, dict]:
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
         observed = observed_fractions(counts)
-        out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": _median_nees(observed)}
+        # the median of a chi-square of six degrees, from the fractions within each level
+        nees = float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6)) if observed[-1] >= 0.5 else None
+        out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": nees}
     return out
-
-
-def _median_nees(observed: np.ndarray) -> float | None:
-    """Return the median of a chi-square of six degrees from the fractions (L,) within each of `LEVELS`."""
-    if not observed[-1] >= 0.5:
-        return None
-    return float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6))
 
 
 SHOWN_LEVELS = {level: int(np.argmin(np.abs(LEVELS - level))) for level in (0.5, 0.9, 0.95, 0.99)}

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
 from ..statistics.accuracy import final_errors, is_right, right_or_among_modes_at_end
 from ..statistics.intervals import Figures
-from .reports import CONDITIONS, STARTS, benchmark_summary, frame_of, further, report, reported
-from .table import UNMEASURED, Form, Row, fraction, is_missing, listed, part, percent, pose, text, tidy, value, written
-
-ENDS: dict[str, Form] = {
-    "particles, mean": pose("e", "mean", "trust.e_trans_mm.mean.interval"),
-    "closest mode, median": pose("closest_mode", "median", "trust.closest_mode_trans_mm.median.interval"),
-    "right": fraction("trust.right_at_end"),
-}
-"""Columns on the end of a slide, of a benchmark's summary."""
+from .reports import CONDITIONS, STARTS, benchmark_summary, further, report, reported, rows_of
+from .table import (
+    UNMEASURED,
+    Form,
+    Row,
+    Table,
+    flat,
+    fraction,
+    is_missing,
+    listed,
+    part,
+    percent,
+    pose,
+    several,
+    text,
+    value,
+    with_row,
+)
 
 
 def _found_again(row: Row) -> str:
@@ -31,23 +39,29 @@ def _until_right(row: Row) -> str:
     return value("trust.frames_until_right.median", "{:.0f}", never=True)(row) if event else "-"
 
 
-LOCALISATION: dict[str, Form] = ENDS | {
-    "right, or `ambiguous` with the truth among the modes": fraction("among"),
-    "found 30 frames after the event, of those right before": _found_again,
-    "frames until right again, median": _until_right,
-    "frames converged wrong": fraction("trust.converged_wrong", 1),
-    "truth in the 95 % region, converged": fraction("trust.region_95"),
-}
-OBJECTS: dict[str, Form] = {
+LOCALISATION = Table(
+    {"conditions": text("what")},
+    {
+        "particles, mean": pose("e", "mean", "trust.e_trans_mm.mean.interval"),
+        "closest mode, median": pose("closest_mode", "median", "trust.closest_mode_trans_mm.median.interval"),
+        "right": fraction("trust.right_at_end"),
+        "right, or `ambiguous` with the truth among the modes": fraction("among"),
+        "found 30 frames after the event, of those right before": _found_again,
+        "frames until right again, median": _until_right,
+        "frames converged wrong": fraction("trust.converged_wrong", 1),
+        "truth in the 95 % region, converged": fraction("trust.region_95"),
+    },
+)
+"""Columns on a summary of a benchmark, a row of `summary_row`."""
+_OBJECTS: dict[str, Form] = {
     "particles, mean": pose("e", "mean"),
     "closest mode, median": pose("closest_mode", "median"),
     "right": part("right"),
     "rate": text("hz_mean", "{:.0f} Hz"),
 }
 """Columns on the trials over one object, without intervals."""
-_MORE = {
-    "pose, median": pose("estimate", "median"),
-    "converged": part("converged"),
+_ESTIMATES: dict[str, Form] = {"pose, median": pose("estimate", "median"), "converged": part("converged")}
+_ALARMS: dict[str, Form] = {
     "converged wrong, of frames": percent("wrong_converged", 1),
     "said to be another object": percent("foreign"),
 }
@@ -56,19 +70,16 @@ PAPER = {"particles, mean": "7.4 mm, 9.4 deg", "closest mode, median": "2.8 mm, 
 
 
 def summary_row(summary: dict, trials: list[dict]) -> dict:
-    """Return a benchmark's summary as a row of a tidy frame; trials: those that it summarises."""
-    return {key: each for key, each in summary.items() if key != "objects"} | {
-        "among": right_or_among_modes_at_end(trials)
-    }
+    """Return a benchmark's summary as a row; trials: those that it summarises."""
+    whole = {key: each for key, each in summary.items() if key != "objects"}
+    return whole | {"among": right_or_among_modes_at_end(trials)}
 
 
 def localisation() -> pd.DataFrame:
     """Table of final errors on ten objects, undisturbed and disturbed, ten further ones, and CAD parts."""
     names = {name: what for name, what in (STARTS | CONDITIONS | further()).items() if name in reported()}
-    frame = frame_of(names, lambda name: summary_row(benchmark_summary(name), report(name)["trials"]))
-    table = written(frame, {"conditions": text("what")}, LOCALISATION, "report")
-    paper_row = {"conditions": "*paper, start as above*"} | PAPER
-    return pd.concat([table, pd.DataFrame([paper_row])], ignore_index=True).fillna("-")
+    rows = rows_of(names, lambda name: summary_row(benchmark_summary(name), report(name)["trials"]))
+    return with_row(LOCALISATION.of(rows, "report"), {"conditions": "*paper, start as above*"} | PAPER)
 
 
 def areas() -> pd.DataFrame:
@@ -80,17 +91,15 @@ def areas() -> pd.DataFrame:
     for what, chosen in (("smaller than usual on its object", smaller), ("at least that", ~smaller)):
         some = [trial for trial, is_chosen in zip(trials, chosen, strict=True) if is_chosen]
         figures = Figures.by_slide(some)
-        rows.append({
-            "what": what, "trials": len(some), "area": area[chosen].mean(), "report": "] [".join(STARTS),
-            "error": figures.value(final_errors(some, "e_trans_mm"), np.mean),
-            "right": figures.fraction([is_right(trial) for trial in some]),
-        })  # fmt: skip
+        error = figures.value(final_errors(some, "e_trans_mm"), np.mean)
+        figures_of = {"area": area[chosen].mean(), "error": error, "right": figures.fraction(list(map(is_right, some)))}
+        rows.append({"what": what, "trials": len(some), "report": "] [".join(STARTS)} | figures_of)
     claims = {
         "its mean": text("area", "{:.0f} mm2"),
         "particles, mean": value("error", "{:.1f}", " mm"),
         "right": fraction("right"),
     }
-    return written(tidy(rows), {"contact of the slide": text("what"), "trials": text("trials")}, claims, "reports")
+    return Table({"contact of the slide": text("what"), "trials": text("trials")}, claims).of(rows, "reports")
 
 
 def slides() -> pd.DataFrame:
@@ -100,7 +109,7 @@ def slides() -> pd.DataFrame:
         for source, start in (("evaluate_paper", "as the paper's"), ("evaluate_uniform", "nothing known"))
         for name, one in report(source)["summary"]["objects"].items()
     ]
-    return written(tidy(rows), {"object": text("what"), "start": text("start")} | OBJECTS, {}, "report")
+    return Table({"object": text("what"), "start": text("start")} | _OBJECTS).of(rows, "report")
 
 
 def objects(
@@ -111,15 +120,12 @@ def objects(
     symmetries: a description by object, if known; beside: cells of a last row by label, such as the paper's.
     """
     about: dict[str, Form] = {"object": text("what"), "trials": text("trials")}
-    more = {label: _MORE[label] for label in ("pose, median", "converged")}
     if symmetries is not None:
         about["symmetry"] = lambda row: symmetries.get(row["what"], "")
-        more = _MORE
     every = {key: one for key, one in summary.items() if key != "objects"}
     rows = [*summary["objects"].items(), *([("all", every)] if len(summary["objects"]) > 1 else [])]
-    frame = tidy({"what": name} | one for name, one in rows)
-    table = written(frame, about | OBJECTS | more, {})
-    return table if beside is None else pd.concat([table, pd.DataFrame([beside])], ignore_index=True).fillna("-")
+    columns = about | _OBJECTS | _ESTIMATES | ({} if symmetries is None else _ALARMS)
+    return with_row(Table(columns).of({"what": name} | one for name, one in rows), beside)
 
 
 def real_row(content: dict) -> dict | None:
@@ -132,36 +138,33 @@ def real_row(content: dict) -> dict | None:
     return words
 
 
+_AGAINST_THE_PAPER: tuple[tuple[str, str, Form, str], ...] = (
+    ("final error of the particles, mean over ten objects, start as the paper's", "accuracy", pose("e", "mean"),
+     PAPER["particles, mean"]),
+    ("final error of the closest mode, median over the same", "accuracy", pose("closest_mode", "median"),
+     PAPER["closest mode, median"]),
+    ("converged and right at the end", "accuracy", part("right"), "-"),
+    ("the same, with nothing known at the start", "accuracy_uniform", part("right"), "-"),
+    ("depth network, RMSE on slides of another renderer", "evaluate_tdn", text("summary.rmse_mm", "{:.3f} mm"),
+     "0.135 mm"),
+    ("single touch: error of the 25 best matches, relative to random ones", "single_touch",
+     text("summary.normalised_top25_error", "{:.3f}"), "0.473"),
+    ("images to estimates on two CPU cores: not converged yet; converged", "bench",
+     several("{:.0f} Hz", "", "end_to_end_hz", "converged_hz"), "10 Hz on a GPU"),
+    ("filter step until its answer: not converged yet; converged", "bench",
+     several("{:.1f} ms", "", "filter_ms.searching.p50", "filter_ms.converged.p50"), "-"),
+)  # fmt: skip
+"""Label, report, form and the paper's figure of each row of `paper`."""
+
+
 def paper() -> pd.DataFrame:
     """Table of the README: figures of this filter and of the paper."""
-    there = reported()
 
-    @cache
-    def summary(name: str) -> Row:
-        return tidy([benchmark_summary(name)]).iloc[0].to_dict()
+    def cell(name: str, form: Form) -> object:
+        if name not in reported():
+            return UNMEASURED
+        content = report(name)
+        return form(flat(benchmark_summary(name) if "comparison" in content else content))
 
-    def bench(form: str, *keys: str) -> str:
-        row = tidy([report("bench")]).iloc[0].to_dict()
-        return "; ".join(str(text(key, form)(row)) for key in keys)
-
-    rows: list[tuple[str, str, Callable[[], str], str]] = [
-        ("final error of the particles, mean over ten objects, start as the paper's", "accuracy",
-         lambda: pose("e", "mean")(summary("accuracy")), PAPER["particles, mean"]),
-        ("final error of the closest mode, median over the same", "accuracy",
-         lambda: pose("closest_mode", "median")(summary("accuracy")), PAPER["closest mode, median"]),
-        ("converged and right at the end", "accuracy", lambda: part("right")(summary("accuracy")), "-"),
-        ("the same, with nothing known at the start", "accuracy_uniform",
-         lambda: part("right")(summary("accuracy_uniform")), "-"),
-        ("depth network, RMSE on slides of another renderer", "evaluate_tdn",
-         lambda: f"{report('evaluate_tdn')['summary']['rmse_mm']:.3f} mm", "0.135 mm"),
-        ("single touch: error of the 25 best matches, relative to random ones", "single_touch",
-         lambda: f"{report('single_touch')['summary']['normalised_top25_error']:.3f}", "0.473"),
-        ("images to estimates on two CPU cores: not converged yet; converged", "bench",
-         lambda: bench("{:.0f} Hz", "end_to_end_hz", "converged_hz"), "10 Hz on a GPU"),
-        ("filter step until its answer: not converged yet; converged", "bench",
-         lambda: bench("{:.1f} ms", "filter_ms.searching.p50", "filter_ms.converged.p50"), "-"),
-    ]  # fmt: skip
-    return listed(
-        ("what", "this", "paper", "report"),
-        [(what, cell() if name in there else UNMEASURED, theirs, f"[{name}]") for what, name, cell, theirs in rows],
-    )
+    rows = [(what, cell(name, form), theirs, f"[{name}]") for what, name, form, theirs in _AGAINST_THE_PAPER]
+    return listed(("what", "this", "paper", "report"), rows)

@@ -1,11 +1,18 @@
-"""Tables of the checks on tactile images: false and missed alarms, of an `evaluate-checks` result or the newest one."""
+"""Tables of the checks on tactile images: false and missed alarms, of `evaluate-perception checks` or its report."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import pandas as pd
 
 from .reports import report
-from .table import Row, listed, percent, text, tidy, written
+from .table import Row, Table, listed, percent, text
+
+
+def _named(by_name: dict[str, dict]) -> Iterator[dict]:
+    """Yield rows whose label is their name in a result."""
+    return ({"what": what} | one for what, one in by_name.items())
 
 
 def checks() -> pd.DataFrame:
@@ -20,18 +27,17 @@ def checks() -> pd.DataFrame:
         trials = f"real presses `{name}`, {one['trials']} trials"
         rows.append([f"{trials}: as it should be (false alarms)", one["right"]])
         rows.append([f"{trials}: background taken in contact", one["touched"]])
-    frame = pd.DataFrame(rows, columns=["what", "alarms"])
-    return written(frame, {"what is given": text("what"), "alarms, [checks]": percent("alarms")}, {})
+    alarms = ({"what": what, "alarms": each} for what, each in rows)
+    return Table({"what is given": text("what"), "alarms, [checks]": percent("alarms")}).of(alarms)
 
 
 def diameters(content: dict | None = None) -> pd.DataFrame:
     """Table of how often a wrong diameter of the ball is refused."""
-    content = content or report("checks")
     about = {
         "diameter given, over the true one": text("factor", "{:.2g}"),
         "refused unless said to be right": percent("doubted"),
     }
-    return written(tidy(content["ball_diameter"]["given"]), about, {})
+    return Table(about).of((content or report("checks"))["ball_diameter"]["given"])
 
 
 def contacts(content: dict | None = None) -> pd.DataFrame:
@@ -50,46 +56,39 @@ def contacts(content: dict | None = None) -> pd.DataFrame:
         "touches": text("touches"),
         "missed": percent("missed"),
     }
-    return written(tidy(rows), about, {})
+    return Table(about).of(rows)
 
 
 def brightness(content: dict | None = None) -> pd.DataFrame:
     """Table of how often a change of light is taken for a contact."""
-    content = content or report("checks")
 
     def light(row: Row) -> str:
         return f"{100 * row['brighter']:.0f} % brighter"
 
     about = {"no contact, and the light": light, "taken for contact": percent("false_contacts")}
-    return written(tidy(content["contact"]["false"]), about, {})
+    return Table(about).of((content or report("checks"))["contact"]["false"])
 
 
 def gels(content: dict | None = None) -> pd.DataFrame:
     """Table of how reliably a gel is recognised by its texture."""
-    content = content or report("checks")
     about = {"texture of real gels": text("what"), "trials": text("trials"), "said": percent("said")}
-    return written(tidy({"what": what} | one for what, one in content["gels"].items()), about, {})
+    return Table(about).of(_named((content or report("checks"))["gels"]))
 
 
 def slow_light(content: dict | None = None) -> pd.DataFrame:
     """Table of how often a slow change of the light is taken for a contact."""
-    content = content or report("checks")
-
-    def light(row: Row) -> str:
-        return f"up to {100 * row['change']:.0f} %"
-
     about = {
         "sensor": text("sensor"),
-        "light that changes unevenly": light,
+        "light that changes unevenly": lambda row: f"up to {100 * row['change']:.0f} %",
         "within so many images": text("images"),
         "frames": text("frames"),
+        "taken for contact": percent("false_contacts"),
     }
-    return written(tidy(content["slow_light"]), about | {"taken for contact": percent("false_contacts")}, {})
+    return Table(about).of((content or report("checks"))["slow_light"])
 
 
-def check_tables(content: dict) -> list[pd.DataFrame]:
-    """Return the tables of an `evaluate-checks` result."""
-    fit = {
+_FIT = Table(
+    {
         "fit check, simulated sensors": text("what"),
         "alarms": percent("alarms"),
         "named turned": percent("named_turned"),
@@ -98,26 +97,42 @@ def check_tables(content: dict) -> list[pd.DataFrame]:
         "explained": text("explained_share", "{:.2f}"),
         "ROC area ": text("auc_explained_share", "{:.2f}"),
     }
-    real_sensors = {
+)
+_REAL_SENSORS = Table(
+    {
         "real sensor, alarms if the no-contact image is": text("what"),
         "trials": text("trials"),
         "right": percent("right"),
         "touched": percent("touched"),
     }
-    refused = {"no-contact image, real, each against the others": text("what"), "refused": percent("refused")}
-    causes = [
+)
+_REFUSED = Table(
+    {
+        "no-contact image, real, each against the others": text("what"),
+        "refused": percent("refused"),
+        "cause named": percent("named"),
+    }
+)
+
+
+def check_tables(content: dict) -> list[pd.DataFrame]:
+    """Return the tables of an `evaluate-perception checks` result."""
+    refused = [
         {"what": what, "refused": one, "named": content["cause_named"].get(what)}
         for what, one in content["no_contact_image"].items()
     ]
-    slowly = content["contact"]["false_while_warming"]
     light = brightness(content)
-    light.loc[len(light)] = ["getting 10 % brighter, slowly", f"{100 * slowly:.0f} %"]
+    light.loc[len(light)] = [
+        "getting 10 % brighter, slowly",
+        f"{100 * content['contact']['false_while_warming']:.0f} %",
+    ]
+    captures = ((name, f"{100 * each:.0f} %") for name, each in content["capture"].items())
     return [
-        written(tidy({"what": what} | one for what, one in content["fit_check"].items()), fit, {}),
-        written(tidy({"what": what} | one for what, one in content["real_sensors"].items()), real_sensors, {}),
+        _FIT.of(_named(content["fit_check"])),
+        _REAL_SENSORS.of(_named(content["real_sensors"])),
         diameters(content),
-        written(tidy(causes), refused | {"cause named": percent("named")}, {}),
-        listed(("capture of a background", "cases"), ((k, f"{100 * v:.0f} %") for k, v in content["capture"].items())),
+        _REFUSED.of(refused),
+        listed(("capture of a background", "cases"), captures),
         contacts(content),
         light,
         slow_light(content),

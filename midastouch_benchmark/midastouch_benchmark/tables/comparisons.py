@@ -11,49 +11,54 @@ from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
 from ..trials.protocols import HOLDS
 from ..trials.variants import DEFAULT, PRESET
-from .reports import ABLATIONS, frame_of, report, reported
-from .table import Form, Row, between, fraction, is_missing, percent, pose, text, tidy, value, written
+from .reports import ABLATIONS, report, reported, rows_of
+from .table import Form, Row, Table, between, fraction, is_missing, percent, pose, text, value
+
+
+def _difference(row: Row) -> str:
+    if is_missing(row["difference_mm"]):
+        return "-"
+    return f"{row['difference_mm']:+.1f} mm ({between(row['difference_mm_interval'], '{:+.1f}')})"
+
 
 COMPARED: dict[str, Form] = {
     "particles, mean": lambda row: f"{row['e_trans_mm']:.1f} mm, {row['e_rot_deg']:.1f} deg",
-    "paired difference": lambda row: _difference(row, "difference_mm", "{:+.1f}", " mm"),
+    "paired difference": _difference,
     "right": lambda row: f"{row['right'] * row['trials']:.0f} of {row['trials']:.0f}",
     "frames converged wrong": percent("wrong_converged", 1),
     "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {verdict(row)}",
 }
 """Columns on a variant against the default on the same trials, of a row of `compare_variants`."""
-METHODS: dict[str, Form] = {
-    "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
-    "pose right, in any state": fraction("pose_right"),
-    "right": fraction("trust.right_at_end"),
-    "frames converged wrong": fraction("trust.converged_wrong", 1),
-    "CPU a frame": value("trust.filter_cpu_ms.mean", "{:.1f}", " ms"),
-}
-GRASPS: dict[str, Form] = {
+METHODS = Table(
+    {"method": text("what"), "trials": text("trials")},
+    {
+        "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
+        "pose right, in any state": fraction("pose_right"),
+        "right": fraction("trust.right_at_end"),
+        "frames converged wrong": fraction("trust.converged_wrong", 1),
+        "CPU a frame": value("trust.filter_cpu_ms.mean", "{:.1f}", " ms"),
+    },
+)
+_BELIEF: dict[str, Form] = {
     "closest mode found": fraction("found"),
     "probability at the true pose": fraction("share"),
     "pose right": fraction("right"),
     "converged": fraction("converged"),
     "converged wrong": fraction("converged_wrong"),
 }
+_CONTACTS: dict[str, Form] = {"contacts": text("what"), "held": text("seconds", "{} s")}
 
 
-def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
-    if is_missing(row[key]):
-        return "-"
-    return f"{form.format(row[key])}{unit} ({between(row[f'{key}_interval'], form)})"
-
-
-def compared_frame(content: dict, **about: object) -> pd.DataFrame:
-    """Return a tidy frame of a result's comparison, with each variant's summary and group; about: added to each row."""
+def compared(content: dict) -> list[dict]:
+    """Return the rows of a result's comparison, with each variant's summary and group."""
     words = {name: {key: each[key] for key in ("summary", "group")} for name, each in content["variants"].items()}
-    return tidy(one | words[one["variant"]] | about for one in content["comparison"])
+    return [one | words[one["variant"]] for one in content["comparison"]]
 
 
 def compared_table(content: dict) -> pd.DataFrame:
     """Table of variants of a result of `midastouch benchmark` against its default, by start."""
     about = {"start": text("init"), "variant": text("variant"), "trials": text("trials"), "filter": text("summary")}
-    return written(compared_frame(content), about | COMPARED, {})
+    return Table(about | COMPARED).of(compared(content))
 
 
 def methods_table(content: dict, init: str) -> pd.DataFrame:
@@ -65,74 +70,71 @@ def methods_table(content: dict, init: str) -> pd.DataFrame:
         if "trust" in by_init.get(init, {})
         and (some := [t for t in content["trials"] if (t["variant"], t["init"]) == (name, init)])
     ]
-    return written(tidy(rows), {"method": text("what"), "trials": text("trials")}, METHODS)
+    return METHODS.of(rows)
 
 
 def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
     """Table of the belief while grasps are held; grasps: by label, a summary for each time of `HOLDS`."""
-    return written(tidy(_held(grasps)), {"contacts": text("what"), "held": text("seconds", "{} s")}, GRASPS)
+    return Table(_CONTACTS, _BELIEF).of(_held(grasps))
 
 
-def _held(grasps: Mapping[int, list[dict]] | Mapping[str, list[dict]], **about: object) -> list[dict]:
-    pairs = ((what, zip(HOLDS, each, strict=True)) for what, each in grasps.items())
-    return [{"what": what, "seconds": after} | about | one for what, each in pairs for after, one in each]
+def _held(grasps: Mapping[int, list[dict]] | Mapping[str, list[dict]]) -> list[dict]:
+    return [
+        {"what": what, "seconds": after} | one
+        for what, each in grasps.items()
+        for after, one in zip(HOLDS, each, strict=True)
+    ]
 
 
 def baselines() -> pd.DataFrame:
     """Table of other methods behind the same networks, on the same trials."""
     if "peers" not in reported():
-        return written(frame_of({"peers": "-"}, report), {"method": text("what"), "trials": text("trials")}, METHODS)
+        return METHODS.of(rows_of({"peers": "-"}))
     content = report("peers")
     (init,) = content["summary"][DEFAULT]
     table = methods_table(content, init)
     for name, why in content["skipped_variants"].items():
-        table.loc[len(table)] = [name, "-", f"skipped: {why.partition(':')[0]}", *["-"] * (len(METHODS) - 1)]
+        dashes = ["-"] * (len(METHODS.claims) - 1)
+        table.loc[len(table)] = [name, "-", f"skipped: {why.partition(':')[0]}", *dashes]
     return table
 
 
 def grasps() -> pd.DataFrame:
     """Table of grasps without sliding, by the number of fingers that touch."""
-    about = {"objects": text("objects"), "contacts": text("what"), "held": text("seconds", "{} s")}
-    rows: list[dict] = []
-    for name, objects in {"grasp": "the ten", "grasp_cad": "CAD parts"}.items():
-        if name not in reported():
-            continue
+
+    def rows(name: str) -> list[dict]:
         by_variant = {name: one["held"] for name, each in report(name)["summary"].items() for one in each.values()}
-        contacts = {k: by_variant[v] for k, v in enumerate(("contact_1", "contacts_2", DEFAULT), 1)}
-        rows += _held(contacts, objects=objects, report=name)
-    frame = tidy(rows) if rows else frame_of({"grasp": "-"}, report)
-    return written(frame, about if rows else {"contacts": text("what")}, GRASPS, "report")
+        return _held({k: by_variant[v] for k, v in enumerate(("contact_1", "contacts_2", DEFAULT), 1)})
+
+    objects = {"grasp": "the ten", "grasp_cad": "CAD parts"}
+    names = [name for name in objects if name in reported()] or ["grasp"]
+    found = rows_of(dict.fromkeys(names, "-"), rows)
+    return Table({"objects": lambda row: objects[row["report"]]} | _CONTACTS, _BELIEF).of(found, "report")
 
 
 def variants() -> pd.DataFrame:
     """Table of the effect of each part of the filter, under the protocols that exercise it."""
-    frames, there = [], reported()
-    for name, what in ABLATIONS.items():
-        if name in there:
-            frames.append(compared_frame(report(name), what=what, report=name))
-        else:
-            frames.append(frame_of({name: what}, report))
-    about = {"conditions": text("what"), "filter": text("summary")}
-    return pd.concat([written(frame, about, COMPARED, "report") for frame in frames], ignore_index=True)
+    rows = rows_of(ABLATIONS, lambda name: compared(report(name)))
+    return Table({"conditions": text("what"), "filter": text("summary")}, COMPARED).of(rows, "report")
 
 
 def front() -> pd.DataFrame:
     """Table of run time and error of the default, the presets, and settings with more or less work, poses or modes;
     fastest first."""
     if "front" not in reported():
-        return written(frame_of({"front": "-"}, report), {"filter": text("what")}, COMPARED, "report")
+        return Table({"filter": text("what")}, COMPARED).of(rows_of({"front": "-"}), "report")
     return front_table(report("front"))
 
 
 def front_table(content: dict) -> pd.DataFrame:
     """Table `front` of a result of `midastouch benchmark --variant front`."""
     best = [one["variant"] for one in pareto_front(content["comparison"], "e_trans_mm")]
-    frame = compared_frame(content, report="front").sort_values("cpu_ms_filter", kind="stable")
-    if (trials := frame["trials"].iloc[0]) < ENOUGH:  # one row stands for all
-        frame = tidy([{"summary": f"{len(frame)} variants", "trials": trials, "report": "front", "group": ""}])
+    rows = sorted(compared(content), key=lambda row: row["cpu_ms_filter"])
+    if (trials := rows[0]["trials"]) < ENOUGH:  # one row stands for all
+        rows = [{"summary": f"{len(rows)} variants", "trials": trials, "group": ""}]
 
     def what(row: Row) -> str:
         return f"**{row['summary']}**" if row["group"] in (DEFAULT, PRESET) else row["summary"]
 
     claims = {"nothing is both faster and more exact": lambda row: "yes" if row["variant"] in best else ""} | COMPARED
-    return written(frame, {"filter": what}, claims, "report")
+    return Table({"filter": what}, claims).of((row | {"report": "front"} for row in rows), "report")

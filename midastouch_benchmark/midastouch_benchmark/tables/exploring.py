@@ -1,35 +1,36 @@
-"""Tables of identification and exploration: which object is touched, and where to touch next."""
+"""Tables of which object is touched, where to touch next, and the filter against the ideal observer."""
 
 from __future__ import annotations
 
 import pandas as pd
 
 from ..statistics.exploring import summarise_exploration
-from .reports import frame_of, report, reported
-from .table import Form, Row, fraction, is_missing, text, tidy, value, written
+from .reports import CONDITIONS, STARTS, report, reported, rows_of
+from .table import Form, Row, Table, fraction, is_missing, text, value
 
 
 def _slides(row: Row) -> str:
     return "-" if is_missing(row.get("known")) else f"{row['known']:.0f} with, {row['unknown']:.0f} without"
 
 
-IDENTIFICATION: dict[str, Form] = {
-    "right at the end": fraction("right"),
-    "pose right, too": fraction("pose_right"),
-    "pose, object known": fraction("alone_pose_right"),
-    "refused, when left out": fraction("refused"),
-    "path until right, median": value("path_until_right", "{:.2f}", " m", never=True),
-    "expected calibration error": text("calibration_error", "{:.3f}"),
-    "CPU a frame, over one known object's": value("cpu_ratio", "{:.2f}"),
-}
-
-
-_PATH = value("path_m", "{:.0f}", " mm", never=True, scale=1e3)
-EXPLORATION: dict[str, Form] = {
+IDENTIFICATION = Table(
+    {"catalogue": text("what"), "slides": _slides},
+    {
+        "right at the end": fraction("right"),
+        "pose right, too": fraction("pose_right"),
+        "pose, object known": fraction("alone_pose_right"),
+        "refused, when left out": fraction("refused"),
+        "path until right, median": value("path_until_right", "{:.2f}", " m", never=True),
+        "expected calibration error": text("calibration_error", "{:.3f}"),
+        "CPU a frame, over one known object's": value("cpu_ratio", "{:.2f}"),
+    },
+)
+"""Columns on how well objects of a catalogue are identified, of a row of `identification_row`."""
+_EXPLORED: dict[str, Form] = {
     "converged right": fraction("right"),
     "converged wrong": fraction("wrong"),
     "said alike": fraction("alike"),
-    "path until right, median": _PATH,
+    "path until right, median": value("path_m", "{:.0f}", " mm", never=True, scale=1e3),
     "over that of random": text("path_ratio", "{:.2f}"),
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
     "simulated time until right, median": value("seconds", "{:.0f}", " s"),
@@ -37,47 +38,77 @@ EXPLORATION: dict[str, Form] = {
 }
 
 
-def identification_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """Table of how well objects of a catalogue are identified; frame: of summaries, its `what` names the catalogue."""
-    return written(frame, {"catalogue": text("what"), "slides": _slides}, IDENTIFICATION, sources)
+def _of_event(form: Form) -> Form:
+    """Return a form that gives a dash if the slides have no event."""
+    return lambda row: "-" if is_missing(row.get("soon.share")) else form(row)
 
 
-def identification_row(what: str, summary: dict) -> dict:
-    """Return the row of a summary in the frame of `identification_table`."""
+_OBSERVED: dict[str, Form] = {
+    "observer knows": fraction("known"),
+    "filter knows": fraction("filter_known"),
+    "only the observer": fraction("only_observer"),
+    "observer's path, median": value("path_m", "{:.0f}", " mm", never=True, scale=1e3),
+    "filter's": value("filter_path_m", "{:.0f}", " mm", never=True, scale=1e3),
+    "filter's over it, median": value("path_ratio", "{:.2f}", never=True),
+    "known again after 20 frames": _of_event(fraction("soon")),
+    "by the filter": _of_event(fraction("filter_soon")),
+    "path again, filter's over it": _of_event(value("again_ratio", "{:.2f}", never=True)),
+    "right when sure": fraction("sure_right", 1),
+    "the filter": fraction("filter_sure_right", 1),
+}
+
+
+def identification_row(summary: dict) -> dict:
+    """Return a summary of `midastouch identify` as a row."""
     trials = summary["known"] if summary["enough"] else min(summary["known"], summary["unknown"])
-    return {"what": what, "trials": trials} | {key: one for key, one in summary.items() if key != "answers"}
-
-
-def exploration_rows(trials: list[dict], policies: dict[str, str]) -> list[dict]:
-    """Return rows on the path of a finger until its pose is known, by policy and object, and over all objects."""
-    rows = []
-    for name, one in summarise_exploration(trials).items():
-        for what, each in [*one["objects"].items(), ("all", {key: one[key] for key in one if key != "objects"})]:
-            rows.append({"what": policies[name], "object": what} | each)
-    return rows
-
-
-def exploration_table(trials: list[dict], policies: dict[str, str]) -> pd.DataFrame:
-    """Table of `exploration_rows`."""
-    about = {"finger goes": text("what"), "object": text("object"), "trials": text("trials")}
-    return written(tidy(exploration_rows(trials, policies)), about | EXPLORATION, {})
+    return {"trials": trials} | {key: one for key, one in summary.items() if key != "answers"}
 
 
 def identification() -> pd.DataFrame:
     """Table of how well objects of a catalogue are identified, from the newest reports."""
     names = {"identify": "the ten", "identify_cad": "CAD parts", "identify_all": "all 78 of YCB"}
-    frame = frame_of(names, lambda name: identification_row(names[name], report(name)["identification"]))
-    return identification_table(frame, "report")
+    return IDENTIFICATION.of(rows_of(names, lambda name: identification_row(report(name)["identification"])), "report")
+
+
+def _exploration_rows(content: dict) -> list[dict]:
+    """Return rows on the path of a finger until its pose is known, by policy and object, and over all objects."""
+    return [
+        {"what": content["config"]["policies"][name], "object": what} | each
+        for name, one in summarise_exploration(content["trials"]).items()
+        for what, each in [*one["objects"].items(), ("all", {key: one[key] for key in one if key != "objects"})]
+    ]
+
+
+def exploration_table(content: dict) -> pd.DataFrame:
+    """Table of an `evaluate-exploration` result."""
+    about = {"finger goes": text("what"), "object": text("object"), "trials": text("trials")}
+    return Table(about | _EXPLORED).of(_exploration_rows(content))
 
 
 def exploration() -> pd.DataFrame:
     """Table of fingers that follow suggestions where to touch next, and of one that touches at random."""
-    if "exploration" not in reported():
-        return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
-    rows = []
-    for name in ("exploration", "exploration_arm"):
-        if name in reported():
-            content = report(name)
-            part = exploration_rows(content["trials"], content["config"]["policies"])
-            rows += [row | {"report": name} for row in part if row["object"] == "all"]
-    return written(tidy(rows), {"finger goes": text("what"), "trials": text("trials")}, EXPLORATION, "report")
+    names = [name for name in ("exploration", "exploration_arm") if name in reported()] or ["exploration"]
+    rows = rows_of(
+        dict.fromkeys(names, "-"),
+        lambda name: [row for row in _exploration_rows(report(name)) if row["object"] == "all"],
+    )
+    return Table({"finger goes": text("what"), "trials": text("trials")}, _EXPLORED).of(rows, "report")
+
+
+def observing_table(content: dict) -> pd.DataFrame:
+    """Table of an `ideal-observer` result, a row for each kind of evidence that the observer uses."""
+    names = {"maps": "penetration maps", "codes": "codes"}
+    rows = ({"what": names[name]} | one for name, one in content["ideal_observer"].items())
+    return Table({"compared by": text("what"), "slides": text("trials")}, _OBSERVED).of(rows)
+
+
+def observing() -> pd.DataFrame:
+    """Table of the reports, a row for each condition of the slides; the observer compares penetration maps."""
+    nothing = STARTS["accuracy_uniform"]
+    names = {
+        "observer_uniform": nothing,
+        "observer_kidnap": CONDITIONS["kidnap"],
+        "observer_cad": f"{nothing}; CAD parts",
+    }
+    rows = rows_of(names, lambda name: report(name)["ideal_observer"]["maps"])
+    return Table({"conditions": text("what")}, _OBSERVED).of(rows, "report")

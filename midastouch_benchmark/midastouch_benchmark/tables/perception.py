@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 
 from ..single_touch.matches import TOP
 from ..statistics.intervals import error_ratio
-from .reports import OPTICS, benchmark_summary, frame_of, report, reported
+from .reports import OPTICS, benchmark_summary, report, reported, rows_of
 from .soft_gel import commanded_depths
-from .table import Form, fraction, listed, percent, pose, text, tidy, value, written
+from .table import Form, Table, fraction, listed, percent, pose, text, value, with_row
 
 _WANTED = {
     "with 10 others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
@@ -90,7 +90,7 @@ def real() -> pd.DataFrame:
         ),
         "median of pairs": text("ratio.median", "{:.2f}"),
     }
-    return written(frame_of(OPTICS, row), {"optics": text("what")}, claims, "report")
+    return Table({"optics": text("what")}, claims).of(rows_of(OPTICS, row), "report")
 
 
 def depth() -> pd.DataFrame:
@@ -99,17 +99,15 @@ def depth() -> pd.DataFrame:
         "evaluate_tdn": "three slides of another renderer",
         "evaluate_tdn_held_out": "our slides over seven scans that only validate",
     }
-    frame = frame_of(names, lambda name: report(name)["summary"])
-    table = written(frame, {"slides": text("what")} | DEPTH, {}, "report")
-    table.loc[len(table)] = ["*paper*", "0.135 mm", "-", "-", "-"]
-    return table
+    table = Table({"slides": text("what")} | DEPTH).of(rows_of(names, lambda name: report(name)["summary"]), "report")
+    return with_row(table, {"slides": "*paper*", "RMSE, all pixels": "0.135 mm"})
 
 
 def depth_table(content: dict) -> pd.DataFrame:
-    """Table of an `evaluate-tdn` result: a row for each sequence, and one for all of them."""
+    """Table of an `evaluate-perception tdn` result: a row for each sequence, and one for all of them."""
     rows = [{"what": one["sequence"]} | one for one in content["sequences"]] + [{"what": "all"} | content["summary"]]
     about = {"slides": text("what"), "frames": text("frames", "{:.0f}")}
-    return written(tidy(rows), about | DEPTH | {"a frame": text("ms_per_frame", "{:.1f} ms")}, {})
+    return Table(about | DEPTH | {"a frame": text("ms_per_frame", "{:.1f} ms")}).of(rows)
 
 
 def labels() -> pd.DataFrame:
@@ -123,8 +121,8 @@ def labels() -> pd.DataFrame:
             ("measured with calibration, against images", calibrated, "against_fit"),
         ):
             ball = f"{1e3 * plain['ball_diameter']:.1f} mm"
-            rows.append({"ball": ball, "what": what} | (content.get(key) or {"rmse_in_circle_mm": None}))
-    return written(tidy(rows), {"ball": text("ball"), "what": text("what")} | _FITS, {})
+            rows.append({"ball": ball, "what": what} | (content.get(key) or {}))
+    return Table({"ball": text("ball"), "what": text("what")} | _FITS).of(rows)
 
 
 def _press_row(content: dict) -> dict:
@@ -141,21 +139,17 @@ def _press_row(content: dict) -> dict:
 
 def presses() -> pd.DataFrame:
     """Table of depth on two DIGITs and a GelSight Mini, against the ball under the labelled outline."""
-    frame = frame_of(dict.fromkeys((*_DIGIT_PRESSES, *_MINI_PRESSES), "-"), lambda name: _press_row(report(name)))
-    return written(frame, {"ball": text("ball"), "calibration": text("how")} | PRESSES, {}, "report")
+    rows = rows_of(dict.fromkeys((*_DIGIT_PRESSES, *_MINI_PRESSES), "-"), lambda name: _press_row(report(name)))
+    return Table({"ball": text("ball"), "calibration": text("how")} | PRESSES).of(rows, "report")
 
 
-def presses_table(contents: Iterable[dict]) -> pd.DataFrame:
-    """Table of `evaluate-presses` results; depth is not judged by a measured outline, which is the network's own."""
-    rows = []
-    for content in contents:
-        row = {"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content)
-        rows.append(row)
-        for key, what in (("against_fit", "by the images' ball"), ("labels", "labels, by the images' ball")):
-            if content.get(key):
-                rows.append(row | {"what": what, "brightness_mm": None} | content[key])
+def presses_table(content: dict) -> pd.DataFrame:
+    """Table of an `evaluate-perception presses` result; depth is not judged by the network's own outline."""
+    row = {"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content)
+    others = (("against_fit", "by the images' ball"), ("labels", "labels, by the images' ball"))
+    more = [row | {"what": what, "brightness_mm": None} | content[key] for key, what in others if content.get(key)]
     about = {"presses": text("what"), "network": text("network"), "ball": text("ball"), "calibration": text("how")}
-    return written(tidy(rows), about | {"outline": text("truth")} | PRESSES | _SHAPE, {})
+    return Table(about | {"outline": text("truth")} | PRESSES | _SHAPE).of([row, *more])
 
 
 def wanted() -> pd.DataFrame:
@@ -220,10 +214,9 @@ def _judged(what: str, value: float, digits: int, least: float | None, most: flo
 def single_touch() -> pd.DataFrame:
     """Table of pose errors of the best matches of a single touch, by light, with the paper's."""
     names = {"single_touch": "TACTO's", "single_touch_random": "of random sensors"}
-    frame = frame_of(names, lambda name: {"summary": report(name)["summary"]})
-    table = written(frame, {"light": text("what")} | _TOUCH, {}, "report")
-    table.loc[len(table)] = ["*paper; its image embedding*", "0.473; 0.546", "-", "-", "-"]
-    return table
+    rows = rows_of(names, lambda name: {"summary": report(name)["summary"]})
+    paper = {"light": "*paper; its image embedding*", "mean": "0.473; 0.546"}
+    return with_row(Table({"light": text("what")} | _TOUCH).of(rows, "report"), paper)
 
 
 _COMPARED_BY = {
@@ -251,7 +244,7 @@ def single_touch_limits(ways: dict, sources: str | None = None) -> pd.DataFrame:
         "mean error": value("error", "{:.2f}"),
         "more than by our codes": value("over_codes", "{:+.2f}"),
     }
-    return written(tidy(rows), {"compared by": text("what")}, claims, sources)
+    return Table({"compared by": text("what")}, claims).of(rows, sources)
 
 
 def single_touch_table(content: dict) -> pd.DataFrame:
@@ -262,17 +255,17 @@ def single_touch_table(content: dict) -> pd.DataFrame:
         | {"baselines": {way: each for way, each in one["baselines"].items() if isinstance(each, float)}}
         for one in [*objects, *([content] if len(objects) > 1 else [])]
     ]
-    return written(tidy(rows), {"object": text("object")} | _TOUCHES, {})
+    return Table({"object": text("object")} | _TOUCHES).of(rows)
 
 
 def single_touch_notes(content: dict) -> list[str]:
     """Return the notes that explain the columns of `single_touch_table`."""
     notes = [
         f"pose error (6-vectors) of the nearest of the {TOP} best matches, over that of {TOP} random touches; "
-        "geodesic: with the angle on SO(3);",
+        "geodesic: with the angle on SO(3)",
         "perfect: of the book's nearest entry; one random: over the error of a single random touch, the paper's other "
-        "reading;",
-        "small book: all ways on the same poses;",
+        "reading",
+        "small book: all ways on the same poses",
         *(f"{way}: {reason}" for way, reason in content["baselines"]["missing"].items()),
     ]
     if len(content["objects"]) > 1:

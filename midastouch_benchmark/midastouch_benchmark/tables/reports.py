@@ -8,13 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
-import pandas as pd
-
 from ..evidence import fingerprint
 from ..statistics.accuracy import counted_anew
 from ..trials.protocols import PROTOCOLS
 from ..trials.variants import DEFAULT
-from .table import tidy
 
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
@@ -24,6 +21,14 @@ _REAL = f"{_PLAIN} --sensor digit_real"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_tools/test/soak/test_load.py -k sensors_rate"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
+_PERCEPTION = "midastouch evaluate-perception"
+_PRESSES = (
+    ("d20641", "digit_real/sphere_presses_d20641", "--ball-diameter 0.0088 --px-per-mm 18.68", " --check-labels"),
+    ("vocdex", "digit_real/sphere_presses_vocdex", "--ball-diameter 0.006", " --check-labels"),
+    ("mini_6310", "gelsight_mini/presses_6310", "--sensor gelsight_mini --ball-diameter 0.00631", ""),
+    ("mini_9500", "gelsight_mini/presses_9500", "--sensor gelsight_mini --ball-diameter 0.0095", ""),
+)
+"""Real presses of a ball: name, folder, options, and whether there are labels to check."""
 _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
 _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
@@ -82,29 +87,20 @@ COMMANDS = {
     "front": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant front",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
-    "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
+    "evaluate_tdn": f"{_PERCEPTION} tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "for name in 019_pitcher_base 032_knife 043_phillips_screwdriver 052_extra_large_clamp "
     "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do [ -d out/held_out/$name ] || midastouch simulate "
-    "../shared/meshes/ycb/$name.ply --seed 7 --out out/held_out/$name; done && midastouch evaluate-tdn out/held_out/*",
-    "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
-    "--ball-diameter 0.0088 --px-per-mm 18.68 --check-labels",
-    "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
-    "--ball-diameter 0.0088 --px-per-mm 18.68 --calibrate-with 10 --check-labels",
-    "presses_vocdex": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
-    "--ball-diameter 0.006 --check-labels",
-    "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
-    "--ball-diameter 0.006 --calibrate-with 10 --check-labels",
+    f"../shared/meshes/ycb/$name.ply --seed 7 --out out/held_out/$name; done && {_PERCEPTION} tdn out/held_out/*",
     **{
-        f"presses_mini_{ball}{name}": f"midastouch evaluate-presses ../shared/data/gelsight_mini/presses_{ball} "
-        f"--sensor gelsight_mini --ball-diameter {1e-6 * int(ball):g}{how}"
-        for ball in ("6310", "9500")
-        for name, how in (("", ""), ("_calibrated", " --calibrate-with 10"))
+        f"presses_{name}{made}": f"{_PERCEPTION} presses ../shared/data/{folder} {ball}{how}{labels}"
+        for name, folder, ball, labels in _PRESSES
+        for made, how in (("", ""), ("_calibrated", " --calibrate-with 10"))
     },
-    "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds --sensors 100 "
+    "checks": f"{_PERCEPTION} checks ../shared/data/digit_backgrounds --sensors 100 "
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
     "../shared/data/digit_real/sphere_presses_vocdex",
-    "soft_gel": "midastouch evaluate-gel --meshes ../shared/meshes/ycb --touches 20",
+    "soft_gel": f"{_PERCEPTION} gel --meshes ../shared/meshes/ycb --touches 20",
     "single_touch": f"{_SINGLE_TOUCH} --queries 2000",
     "single_touch_random": f"{_SINGLE_TOUCH} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
@@ -216,14 +212,15 @@ def benchmark_summary(name: str) -> dict:
     return counted_anew(summary, [trial for trial in content["trials"] if trial["variant"] == DEFAULT])
 
 
-def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.DataFrame:
-    """Return a tidy frame with a row for each report: `what`, its label; `report`, its name; `measured`, whether it
-    exists; and its record."""
-    there = reported()
-    return tidy(
-        {"what": what, "report": name, "measured": name in there} | (record(name) if name in there else {})
-        for name, what in names.items()
-    )
+def rows_of(names: Mapping[str, str], record: Callable[[str], Mapping | Iterable[Mapping]] = report) -> list[dict]:
+    """Return the rows of a table of reports, with their labels by name: what each record has, `what`, its label,
+    `report`, its name, and `measured`; a report that does not exist has a row, too."""
+    rows, there = [], reported()
+    for name, what in names.items():
+        found = record(name) if name in there else {}
+        for each in [found] if isinstance(found, Mapping) else found:
+            rows.append({"what": what, "report": name, "measured": name in there, **each})
+    return rows
 
 
 def further() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Tables of the effect of soft gel on maps, depth, poses and codes: of an `evaluate-gel` result, or the newest one."""
+"""Tables of the effect of soft gel on maps, depth, poses and codes: of a result or the newest report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..statistics.intervals import bootstrap_interval
 from .reports import report
-from .table import Form, Row, between, is_missing, text, tidy, written
+from .table import Form, Row, Table, between, is_missing, text
 
 _GEL: dict[str, Form] = {
     "gel": lambda row: "as fitted" if is_missing(row["thickness_mm"]) else f"elastic, {row['thickness_mm']:g} mm",
@@ -40,7 +40,7 @@ def soft_gel(content: dict | None = None) -> pd.DataFrame:
         "tilt": text("tilt_deg", "{:.1f} deg"),
         "one touch": text("one_touch", "{:.3f}"),
     }
-    return written(tidy(rows), _GEL | {"touches": text("trials")}, claims)
+    return Table(_GEL | {"touches": text("trials")}, claims).of(rows)
 
 
 def commanded_depth(content: dict | None = None) -> pd.DataFrame:
@@ -50,12 +50,12 @@ def commanded_depth(content: dict | None = None) -> pd.DataFrame:
         "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
     }
     about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
-    return written(tidy(commanded_depths(content or report("soft_gel"))), about, claims)
+    return Table(about, claims).of(commanded_depths(content or report("soft_gel")))
 
 
 def commanded_depths(content: dict) -> Iterator[dict]:
-    """Yield a row for each kind of press and gel of an `evaluate-gel` result: the pressed shape, the number of presses,
-    median bias and error [mm] of the depth that is read."""
+    """Yield a row for each kind of press and gel of a result: the pressed shape, the number of presses, median bias and
+    error [mm] of the depth that is read."""
     for kind, group in _of_gels(content["presses"], "press"):
         off = group["depth_mm"] - group["commanded_mm"]
         interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
@@ -64,8 +64,8 @@ def commanded_depths(content: dict) -> Iterator[dict]:
 
 
 def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
-    """Yield (keys, rows) for each calibration, thickness and `further` key in rows of an `evaluate-gel` result."""
+    """Yield (keys, rows) for each calibration, thickness and `further` key in rows of a result."""
     keys = [*further, "calibrated", "thickness_mm"]
-    frame = tidy(rows).sort_values(keys, na_position="first", kind="stable")
+    frame = pd.DataFrame(rows).sort_values(keys, na_position="first", kind="stable")
     for kind, group in frame.groupby(keys, dropna=False, sort=False):
         yield dict(zip(keys, kind, strict=True)), group

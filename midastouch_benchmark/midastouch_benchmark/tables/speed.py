@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import pandas as pd
 
-from .reports import frame_of, report, reported
-from .table import Form, Row, is_missing, listed, percent, text, tidy, value, written
+from .reports import report, rows_of
+from .table import Form, Row, Table, flat, is_missing, listed, percent, several, text, value
 
 _SENSOR_HZ = 60
-SCALING: dict[str, Form] = {
-    "hypotheses at the start": text("particles", "{:,}"),
-    "codebook poses": text("poses", "{:,}"),
-    "CPU ms a step": text("step_ms.cpu", "{:.2f}"),
-    "wall ms, p50": text("step_ms.p50", "{:.2f}"),
-    "p95": text("step_ms.p95", "{:.2f}"),
-    "memory MiB": text("memory_mb", "{:.0f}"),
-}
+SCALING = Table(
+    {
+        "hypotheses at the start": text("particles", "{:,}"),
+        "codebook poses": text("poses", "{:,}"),
+        "CPU ms a step": text("step_ms.cpu", "{:.2f}"),
+        "wall ms, p50": text("step_ms.p50", "{:.2f}"),
+        "p95": text("step_ms.p95", "{:.2f}"),
+        "memory MiB": text("memory_mb", "{:.0f}"),
+    }
+)
 _STAGES = {
     "tdn_ms": "depth network",
     "calibrated_tdn_ms": "depth network of a calibrated sensor, with integration and depth",
@@ -49,11 +51,6 @@ def _over_fcrn(row: Row) -> str:
     return "; ".join("-" if is_missing(ms) else f"{ms / row['fcrn_ms.p50']:.3f}" for ms in times)
 
 
-def _several(form: str, unit: str, *keys: str) -> Form:
-    """Form of several values in one cell."""
-    return lambda row: "; ".join(str(text(key, form)(row)) for key in keys) + unit
-
-
 def _images_a_second(row: Row) -> str:
     cpu = (row[f"sim_image_ms.{light}.cpu"] for light in ("additive", "relative"))
     return "; ".join(f"{1e3 / ms:.0f}" for ms in cpu) + " a second"
@@ -62,27 +59,27 @@ def _images_a_second(row: Row) -> str:
 _SPEED: dict[str, Form] = {
     "depth network, p50": text("tdn_ms.p50", "{:.1f} ms"),
     "code network, p50": text("tcn_ms.p50", "{:.1f} ms"),
-    "filter step until its answer, p50: searching; converged": _several(
+    "filter step until its answer, p50: searching; converged": several(
         "{:.1f}", " ms", "filter_ms.searching.p50", "filter_ms.converged.p50"
     ),
-    "... work after the answer, p50": _several(
+    "... work after the answer, p50": several(
         "{:.1f}", " ms", "deferred_ms.searching.p50", "deferred_ms.converged.p50"
     ),
     "alignment of one hypothesis to one map, p50": text("align_ms.p50", "{:.2f} ms"),
     "look-up of all untested poses, p50": text("lookup_ms.p50", "{:.1f} ms"),
     "... that finds the exact nearest entry": percent("lookup_exact_share", 1),
-    "images to the end of the frame: searching; converged": _several("{:.0f}", " Hz", "end_to_end_hz", "converged_hz"),
+    "images to the end of the frame: searching; converged": several("{:.0f}", " Hz", "end_to_end_hz", "converged_hz"),
     "image to estimate over FCRN's time, p50: searching; converged; converged, the whole frame": _over_fcrn,
     "share of the sensor's 60 Hz: searching; converged": _fractions_of_60_hz,
     "renders of 240 x 320": text("renders_per_s", "{:.0f} a second"),
     "simulated images of `digit_sim` on one core: additive; relative light": _images_a_second,
     "codebook poses": text("codebook_poses_per_s", "{:.0f} a second"),
-    "the paper's networks, p50: FCRN; MinkLoc3D": _several("{:.0f}", " ms", "fcrn_ms.p50", "minkloc3d_ms.p50"),
-    "the filter's process: active after, p50; longest": _several(
+    "the paper's networks, p50: FCRN; MinkLoc3D": several("{:.0f}", " ms", "fcrn_ms.p50", "minkloc3d_ms.p50"),
+    "the filter's process: active after, p50; longest": several(
         "{:.1f}", " s", "filter_start_s.p50", "filter_start_s.max"
     ),
     "... its memory then": text("filter_rss_mb", "{:.0f} MiB"),
-    "age of an image when its transform is found, with 500 Hz of transforms, p50; p95": _several(
+    "age of an image when its transform is found, with 500 Hz of transforms, p50; p95": several(
         "{:.0f}", " ms", "pose_age_ms.p50", "pose_age_ms.p95"
     ),
     "... with so many images": text("pose_age_hz", "{:.0f} Hz"),
@@ -108,8 +105,8 @@ def stages(content: dict) -> pd.DataFrame:
         one = content.get(key, {})
         parts = {what: one} if "p50" in one else {f"{what} {name}": each for name, each in one.items()}
         rows += [{"what": label} | times for label, times in parts.items()]
-    about: dict[str, Form] = {"ms": text("what")}
-    return written(tidy(rows), about | {label: text(label.lower(), "{:.2f}") for label in ("p50", "p95", "CPU")}, {})
+    times = {label: text(label.lower(), "{:.2f}") for label in ("p50", "p95", "CPU")}
+    return Table({"ms": text("what")} | times).of(rows)
 
 
 def speed() -> pd.DataFrame:
@@ -123,20 +120,13 @@ def rates(content: dict) -> pd.DataFrame:
 
 
 def _cells(content: dict, forms: dict[str, Form]) -> list[tuple[str, object]]:
-    row = tidy([content]).to_dict("records")[0]
+    row = flat(content)
     return [(what, form(row)) for what, form in forms.items()]
 
 
-def scaling_table(points: list[dict]) -> pd.DataFrame:
-    """Table of time and memory of a step of the filter over hypotheses at the start and codebook poses."""
-    return written(tidy(points), SCALING, {})
-
-
 def scaling() -> pd.DataFrame:
-    """Table of the newest report on time and memory of a step."""
-    if "scale" not in reported():
-        return written(frame_of({"scale": "-"}, report), {"hypotheses at the start": text("what")}, {}, "report")
-    return written(tidy(one | {"report": "scale"} for one in report("scale")["scaling"]), SCALING, {}, "report")
+    """Table of the newest report on time and memory of a step, over hypotheses at the start and codebook poses."""
+    return SCALING.of(rows_of({"scale": "-"}, lambda name: report(name)["scaling"]), "report")
 
 
 def start() -> pd.DataFrame:
@@ -147,7 +137,7 @@ def start() -> pd.DataFrame:
         return one | {"over_fcrn": 1e3 * one["first_pose_s"]["value"] / report("bench")["fcrn_ms"]["p50"]}
 
     def touches(row: Row) -> str:
-        return f"{row['trials']}, of {row['objects']} objects"
+        return f"{row['trials']}, of {row['objects']} objects" if row["measured"] else "-"
 
     claims = {
         "pose after, median": value("first_pose_s", "{:.1f}", " s"),
@@ -155,7 +145,7 @@ def start() -> pd.DataFrame:
         "median over an image of the paper's FCRN": text("over_fcrn", "{:.0f}"),
         "CPU time of the codebook and the filter on it, mean": text("build_cpu_s", "{:.1f} s"),
     }
-    return written(frame_of({"start": "-"}, row), {"first touches": touches}, claims, "report")
+    return Table({"first touches": touches}, claims).of(rows_of({"start": "-"}, row), "report")
 
 
 def load() -> pd.DataFrame:
@@ -172,7 +162,7 @@ def load() -> pd.DataFrame:
         "image to pose, p50; p99": lambda row: "{:.0f}; {:.0f} ms".format(*times(row)),
         "over FCRN's time": lambda row: "{:.3f}; {:.2f}".format(*(each / fcrn for each in times(row))),
     }
-    return written(frame_of(dict.fromkeys(("load_eyebolt", "load_mug"), "-"), report), about, {}, "report")
+    return Table(about).of(rows_of(dict.fromkeys(("load_eyebolt", "load_mug"), "-")), "report")
 
 
 def soak() -> pd.DataFrame:

@@ -1,14 +1,15 @@
-"""One table layer: a result becomes a tidy frame once; terminal, page and document are three ways to write it.
+"""One table layer: rows of results and a list of columns; terminal, page and document are three ways to write it.
 
-A *tidy frame* has one row for each thing that was measured and one column for each figure, as numbers; a nested value
-of a result is named by its path, `trust.right_at_end.share`. A *form* turns a row into the text of one cell, and a
-table is a frame of such texts, its columns named as a reader sees them.
+A *row* holds the figures of one thing that was measured, as numbers; a nested value of a result is named by its path,
+`trust.right_at_end.share`. A *form* turns a row into the text of one cell, and a table is a frame of such texts, its
+columns named as a reader sees them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -25,34 +26,44 @@ _WIDE = 7  # columns from which a table of a few rows is turned upright for a sc
 _FEW = 3  # rows
 
 
-def tidy(rows: Iterable[dict]) -> pd.DataFrame:
-    """Return a tidy frame of results, one row each."""
-    return pd.json_normalize(list(rows))
+def flat(row: Mapping, prefix: str = "") -> dict[str, Any]:
+    """Return a result as a row of a tidy frame: nested values are named by their path."""
+    out: dict[str, Any] = {}
+    for key, each in row.items():
+        out |= flat(each, f"{prefix}{key}.") if isinstance(each, Mapping) else {f"{prefix}{key}": each}
+    return out
 
 
-def written(
-    frame: pd.DataFrame, about: Mapping[str, Form], claims: Mapping[str, Form], sources: str | None = None
-) -> pd.DataFrame:
-    """Return the table of a tidy frame.
+@dataclass(frozen=True)
+class Table:
+    """Columns of a table, by label. about: what was measured; claims: figures, which need `ENOUGH` trials. Two columns
+    may show one label: give one of the two a space at its end."""
 
-    about: columns that describe what was measured; claims: columns that need `ENOUGH` trials. A row whose `measured` is
-    false has no claims yet. sources: label of a last column with the row's `report`. Two columns may show one label:
-    give one of the two a space at its end.
-    """
-    lines = []
-    for row in frame.to_dict("records"):
-        line = [form(row) for form in about.values()]
-        if not row.get("measured", True):
-            line += [UNMEASURED, *["-"] * (len(claims) - 1)][: len(claims)]
-        elif claims and row["trials"] < ENOUGH:
-            line += [f"too few ({row['trials']:.0f})"] * len(claims)
-        else:
-            line += [form(row) for form in claims.values()]
-        if sources:
-            line.append(f"[{row['report']}]" if row.get("measured", True) else f"`{row['report']}`")
-        lines.append(line)
-    labels = [*about, *claims, *([sources] if sources else [])]
-    return pd.DataFrame(lines, columns=list(map(str.strip, labels)), dtype=object)
+    about: Mapping[str, Form]
+    claims: Mapping[str, Form] = field(default_factory=dict)
+
+    def of(self, rows: Iterable[Mapping], sources: str | None = None) -> pd.DataFrame:
+        """Return the table of results. A row whose `measured` is false has no claims yet. sources: label of a last
+        column with the row's `report`."""
+        lines = []
+        for row in map(flat, rows):
+            line = [form(row) for form in self.about.values()]
+            if not row.get("measured", True):
+                line += [UNMEASURED, *["-"] * (len(self.claims) - 1)][: len(self.claims)]
+            elif self.claims and row["trials"] < ENOUGH:
+                line += [f"too few ({row['trials']:.0f})"] * len(self.claims)
+            else:
+                line += [form(row) for form in self.claims.values()]
+            if sources:
+                line.append(f"[{row['report']}]" if row.get("measured", True) else f"`{row['report']}`")
+            lines.append(line)
+        labels = [*self.about, *self.claims, *([sources] if sources else [])]
+        return pd.DataFrame(lines, columns=list(map(str.strip, labels)), dtype=object)
+
+
+def with_row(table: pd.DataFrame, cells: Mapping[str, object] | None) -> pd.DataFrame:
+    """Return a table with a last row of finished cells by label, such as the paper's; None: the table itself."""
+    return table if cells is None else pd.concat([table, pd.DataFrame([cells])], ignore_index=True).fillna("-")
 
 
 def listed(labels: tuple[str, ...], rows: Iterable[Sequence]) -> pd.DataFrame:
@@ -78,6 +89,11 @@ def terminal(table: pd.DataFrame) -> str:
     ) if len(table) else "  ".join(map(str, table.columns))  # fmt: skip
 
 
+def shown(tables: Iterable[tuple[str, pd.DataFrame]]) -> str:
+    """Return tables with their titles as text for a terminal."""
+    return "\n\n".join(f"{title}\n{terminal(table)}".strip() for title, table in tables)
+
+
 def on_page(page: Page, table: pd.DataFrame) -> None:
     """Add a table to a page, as HTML and Markdown."""
     table = upright(table)
@@ -98,6 +114,11 @@ def is_missing(value: object) -> bool:
 def text(key: str, form: str = "{}") -> Form:
     """Form of a value; a dash if it is missing."""
     return lambda row: "-" if is_missing(row.get(key)) else form.format(row[key])
+
+
+def several(form: str, unit: str, *keys: str) -> Form:
+    """Form of several values in one cell."""
+    return lambda row: "; ".join(str(text(key, form)(row)) for key in keys) + unit
 
 
 def percent(key: str, digits: int = 0) -> Form:

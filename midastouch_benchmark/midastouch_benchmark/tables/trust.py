@@ -13,8 +13,8 @@ from ..statistics.accuracy import converged_figures, is_right, pose_right_at_end
 from ..statistics.coverage import WEIGHTS
 from ..statistics.intervals import Figures
 from ..trials.other_shapes import DIFFERENCES
-from .reports import CONDITIONS, FURTHER, OPTICS, STARTS, benchmark_summary, frame_of, further, report, reported
-from .table import Form, Row, fraction, is_missing, listed, text, tidy, value, written
+from .reports import CONDITIONS, FURTHER, OPTICS, STARTS, benchmark_summary, further, report, reported, rows_of
+from .table import Form, Row, Table, fraction, is_missing, listed, text, value
 
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved, unreported"}
 EVENTS = ("rest", "lift", "kidnap", "jump", "unexplained", "push")
@@ -44,53 +44,58 @@ def verdict(key: str, limit: float, below: str, above: str, undecided: str) -> F
 
 
 _TOGETHER = "all of the ten that follow, but for *another object*"
-_CONVERGED = {
-    "of converged frames, wrong": fraction("trust.converged_frames_wrong", 1),
-    f"at most {100 * PROMISED_WRONG:.0f} %": verdict(
-        "trust.converged_frames_wrong", PROMISED_WRONG, "kept", "*not kept*", "not shown"
-    ),
-    "of trials that end `converged`, right": fraction("trust.right_if_converged_at_end"),
-    "of `ambiguous` frames, truth among the modes": fraction("trust.ambiguous_frames_among"),
-}
-_REGIONS = {
-    **{f"{what}, `converged`": fraction(f"trust.regions.converged.{level}") for what, level in _LEVELS.items()},
-    "95 % region of `converged` frames": verdict(
-        "trust.regions.converged.0.95", PROMISED_REGION, "*too small*", "too large", "as said"
-    ),
-    **{f"{what}, right": fraction(f"trust.regions.right.{level}") for what, level in _LEVELS.items()},
-}
-_FOREIGN = {
-    "said at the end that another object is touched": fraction("trust.foreign_at_end"),
-    "said so ever": fraction("trust.foreign_ever"),
-    "at the end right, `ambiguous` with the truth among the modes, or said so": fraction("trust.right_or_said_at_end"),
-}
-_SHAPES = {
-    "right": fraction("right"),
-    "said at the end that another object is touched": fraction("said"),
-    "pose right at the end, in any state": fraction("pose"),
-}
-_EVENTS = {
-    "right before it": fraction("trust.right_before_event"),
-    "of these, ever `converged` at a wrong pose": fraction("trust.misled"),
-    "in how many frames, mean": value("trust.misled_frames.mean", "{:.1f}"),
-    "of these, right again after 30 frames": fraction("trust.found_again"),
-    "frames until right again, median": value("trust.frames_until_right.median", "{:.0f}", never=True),
-}
-
-
-def converged_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """Table of a frame of summaries: how often the state `converged` is right."""
-    return written(frame, {"conditions": text("what")}, _CONVERGED, sources)
-
-
-def regions_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """Table of a frame of summaries: how often the published covariance holds the truth."""
-    return written(frame, {"conditions": text("what")}, _REGIONS, sources)
-
-
-def events_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
-    """Table of a frame of summaries: how often an event misleads the filter, and how long until it is right again."""
-    return written(frame, {"event": text("what")}, _EVENTS, sources)
+CONVERGED = Table(
+    {"conditions": text("what")},
+    {
+        "of converged frames, wrong": fraction("trust.converged_frames_wrong", 1),
+        f"at most {100 * PROMISED_WRONG:.0f} %": verdict(
+            "trust.converged_frames_wrong", PROMISED_WRONG, "kept", "*not kept*", "not shown"
+        ),
+        "of trials that end `converged`, right": fraction("trust.right_if_converged_at_end"),
+        "of `ambiguous` frames, truth among the modes": fraction("trust.ambiguous_frames_among"),
+    },
+)
+"""Columns on how often the state `converged` is right, of a summary."""
+REGIONS = Table(
+    {"conditions": text("what")},
+    {
+        **{f"{what}, `converged`": fraction(f"trust.regions.converged.{level}") for what, level in _LEVELS.items()},
+        "95 % region of `converged` frames": verdict(
+            "trust.regions.converged.0.95", PROMISED_REGION, "*too small*", "too large", "as said"
+        ),
+        **{f"{what}, right": fraction(f"trust.regions.right.{level}") for what, level in _LEVELS.items()},
+    },
+)
+"""Columns on how often the published covariance holds the truth, of a summary."""
+_FOREIGN = Table(
+    {"conditions": text("what")},
+    {
+        "said at the end that another object is touched": fraction("trust.foreign_at_end"),
+        "said so ever": fraction("trust.foreign_ever"),
+        "at the end right, `ambiguous` with the truth among the modes, or said so": fraction(
+            "trust.right_or_said_at_end"
+        ),
+    },
+)
+_SHAPES = Table(
+    {"what differs": text("what"), "trials": text("trials")},
+    {
+        "right": fraction("right"),
+        "said at the end that another object is touched": fraction("said"),
+        "pose right at the end, in any state": fraction("pose"),
+    },
+)
+AROUND_EVENT = Table(
+    {"event": text("what")},
+    {
+        "right before it": fraction("trust.right_before_event"),
+        "of these, ever `converged` at a wrong pose": fraction("trust.misled"),
+        "in how many frames, mean": value("trust.misled_frames.mean", "{:.1f}"),
+        "of these, right again after 30 frames": fraction("trust.found_again"),
+        "frames until right again, median": value("trust.frames_until_right.median", "{:.0f}", never=True),
+    },
+)
+"""Columns on how often an event misleads the filter, and how long until it is right again, of a summary."""
 
 
 def weights_table(trusts: Mapping[str, dict]) -> pd.DataFrame:
@@ -108,12 +113,11 @@ def weights_table(trusts: Mapping[str, dict]) -> pd.DataFrame:
 
 def converged() -> pd.DataFrame:
     """Table of how often the state `converged` is right, by condition."""
-    frame = frame_of(conditions(), benchmark_summary)
     names = [name for name in (STARTS | CONDITIONS) if name != "wrong_mesh" and name in reported()]
     trials = [trial for name in names for trial in report(name)["trials"]]
-    together = {"what": _TOGETHER, "report": "] [".join(names), "trials": len(trials), "measured": True}
+    together = {"what": _TOGETHER, "report": "] [".join(names), "trials": len(trials)}
     rows = [together | {"trust": converged_figures(trials)}] if trials else []
-    return converged_table(pd.concat([tidy(rows), frame], ignore_index=True), "report")
+    return CONVERGED.of(rows + rows_of(conditions(), benchmark_summary), "report")
 
 
 def weights() -> pd.DataFrame:
@@ -126,12 +130,17 @@ def weights() -> pd.DataFrame:
 
 def regions() -> pd.DataFrame:
     """Table of how often the published covariance holds the truth, by condition."""
-    return regions_table(frame_of(conditions(), benchmark_summary), "report")
+    return REGIONS.of(rows_of(conditions(), benchmark_summary), "report")
 
 
 def foreign() -> pd.DataFrame:
     """Table of how often the filter reports that another object than its mesh is touched."""
-    return written(frame_of(conditions(), benchmark_summary), {"conditions": text("what")}, _FOREIGN, "report")
+    return _FOREIGN.of(rows_of(conditions(), benchmark_summary), "report")
+
+
+def events() -> pd.DataFrame:
+    """Table of how often an event misleads the filter, and how long until it is right again, by event."""
+    return AROUND_EVENT.of(rows_of({name: CONDITIONS[name] for name in EVENTS}, benchmark_summary), "report")
 
 
 def shapes() -> pd.DataFrame:
@@ -142,16 +151,7 @@ def shapes() -> pd.DataFrame:
     for k, what in enumerate(DIFFERENCES):
         some = [trial for trial in trials if trial["slide"] % len(DIFFERENCES) == k]
         figures = Figures.by_slide(some)
-        rows.append({
-            "what": what, "trials": len(some), "report": "] [".join(names),
-            "right": figures.fraction([is_right(trial) for trial in some]),
-            "said": figures.fraction([trial["final"]["foreign"] for trial in some]),
-            "pose": pose_right_at_end(some),
-        })  # fmt: skip
-    about = {"what differs": text("what"), "trials": text("trials")}
-    return written(tidy(rows) if trials else frame_of({"other_shape": "-"}, report), about, _SHAPES, "reports")
-
-
-def events() -> pd.DataFrame:
-    """Table of how often an event misleads the filter, and how long until it is right again, by event."""
-    return events_table(frame_of({name: CONDITIONS[name] for name in EVENTS}, benchmark_summary), "report")
+        said = figures.fraction([trial["final"]["foreign"] for trial in some])
+        right = {"right": figures.fraction(list(map(is_right, some))), "said": said, "pose": pose_right_at_end(some)}
+        rows.append({"what": what, "trials": len(some), "report": "] [".join(names)} | right)
+    return _SHAPES.of(rows if trials else rows_of({"other_shape": "-"}), "reports")

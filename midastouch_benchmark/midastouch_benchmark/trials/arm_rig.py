@@ -51,7 +51,8 @@ class ArmRig:
     ):
         self._see, self._sensor = see, sensor.for_maps
         mount = turn(rng, _MOUNT[1])
-        mount[:3, 3] = _MOUNT[0] * _direction(rng)
+        direction = rng.standard_normal(3)
+        mount[:3, 3] = _MOUNT[0] * (direction / np.linalg.norm(direction))
         gel = Gel(friction=rng.uniform(*_FRICTIONS))
         holding = rng.choice([math.inf, rng.uniform(*_HOLDING)])
         latency = rng.uniform(*_LATENCIES)
@@ -76,8 +77,3 @@ def turn(rng: np.random.Generator, angle: float) -> np.ndarray:
     """Return a turn (4, 4) by `angle` rad about a random axis in the plane x y."""
     about = rng.uniform(0, 2 * np.pi)
     return se3.exp(np.array([0, 0, 0, angle * np.cos(about), angle * np.sin(about), 0]))
-
-
-def _direction(rng: np.random.Generator) -> np.ndarray:
-    vector = rng.standard_normal(3)
-    return vector / np.linalg.norm(vector)

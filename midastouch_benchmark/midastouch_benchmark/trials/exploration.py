@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,7 +40,7 @@ from ..evidence import fingerprint
 from .cache import Cache
 from .setup import Networks
 from .trial import FRAME_TIME
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ _CONVERGED_PATH = 0.015  # m, over which `converged` must last
 
 
 @dataclasses.dataclass(frozen=True)
-class ExplorationPlan:
+class ExplorationPlan(Campaign):
     """Settings of a run. cache: of codebooks and symmetries; config: of the filter; policies: of `POLICIES`; trials:
     per object and policy, with seeds from 0; length [m]: after which a trial is given up."""
 
@@ -67,6 +66,7 @@ class ExplorationPlan:
     policies: tuple[str, ...] = _BY_DEFAULT
     trials: int = 10
     length: float = 1.0
+    LOG_NAME = "exploration.jsonl"
 
     def describe(self) -> dict:
         """Return the settings for the JSON."""
@@ -82,10 +82,21 @@ class ExplorationPlan:
             "fingerprint": fingerprint.of_estimates(),
         }
 
-    def key(self, mesh: ObjectMesh, labels: dict) -> str:
-        """Return the key of everything that the trial with these labels depends on."""
-        depends_on = self.describe() | {"policies": None, "trials": None, "mesh": mesh.sha256}
-        return key_of(labels | depends_on | {"codebook": self.cache.codebook_digest(mesh)})
+    def rounds(self) -> list[list[dict]]:
+        """Return the labels by seed; with one seed, all policies begin at one place."""
+        return [[{"policy": policy, "seed": seed} for policy in self.policies] for seed in range(self.trials)]
+
+    def depends_on(self, mesh: ObjectMesh) -> dict:
+        """Return everything on which a trial depends, except its labels."""
+        return self.describe() | {"policies": None, "trials": None, "codebook": self.cache.codebook_digest(mesh)}
+
+    def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
+        """Explore with one policy from one place."""
+        particle_filter = ParticleFilter(mesh, self.cache.codebook(mesh), self.config, labels["seed"])
+        particle_filter.initialise_uniform()
+        yardstick = Yardstick.of(mesh, self.cache.symmetry(mesh).exact)
+        who = labels["policy"], labels["seed"]
+        return _Trial(mesh, self.cache.networks, particle_filter, *who, yardstick, self.length).run()
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
@@ -96,35 +107,6 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
     if names and "arm" in names:
         require_mujoco()
     return tuple(dict.fromkeys(names or _BY_DEFAULT))
-
-
-def run_exploration(
-    plan: ExplorationPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
-) -> tuple[list[dict], int]:
-    """Run the trials that the log does not hold yet, as `run_open`; with one seed, all policies begin at one place.
-
-    Seeds come outermost, so that the trials that a bounded run leaves out are spread over all objects.
-    """
-    make_books(plan.cache, [mesh.path for mesh in meshes], workforce.cluster)
-    units = [
-        ((plan, mesh.path), {plan.key(mesh, labels): labels})
-        for seed, mesh, policy in product(range(plan.trials), meshes, plan.policies)
-        for labels in [{"object": mesh.name, "policy": policy, "seed": seed}]
-    ]
-    return run_open(_run, units, log, workforce)
-
-
-def _run(plan: ExplorationPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
-    """Run trials on one object, given as labels by key, and return the labels with the results."""
-    mesh = ObjectMesh.load(path)
-    return {key: labels | _explore(plan, mesh, labels["policy"], labels["seed"]) for key, labels in trials.items()}
-
-
-def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
-    particle_filter = ParticleFilter(mesh, plan.cache.codebook(mesh), plan.config, seed)
-    particle_filter.initialise_uniform()
-    yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
-    return _Trial(mesh, plan.cache.networks, particle_filter, policy, seed, yardstick, plan.length).run()
 
 
 def _arm(
@@ -221,14 +203,12 @@ class _Trial:
         """Carry out a plan, at most until the trial's end; return the ending and the path [m] to it."""
         for pose in self._world.follow(plan):
             self._frame(pose)
-            if self._arm is None and self._lasts():
+            lasts = self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
+            if self._arm is None and lasts:
                 return "converged", self._converged_at
         if self._arm is not None and self._is_known():
             return "converged", self._path
         return ("alike" if self._alike >= 2 else "given up"), self._path
-
-    def _lasts(self) -> bool:
-        return self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
 
     def _is_known(self) -> bool:
         """Return whether the pose is known after a motion, as the node `explorer` judges that."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable
-from functools import cache
+from collections.abc import Iterable, Sequence
+from functools import cache, cached_property
 from pathlib import Path
 
 from midastouch_common import se3
@@ -22,7 +22,7 @@ from midastouch_filter.identification.identity import UNKNOWN, Identity
 from ..evidence import fingerprint
 from .cache import Cache
 from .trial import TrialFrame, with_odometry
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import Campaign, Workforce, source_digest
 from .yardstick import Yardstick
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
@@ -32,12 +32,14 @@ _THREADS = 1
 
 
 @dataclasses.dataclass(frozen=True)
-class IdentityPlan:
-    """Settings of a run. cache; config: of the filter; slides: their numbers."""
+class IdentityPlan(Campaign):
+    """Settings of a run. cache; config: of the filter; slides: their numbers; catalogue: mesh files of its objects."""
 
     cache: Cache
     config: FilterConfig
     slides: tuple[int, ...]
+    catalogue: tuple[Path, ...] = ()
+    LOG_NAME = "identifications.jsonl"
 
     @property
     def settings(self) -> FilterConfig:
@@ -57,45 +59,39 @@ class IdentityPlan:
             "threads": _THREADS,
         }
 
+    def rounds(self) -> list[list[dict]]:
+        """Return the labels of the slides."""
+        return [[{"slide": slide}] for slide in self.slides]
 
-def run_identification(
-    plan: IdentityPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
-) -> tuple[list[dict], int]:
-    """Run the trials that the log does not hold yet, as `run_open`, both trials of a slide as one.
+    @cached_property
+    def _books(self) -> list[list[str]]:
+        meshes = map(ObjectMesh.load, self.catalogue)
+        return sorted([mesh.sha256, self.cache.codebook_digest(mesh)] for mesh in meshes)
 
-    Slides come outermost, so that the trials that a bounded run leaves out are spread over all objects.
-    """
-    paths = [mesh.path for mesh in meshes]
-    make_books(plan.cache, paths, workforce.cluster)
-    books = sorted([mesh.sha256, plan.cache.codebook_digest(mesh)] for mesh in meshes)
-    depends_on = {"identify": plan.describe() | {"slides": plan.cache.slides.name}, "catalogue": books}
-    units = [
-        ((plan, paths), {key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}): (mesh.name, slide)})
-        for slide in plan.slides
-        for mesh in meshes
-    ]
-    done, missing = run_open(_run_slides, units, log, workforce)
-    return [trial for both in done for trial in both["trials"]], missing
+    def depends_on(self, mesh: ObjectMesh) -> dict:
+        """Return everything on which a trial depends, except its labels."""
+        return {"identify": self.describe() | {"slides": self.cache.slides.name}, "catalogue": self._books}
 
+    def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
+        """Return the `trials` of a slide: with the object in the catalogue and, if there are others, without."""
+        catalogue, slide = _catalogue(self.cache, self.catalogue, self.settings), labels["slide"]
+        entry = catalogue.entry(catalogue.duplicates.get(mesh.name, mesh.name))
+        frames = self.cache.frames(entry.mesh, slide)
+        labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
+        trials = [labels | identify(catalogue, frames, entry.name, self.settings)]
+        if len(catalogue) > 1:
+            others = catalogue.without(entry.name)
+            labels |= {"in_catalogue": False, "objects": len(others)}
+            trials.append(labels | identify(others, frames, UNKNOWN, self.settings))
+        alone = ParticleFilter(entry.mesh, self.cache.codebook(entry.mesh), self.settings, slide)
+        trials[0] |= _alone(alone, frames, entry)
+        return {"trials": trials}
 
-def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[str, int]]) -> dict[str, dict]:
-    """Return both trials of each slide by key; slides are given by the object's name and their number."""
-    return {key: {"trials": _run_slide(plan, paths, name, slide)} for key, (name, slide) in slides.items()}
-
-
-def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
-    catalogue = _catalogue(plan.cache, tuple(paths), plan.settings)
-    entry = catalogue.entry(catalogue.duplicates.get(name, name))
-    frames = plan.cache.frames(entry.mesh, slide)
-    labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
-    trials = [labels | identify(catalogue, frames, entry.name, plan.settings)]
-    if len(catalogue) > 1:
-        others = catalogue.without(entry.name)
-        labels |= {"in_catalogue": False, "objects": len(others)}
-        trials.append(labels | identify(others, frames, UNKNOWN, plan.settings))
-    alone = ParticleFilter(entry.mesh, plan.cache.codebook(entry.mesh), plan.settings, slide)
-    trials[0] |= _alone(alone, frames, entry)
-    return trials
+    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+        """Run the slides that the log does not hold yet over these objects, which are the catalogue."""
+        plan = dataclasses.replace(self, catalogue=tuple(mesh.path for mesh in meshes))
+        done, missing = super(IdentityPlan, plan).run(meshes, workforce)
+        return [trial for both in done for trial in both["trials"]], missing
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from midastouch_simulation.slide import somewhere
 
 from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
-from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
+from .trial_log import Campaign, TrialLog, Workforce, source_digest
 
 _REACH, _CONE = np.radians((75.0, 90.0))  # tilt of the surfaces it is sent to, and the guard's limit
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
@@ -83,11 +83,13 @@ after which the guard must notice it."""
 
 
 @dataclasses.dataclass(frozen=True)
-class MotionPlan:
-    """Settings of a run. trials: per object, with seeds from 0; sensor: by name."""
+class MotionPlan(Campaign):
+    """Settings of a run. trials: per object, with seeds from 0; sensor: by name; folder: of the log."""
 
     trials: int = 10
     sensor: str = "digit_tacto"
+    folder: Path = Path("out/benchmark")
+    LOG_NAME = "motion.jsonl"
 
     def describe(self) -> dict:
         """Return the settings for the JSON."""
@@ -100,23 +102,25 @@ class MotionPlan:
             "code": source_digest(here, Path(__file__), Path(arm_rig.__file__)),
         }
 
+    @property
+    def log(self) -> TrialLog:
+        """Finished trials, as they are on disk now."""
+        return TrialLog(self.folder / self.LOG_NAME)
 
-def run_motion(
-    plan: MotionPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
-) -> tuple[list[dict], int]:
-    """Run the trials that the log lacks, as `run_open`; seeds come outermost: a bounded run covers all objects."""
-    described = plan.describe() | {"trials": None}
-    units = []
-    for seed in range(plan.trials):
-        for mesh in meshes:
-            labels = {"object": mesh.name, "seed": seed}
-            units.append(((plan, mesh.path), {key_of(labels | described | {"mesh": mesh.sha256}): labels}))
-    return run_open(_run, units, log, workforce)
+    def prepare(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> None:
+        """Do nothing: there is no filter, so no codebook is needed."""
 
+    def rounds(self) -> list[list[dict]]:
+        """Return the labels by seed."""
+        return [[{"seed": seed}] for seed in range(self.trials)]
 
-def _run(plan: MotionPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
-    mesh = ObjectMesh.load(path)
-    return {key: labels | _Trial(mesh, plan.sensor, labels["seed"]).run() for key, labels in trials.items()}
+    def depends_on(self, mesh: ObjectMesh) -> dict:
+        """Return everything on which a trial depends, except its labels."""
+        return self.describe() | {"trials": None}
+
+    def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
+        """Touch, slide, and slide until a fault happens."""
+        return _Trial(mesh, self.sensor, labels["seed"]).run()
 
 
 class _Trial:
@@ -182,7 +186,11 @@ class _Trial:
 
     def _motion(self, skill: TouchSkill | SlideSkill) -> dict:
         self._moments.clear()
-        ended = self._rehearsal.carry_out(skill, _TIMEOUT, self._keep)
+
+        def keep(moment: PeriodState) -> None:
+            self._moments.append((self._arm.deepest, moment.image))
+
+        ended = self._rehearsal.carry_out(skill, _TIMEOUT, keep)
         return {
             "ended": ended is not None,
             "success": ended is not None and ended.success,
@@ -190,9 +198,6 @@ class _Trial:
             "deepest_mm": 1e3 * max(depth for depth, _ in self._moments),
             "path_mm": 1e3 * skill.path,
         }
-
-    def _keep(self, moment: PeriodState) -> None:
-        self._moments.append((self._arm.deepest, moment.image))
 
     def _heading(self, length: float) -> float:
         """Return a direction in the gel's plane, if possible one in which the arm reaches the surface all the way."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,7 @@ from .disturbances import Disturbed, UndisturbedSlide
 from .protocols import PROTOCOLS
 from .sequence_trials import start_filter
 from .trial import Event, TrialFrame, run_trial
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
 
 EVIDENCE = ("maps", "codes")
@@ -36,8 +35,6 @@ OBSERVED = ("uniform", "plain", "lift", "kidnap")
 """Protocols in which the object rests between lifts."""
 AFTER_EVENT = 20
 """Frames from an event to the check whether the pose is known again."""
-
-_LIMITED = "filter"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Answer:
 
 
 @dataclasses.dataclass(frozen=True)
-class ObservedPlan:
+class ObservedPlan(Campaign):
     """Settings of a run. cache: of the protocol's slides; config: of the filter; evidence: some of `EVIDENCE`; slides:
     their numbers; protocol: one of `OBSERVED`."""
 
@@ -62,6 +59,7 @@ class ObservedPlan:
     evidence: tuple[str, ...] = EVIDENCE
     slides: tuple[int, ...] = (0, 1, 2, 3, 4)
     protocol: str = "uniform"
+    LOG_NAME = "observed.jsonl"
 
     def observer(self, evidence: str) -> FilterConfig:
         """Return settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
@@ -84,11 +82,43 @@ class ObservedPlan:
             "filter": dataclasses.asdict(self.config),
         }
 
-    def key(self, mesh: ObjectMesh, labels: dict) -> str:
-        """Return the key of everything that the trial with these labels depends on."""
-        depends_on = self.describe() | {"slides": self.cache.slides.name, "mesh": mesh.sha256}
-        depends_on |= {"code": source_digest(Path(__file__)), "codebook": self.cache.codebook_digest(mesh)}
-        return key_of(labels | depends_on | {"fingerprint": fingerprint.of_estimates()})
+    def rounds(self) -> list[list[dict]]:
+        """Return the labels of the slides."""
+        return [[{"slide": slide, "protocol": self.protocol}] for slide in self.slides]
+
+    def depends_on(self, mesh: ObjectMesh) -> dict:
+        """Return everything on which a trial depends, except its labels."""
+        return self.describe() | {
+            "slides": self.cache.slides.name,
+            "code": source_digest(Path(__file__)),
+            "codebook": self.cache.codebook_digest(mesh),
+            "fingerprint": fingerprint.of_estimates(),
+        }
+
+    def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
+        """Run filter and observers over one slide.
+
+        frames: their number; event_at: position of the first frame after the event; filter and, by evidence, observers:
+        as `found_out`, with the columns probability and right of all answers.
+        """
+        protocol, slide = PROTOCOLS[self.protocol], labels["slide"]
+        codebook, yardstick = self.cache.codebook(mesh), Yardstick.of(mesh, self.cache.symmetry(mesh).exact)
+        scene = protocol.disturb(UndisturbedSlide(self.cache.frames(mesh, slide), np.random.default_rng(slide)))
+
+        def found(config: FilterConfig) -> dict:
+            running = ParticleFilter(mesh, codebook, config)
+            running.reset(0)
+            start_filter(running, mesh, scene.frames[0].truth, protocol.starts[0], protocol.beta)
+            given = answers(running, scene, yardstick)
+            columns = {column: [getattr(each, column) for each in given] for column in ("probability", "right")}
+            return found_out(given, scene.event) | {"answers": columns}
+
+        return {
+            "frames": len(scene.frames),
+            "event_at": scene.event.end if scene.event else None,
+            "filter": found(self.config),
+            "observers": {name: found(self.observer(name)) for name in self.evidence},
+        }
 
 
 def chosen_observed(protocol: str) -> str:
@@ -96,50 +126,6 @@ def chosen_observed(protocol: str) -> str:
     if protocol not in OBSERVED:
         raise InputError(f"--protocol {protocol}: not one that can be observed; there are {', '.join(OBSERVED)}")
     return protocol
-
-
-def run_observed(
-    plan: ObservedPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
-) -> tuple[list[dict], int]:
-    """Run the trials that the log does not hold yet, as `run_open`; slides come outermost, so that the trials that a
-    bounded run leaves out are spread over all objects."""
-    make_books(plan.cache, [mesh.path for mesh in meshes], workforce.cluster)
-    units = [
-        ((plan, mesh.path), {plan.key(mesh, labels): labels})
-        for slide, mesh in product(plan.slides, meshes)
-        for labels in [{"object": mesh.name, "slide": slide, "protocol": plan.protocol}]
-    ]
-    return run_open(_run, units, log, workforce)
-
-
-def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
-    """Run trials on one object, given as labels by key, and return the labels with the results.
-
-    frames: their number; event_at: position of the first frame after the event; filter and, by evidence, observers: as
-    `found_out`, with the columns probability and right of all answers.
-    """
-    mesh, protocol, out = ObjectMesh.load(path), PROTOCOLS[plan.protocol], {}
-    codebook = plan.cache.codebook(mesh)
-    yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
-    settings = {_LIMITED: plan.config} | {name: plan.observer(name) for name in plan.evidence}
-    filters = {name: ParticleFilter(mesh, codebook, config) for name, config in settings.items()}
-    for key, labels in trials.items():
-        slide = labels["slide"]
-        scene = protocol.disturb(UndisturbedSlide(plan.cache.frames(mesh, slide), np.random.default_rng(slide)))
-        found = {}
-        for name, running in filters.items():
-            running.reset(0)
-            start_filter(running, mesh, scene.frames[0].truth, protocol.starts[0], protocol.beta)
-            given = answers(running, scene, yardstick)
-            columns = {column: [getattr(each, column) for each in given] for column in ("probability", "right")}
-            found[name] = found_out(given, scene.event) | {"answers": columns}
-        out[key] = labels | {
-            "frames": len(scene.frames),
-            "event_at": scene.event.end if scene.event else None,
-            "filter": found.pop(_LIMITED),
-            "observers": found,
-        }
-    return out
 
 
 def answers(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:

@@ -45,12 +45,7 @@ def start_filter(particle_filter: AnyFilter, mesh: ObjectMesh, truth: np.ndarray
     if init == "uniform":
         particle_filter.initialise_uniform()
     else:
-        particle_filter.initialise_gaussian(truth, *paper_start(mesh, beta))
-
-
-def paper_start(mesh: ObjectMesh, beta: float) -> tuple[float, float]:
-    """Return the sigmas per axis, m and rad, of the paper's start of width beta."""
-    return beta * mesh.diagonal / 3, beta * np.radians(60)
+        particle_filter.initialise_gaussian(truth, beta * mesh.diagonal / 3, beta * np.radians(60))
 
 
 def run_sequence(

@@ -106,18 +106,10 @@ def run_trial(
 class _Record:
     def __init__(self, yardstick: Yardstick, series: bool, event: Event | None) -> None:
         self._yardstick, self._series, self._event = yardstick, series, event
+        self._frames: list[dict] = []
         self._rows: list[dict] = []
-        self._ms: dict[str, list[float]] = {stage: [] for stage in STAGES}
         self._initial: dict[str, float] = {}
         self._filter_ms: Counter[str] = Counter()
-        self._filter_cpu_ms: list[float] = []
-        self._states: list[tuple[int, str]] = []
-        self._in_contact: list[bool] = []
-        self._areas: list[float] = []
-        self._right: list[bool] = []
-        self._among: list[bool] = []
-        self._known: list[bool] = []
-        self._foreign: list[bool] = []
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
@@ -128,100 +120,95 @@ class _Record:
     def add(
         self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float, filter_cpu_ms: float
     ) -> None:
-        for stage in STAGES:
-            self._ms[stage].append(frame.ms.get(stage, 0.0) if stage != "filter" else filter_ms)
-        self._filter_ms.update(estimate.status.ms)
-        self._filter_cpu_ms.append(filter_cpu_ms)
-        self._states.append((frame.index, estimate.status.state))
-        self._foreign.append(estimate.status.foreign)
-        self._in_contact.append(frame.measurement.in_contact)
-        if frame.measurement.in_contact:
-            self._areas.append(frame.measurement.contact_area)
-        modes = _mode_poses(estimate)
-        self._known.append(bool(np.isfinite(frame.truth).all()))
-        self._among.append(bool(self._yardstick.right(modes, frame.truth).any()))
-        self._right.append(False)
-        if estimate.pose is not None and self._known[-1]:
-            self._right[-1] = bool(self._yardstick.right(estimate.pose[None], frame.truth)[0])
-            if frame.measurement.in_contact:
+        touch, status = frame.measurement, estimate.status
+        known, right = bool(np.isfinite(frame.truth).all()), False
+        if estimate.pose is not None and known:
+            right = bool(self._yardstick.right(estimate.pose[None], frame.truth)[0])
+            if touch.in_contact:
                 # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
                 truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
-                self._coverage.add(estimate, truth, self._right[-1])
-                self._reliability.add(estimate.status.mode_mass, self._right[-1])
+                self._coverage.add(estimate, truth, right)
+                self._reliability.add(status.mode_mass, right)
+        self._filter_ms.update(status.ms)
+        self._frames.append({
+            "index": frame.index, "state": status.state, "foreign": status.foreign, "known": known, "right": right,
+            "among_modes": bool(self._yardstick.right(_mode_poses(estimate), frame.truth).any()),
+            "in_contact": touch.in_contact, "area": touch.contact_area if touch.in_contact else np.nan,
+            "ms": frame.ms | {"filter": filter_ms}, "cpu_ms": filter_cpu_ms,
+        })  # fmt: skip
         self._last = frame, estimate
         if self._series:
             self._rows.append(self._row(frame, estimate, particle_filter))
 
     def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
         """Return all that `per_frame` has of one frame."""
-        status, truth, counted = estimate.status, frame.truth, self._yardstick.counted
+        status, truth, counted, now = estimate.status, frame.truth, self._yardstick.counted, self._frames[-1]
         poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
         modes = counted(_mode_poses(estimate), truth)
         pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
-        row: dict[str, float] = {"frame": frame.index}
-        row |= _error("e", particle_rmse(poses, truth, weights))
-        row |= _error("e_unweighted", particle_rmse(poses, truth))
-        row |= _error("min_cluster", min_cluster_error(modes, truth))
-        row |= _error("closest_mode", closest_mode_error(modes, truth))
-        row |= _error("estimate", pose_errors(pose, truth))
-        return row | {
-            "n_particles": status.n_particles,
-            "n_modes": status.n_modes,
-            "mode_mass": status.mode_mass,
-            "ess": status.ess,
-            "state": status.state,
-            "foreign": status.foreign,
-            "right": self._right[-1],
-            "among_modes": self._among[-1],
-            "in_contact": frame.measurement.in_contact,
-            **{f"ms_{stage}": self._ms[stage][-1] for stage in STAGES},
-            "ms": sum(self._ms[stage][-1] for stage in STAGES),
+        ms = [now["ms"].get(stage, 0.0) for stage in STAGES]
+        return {
+            "frame": frame.index,
+            **_error("e", particle_rmse(poses, truth, weights)),
+            **_error("e_unweighted", particle_rmse(poses, truth)),
+            **_error("min_cluster", min_cluster_error(modes, truth)),
+            **_error("closest_mode", closest_mode_error(modes, truth)),
+            **_error("estimate", pose_errors(pose, truth)),
+            **{name: getattr(status, name) for name in ("n_particles", "n_modes", "mode_mass", "ess")},
+            **{name: now[name] for name in ("state", "foreign", "right", "among_modes", "in_contact")},
+            **{f"ms_{stage}": each for stage, each in zip(STAGES, ms, strict=True)},
+            "ms": sum(ms),
             "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),
         }
 
     def result(self, particle_filter: AnyFilter) -> dict:
-        frame, estimate = self._last
-        last = self._rows[-1] if self._series else self._row(frame, estimate, particle_filter)
-        seconds = 1e-3 * np.sum([self._ms[stage] for stage in STAGES], axis=0)
-        converged = np.array([state == CONVERGED for _, state in self._states])
-        right, in_contact = np.array(self._right), np.array(self._in_contact)
-        ambiguous = np.array([state == AMBIGUOUS for _, state in self._states]) & self._known
+        last = self._rows[-1] if self._series else self._row(*self._last, particle_filter)
+
+        def column(name: str) -> np.ndarray:
+            return np.array([frame[name] for frame in self._frames])
+
+        ms = {stage: [frame["ms"].get(stage, 0.0) for frame in self._frames] for stage in STAGES}
+        seconds = 1e-3 * np.sum(list(ms.values()), axis=0)
+        right, in_contact, foreign = column("right"), column("in_contact"), column("foreign")
+        converged, ambiguous = column("state") == CONVERGED, (column("state") == AMBIGUOUS) & column("known")
+        kept = converged & right
         out = {
             "frames": len(seconds),
             "wall_s": float(seconds.sum()),
             "hz_mean": float(len(seconds) / seconds.sum()),
             # the 5th percentile of the rate is the 95th of the time per frame
             "hz_p05": float(1 / np.percentile(seconds, 95)),
-            "ms": {stage: float(np.mean(self._ms[stage])) for stage in STAGES},
-            "filter_cpu_ms": float(np.mean(self._filter_cpu_ms)),
-            "filter_stages_ms": {name: ms / len(seconds) for name, ms in self._filter_ms.items()},
+            "ms": {stage: float(np.mean(each)) for stage, each in ms.items()},
+            "filter_cpu_ms": float(np.mean(column("cpu_ms"))),
+            "filter_stages_ms": {name: each / len(seconds) for name, each in self._filter_ms.items()},
             "initial": self._initial,
             "final": {key: last[key] for key in FINAL_KEYS},
-            "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
-            "right_from_frame": _from_then_on((converged & right) | ~in_contact),
-            "event_at": self._event.end if self._event else None,
-            "right_before_event": bool((converged & right)[self._event.start - 1]) if self._event else None,
-            "right_after_event": self._right_after_event(converged & right),
+            "converged_at_frame": next((f["index"] for f in self._frames if f["state"] == CONVERGED), None),
+            "right_from_frame": _from_then_on(kept | ~in_contact),
+            **self._around_event(kept),
             "frames_in_contact": int(in_contact.sum()),
-            "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
+            "contact_area_mm2": 1e6 * float(np.mean(column("area")[in_contact])) if in_contact.any() else None,
             "frames_converged": int(converged.sum()),
-            "frames_converged_right": int((converged & right).sum()),
-            "frames_foreign": sum(self._foreign),
+            "frames_converged_right": int(kept.sum()),
+            "frames_foreign": int(foreign.sum()),
             "frames_ambiguous": int(ambiguous.sum()),
-            "frames_ambiguous_among": int((ambiguous & self._among).sum()),
+            "frames_ambiguous_among": int((ambiguous & column("among_modes")).sum()),
             **self._yardstick.describe(),
             "coverage": self._coverage.counts(),
             "reliability": self._reliability.counts(),
         }
-        if self._series:
-            out["per_frame"] = {key: [row[key] for row in self._rows] for key in last}
-        return out
+        return out | ({"per_frame": {key: [row[key] for row in self._rows] for key in last}} if self._series else {})
 
-    def _right_after_event(self, right: np.ndarray) -> bool | None:
-        """Return whether it is right (N,) some frames after the event; None without one, or if the slide is shorter."""
-        if self._event is None or self._event.end + AFTER_EVENT >= len(right):
-            return None
-        return bool(right[self._event.end + AFTER_EVENT])
+    def _around_event(self, right: np.ndarray) -> dict:
+        """Return when an event ends, and whether the frame before it and one some frames later are right; right: (N,).
+
+        All are None without an event, the last also if the slide is shorter.
+        """
+        if self._event is None:
+            return dict.fromkeys(("event_at", "right_before_event", "right_after_event"))
+        start, end, after = self._event.start, self._event.end, self._event.end + AFTER_EVENT
+        later = bool(right[after]) if after < len(right) else None
+        return {"event_at": end, "right_before_event": bool(right[start - 1]), "right_after_event": later}
 
 
 def _from_then_on(holds: np.ndarray) -> int | None:

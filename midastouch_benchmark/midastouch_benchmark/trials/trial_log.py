@@ -1,14 +1,15 @@
-"""Finished trials on disk, one JSON line each, so that a long run continues where it was stopped."""
+"""Campaigns of trials on a cluster, and finished trials on disk: a long run continues where it was stopped."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -117,3 +118,55 @@ def run_open(
     keys = [key for _, asked in units for key in asked]
     done = [trial for key in keys if (trial := log.get(key)) is not None]
     return done, len(keys) - len(done)
+
+
+class Campaign(ABC):
+    """Trials over objects, each of which depends on the object and on its own labels. A plan: its fields are settings.
+
+    Attributes: cache: of what the trials need; LOG_NAME: file in its folder that keeps finished trials.
+    """
+
+    cache: Cache
+    LOG_NAME: ClassVar[str]
+
+    @property
+    def log(self) -> TrialLog:
+        """Finished trials, as they are on disk now."""
+        return TrialLog(self.cache.folder / self.LOG_NAME)
+
+    def prepare(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> None:
+        """Make all that the keys of trials depend on: the codebooks."""
+        make_books(self.cache, [mesh.path for mesh in meshes], workforce.cluster)
+
+    @abstractmethod
+    def describe(self) -> dict:
+        """Return the settings for the JSON."""
+
+    @abstractmethod
+    def rounds(self) -> Iterable[Sequence[dict]]:
+        """Return the labels of the trials on each object; a run that is bounded leaves out the last rounds."""
+
+    @abstractmethod
+    def depends_on(self, mesh: ObjectMesh) -> dict:
+        """Return everything on which a trial depends, except its labels."""
+
+    @abstractmethod
+    def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
+        """Run one trial, in any process, and return its result."""
+
+    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+        """Run the trials that the log does not hold yet, as `run_open`."""
+        self.prepare(meshes, workforce)
+        units = []
+        for labels_of_round in self.rounds():
+            for mesh in meshes:
+                shared = self.depends_on(mesh) | {"mesh": mesh.sha256}
+                for labels in ({"object": mesh.name} | each for each in labels_of_round):
+                    units.append(((self, mesh.path), {key_of(labels | shared): labels}))
+        return run_open(_run_trials, units, self.log, workforce)
+
+
+def _run_trials(plan: Campaign, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
+    """Run trials on one object, given as labels by key, and return the labels with the results."""
+    mesh = ObjectMesh.load(path)
+    return {key: labels | plan.trial(mesh, labels) for key, labels in trials.items()}

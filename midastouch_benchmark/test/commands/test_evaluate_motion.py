@@ -34,15 +34,20 @@ def test_what_fails_is_in_the_table():
         | (bad | {"fault": {"name": "lost", "periods": None}} if seed == 0 else {})
         for seed in range(100)
     ]
-    touch, slide, halted = motion_table(trials).to_dict("records")
+    result = {"trials": trials, "config": {"depth_mm": 0.5}}
+    touch, slide, halted = motion_table(result).to_dict("records")
     assert touch["at the wanted depth"].startswith("99.0 %")
     assert touch["deeper than 1.5 mm"] == "1 of 100"
     assert slide["at the wanted depth"].startswith("90.0 %")
     assert slide["contact lost where the surface goes on"].startswith("1.0 %")
     assert (halted["trials"], halted["ended with a reason"]) == ("1", "too few (1)")
-    assert fault_table(trials)["stopped in time"].tolist() == ["99 of 100"]
+    assert fault_table(result)["stopped in time"].tolist() == ["99 of 100"]
 
 
 def test_nothing_is_claimed_of_few_trials():
     trials = [{"object": "mug", "seed": 0, "touch": TOUCH, "slide": SLIDE, "fault": None}]
-    assert motion_table(trials)["at the wanted depth"].tolist() == ["too few (1)", "too few (1)", "too few (0)"]
+    assert motion_table({"trials": trials, "config": {"depth_mm": 0.5}})["at the wanted depth"].tolist() == [
+        "too few (1)",
+        "too few (1)",
+        "too few (0)",
+    ]

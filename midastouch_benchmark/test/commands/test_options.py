@@ -1,4 +1,5 @@
 import argparse
+import dataclasses
 import json
 import math
 import shlex
@@ -11,6 +12,7 @@ import trimesh
 
 from midastouch_benchmark.commands import options
 from midastouch_benchmark.evidence import fingerprint
+from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.output_paths import codebook_path
@@ -103,23 +105,35 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
         options.load_object("box", None, None, NETWORKS)
 
 
-@pytest.mark.parametrize("parts", [("estimates",), ("perception",), ("estimates", "real_gel")])
-def test_a_result_is_kept_with_the_command_and_the_code_that_made_it(tmp_path, capsys, parts):
+@pytest.mark.parametrize(
+    ("kind", "also", "parts"),
+    [
+        ("evaluate-start", (), ["estimates"]),
+        ("evaluate-perception checks", (), ["real_gel"]),
+        ("evaluate-start", ("real_gel",), ["estimates", "real_gel"]),
+    ],
+)
+def test_a_result_is_kept_with_command_and_fingerprint(tmp_path, capsys, monkeypatch, kind, also, parts):
+    shown = dataclasses.replace(EXPERIMENTS[kind], tables=lambda content: (), notes=lambda content: ["a line"])
+    monkeypatch.setitem(EXPERIMENTS, kind, shown)
     parser = argparse.ArgumentParser()
     options.add_json_option(parser)
     args = parser.parse_args(["--json", str(tmp_path / "r.json")])
     args.command_line = "midastouch measure"
-    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line", parts=parts) == 0
-    assert capsys.readouterr().out == "a table\na line\n"
+    assert options.conclude(args, kind, {"mm": 1 / 3, "missing_slides": 3}, "another", also=also) == 0
+    assert capsys.readouterr().out.splitlines()[:2] == ["a line", "another"]
     made_by = "+".join(fingerprint.today()[part] for part in parts)
-    kept = {"command": "midastouch measure", "fingerprint": made_by, "mm": 0.3333}
+    kept = {"command": "midastouch measure", "fingerprint": made_by, "mm": 0.3333, "missing_slides": 3}
     assert json.loads((tmp_path / "r.json").read_text()) == kept
 
 
-def test_it_is_shown_without_being_kept(tmp_path, capsys, monkeypatch):
+def test_without_json_nothing_is_written(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert options.conclude(argparse.Namespace(json=None), {}, "a table") == 0
-    assert (capsys.readouterr().out, list(tmp_path.iterdir())) == ("a table\n", [])
+    start = {"trials": 1, "objects": 1, "first_pose_s": {"value": 1.0, "max": 2.0}}
+    result = {"start": start, "missing_trials": 3}
+    assert options.conclude(argparse.Namespace(json=None), "evaluate-start", result) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("3 trials are left")
+    assert list(tmp_path.iterdir()) == []
 
 
 def parsed(*given: str) -> argparse.Namespace:
@@ -138,9 +152,3 @@ def test_the_deadline_is_counted_from_the_start():
             assert square == (2 * number + 1) ** 2
             progress(1)
     assert before + 120 <= workforce.deadline <= time.monotonic() + 120
-
-
-def test_it_is_said_how_it_goes_on():
-    assert options.left(0, "trial") == []
-    (line,) = options.left(3, "slide")
-    assert line.startswith("3 slides")

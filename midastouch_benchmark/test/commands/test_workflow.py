@@ -107,15 +107,15 @@ def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
     dataclasses.replace(calibration, background=background_colours(background[:, ::-1, ::-1])).save("other.npz")
     shutil.copy("eyebolt/00/background.png", "free.png")
     options = ("--background", "free.png", "--calibration", "own.npz", "--json", "calibrated.json")
-    _, depth = run("evaluate-tdn", "eyebolt/00", *options)
-    _, without = run("evaluate-tdn", "eyebolt/00", "--json", "plain.json")
+    _, depth = run("evaluate-perception", "tdn", "eyebolt/00", *options)
+    _, without = run("evaluate-perception", "tdn", "eyebolt/00", "--json", "plain.json")
     assert depth["sequences"][0]["background"] == "free.png"
     assert depth["summary"]["rmse_mm"] != without["summary"]["rmse_mm"]
     _, result = run("evaluate", "eyebolt/00", *options, "--seeds", "1", "--max-frames", "3", "--config", "small.yaml")
     assert result["config"]["networks"]["calibration"] == "5 presses of a ball of 6 mm, 2026-11-23"
     assert result["sequences"][0]["background"] == "free.png"
-    for command in ("evaluate", "evaluate-tdn"):
-        assert cli.main([command, "eyebolt/00", "--calibration", "other.npz"]) == 2
+    for command in (["evaluate"], ["evaluate-perception", "tdn"]):
+        assert cli.main([*command, "eyebolt/00", "--calibration", "other.npz"]) == 2
         assert "another gel or another sensor" in capsys.readouterr().err
 
 
@@ -134,8 +134,8 @@ def test_real_slides_beside_the_paper_s(run, real_slide):
     assert "19.7" in Path("real_report/index.html").read_text()
 
 
-def test_evaluate_tdn(run):
-    output, result = run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
+def test_the_depth_network_is_evaluated(run):
+    output, result = run("evaluate-perception", "tdn", "eyebolt/00", "--json", "tdn.json")
     (sequence,) = result["sequences"]
     assert set(sequence) >= {
         "sequence", "frames", "rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame", "background",
@@ -199,11 +199,11 @@ def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypat
     assert all(set(point["step_ms"]) == TIMES and point["memory_mb"] > 0 for point in result["scaling"])
     assert len(output.splitlines()) == 4
     run("report", "scale.json", "--out", "scale_report")
-    assert (workspace / "scale_report" / "scaling_0.png").is_file()
+    assert (workspace / "scale_report" / "bench_scale_0.png").is_file()
 
 
 @pytest.mark.slow
-def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, workspace):
+def test_benchmark_compares_variants_and_continues(run, workspace):
     options = (
         "benchmark", "--objects", "eyebolt", "--out", "bm", "--slides", "1", "--length", "0.015", "--seeds", "1",
         "--init", "paper", "--codebook-size", "300", "--config", "small.yaml", "--json", "benchmark.json",
@@ -242,10 +242,10 @@ def test_a_campaign_has_the_same_results_on_two_workers(run, workspace):
 @pytest.mark.slow
 def test_report_takes_all_of_them(run, workspace):
     run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
-    run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
+    run("evaluate-perception", "tdn", "eyebolt/00", "--json", "tdn.json")
     output, _ = run("report", "short.json", "tdn.json", "--out", "report")
     assert output.strip() == "report/index.html"
-    assert (workspace / "report" / "0_eyebolt_00_paths.png").is_file()
+    assert (workspace / "report" / "evaluate_0_eyebolt_00_paths.png").is_file()
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,7 @@ def test_report_takes_all_of_them(run, workspace):
         (["download", "ycb-mesh"], "name what to download"),
         (["evaluate", "eyebolt/00", "--tdn", "slow"], "tdn network 'slow' is not known"),
         (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
-        (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
+        (["evaluate-perception", "tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
         (["bench-scale", "--frames", "3"], "--frames 3: too few"),
         (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced"),

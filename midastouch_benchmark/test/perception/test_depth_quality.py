@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.perception.depth_quality import DepthQuality, brightness_effect
+from midastouch_benchmark.perception.reports import DepthQuality, brightness_effect
 from midastouch_tools.datasets.ball_presses import BallPresses
 
 

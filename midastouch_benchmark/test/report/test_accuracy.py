@@ -3,8 +3,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from midastouch_benchmark.report.accuracy import front_figure, label_points, reliability_figure
+from midastouch_benchmark.report.front import front_figure, label_points
 from midastouch_benchmark.report.results_page import write_results_page
+from midastouch_benchmark.report.trial_figures import reliability_figure
 from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
 from midastouch_benchmark.statistics.comparison import compare_variants
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
@@ -72,9 +73,9 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     assert "\n```\nmidastouch benchmark --variant paper 5k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
     assert pictures == {
-        *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
-        "accuracy_0_front.png",
-        "likelihood_0.png",
+        *(f"benchmark_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
+        "benchmark_0_front.png",
+        "benchmark_0_likelihood.png",
     }
     assert all(f"]({picture})" in markdown for picture in pictures)
 
@@ -117,7 +118,7 @@ def test_every_start_has_its_panel_with_every_variant(comparison):
         assert axes.get_xscale() == "log"
 
 
-def test_the_front_joins_what_nothing_beats_and_default_and_presets_are_marked(comparison):
+def test_the_front_joins_what_nothing_beats(comparison):
     lines = {line.get_label(): line for line in front_figure(comparison, DESCRIPTIONS).axes[0].lines}
     assert lines["Pareto front"].get_xydata().tolist() == [[2, 9], [4, 5], [8, 3]]
     for label, point in {"default, as shipped": [8, 3], "a preset": [4, 5]}.items():

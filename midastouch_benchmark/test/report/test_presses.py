@@ -3,11 +3,10 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.perception.press_quality import measure_presses
-from midastouch_benchmark.report.presses import press_section
+from midastouch_benchmark.report.results_page import write_results_page
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_tools.datasets.ball_presses import load_ball_presses
-from midastouch_tools.drawing.page import Page
 from midastouch_tools.result_file import to_json
 
 
@@ -31,15 +30,13 @@ def result(tmp_path) -> dict:
 
 
 def write(result, folder) -> str:
-    page = Page("presses")
-    press_section(page, [result], folder)
-    return page.write(folder / "index.html").read_text()
+    return write_results_page([("presses.json", result)], folder).read_text()
 
 
 def test_the_section_shows_presses_and_depths(result, tmp_path):
     content = write(result, tmp_path)
     assert result["network"] in content
-    for picture in ("press_depths_0.png", "presses_0.png"):
+    for picture in ("evaluate_perception_presses_0_depths.png", "evaluate_perception_presses_0.png"):
         assert f'src="{picture}"' in content
         assert (tmp_path / picture).stat().st_size > 5000
 

@@ -1,8 +1,13 @@
+import html
+
 import numpy as np
 import pytest
 
-from midastouch_benchmark.report.results_page import scaling_figure, write_results_page
+from midastouch_benchmark.report.results_page import write_results_page
+from midastouch_benchmark.report.trial_figures import scaling_figure
 from midastouch_benchmark.statistics.accuracy import summarise_trials
+from midastouch_benchmark.tables.experiments import EXPERIMENTS
+from midastouch_benchmark.tables.reports import report
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
@@ -11,7 +16,6 @@ KEYS = [
     for prefix in ("e", "min_cluster", "closest_mode", "estimate")
     for unit in ("trans_mm", "rot_deg")
 ]
-TIME = {"p50": 1.0, "p95": 2.0, "cpu": 1.5}
 
 
 def trial(seed: int, run) -> dict:
@@ -62,7 +66,7 @@ def test_an_evaluation_with_its_pictures(evaluation, tmp_path, ball):
     page = write_results_page([("a.json", evaluation)], tmp_path / "out")
     content = page.read_text()
     assert "ball/00" in content
-    for picture in ("final_errors.png", "0_ball_00_errors.png", "0_ball_00_paths.png"):
+    for picture in ("evaluate_0.png", "evaluate_0_ball_00_errors.png", "evaluate_0_ball_00_paths.png"):
         assert f'src="{picture}"' in content
         assert (tmp_path / "out" / picture).stat().st_size > 5000
 
@@ -72,30 +76,31 @@ def test_without_the_mesh_the_page_says_so(evaluation, tmp_path):
     assert "/nowhere/ball.ply is not there" in content
 
 
-def test_the_other_kinds_of_result(tmp_path):
-    bench = {
-        "threads": 2,
-        "codebook_size": 50000,
-        "tdn_ms": TIME,
-        "tcn_ms": TIME,
-        "filter_ms": {"50000": TIME, "1000": TIME},
-        "lookup_ms": {"50000": TIME},
-        "end_to_end_hz": 41.5,
-        "end_to_end_ms": TIME,
-        "renders_per_s": 1234.5,
-        "codebook_poses_per_s": 321.0,
-        "peak_rss_mb": 512.0,
-    }
-    figures = {"rmse_mm": 0.123, "contact_rmse_mm": 0.2, "contact_iou": 0.9, "ms_per_frame": 3.0}
-    depth = {"sequences": [{"sequence": "ball/00", "frames": 3, **figures}], "summary": figures}
-    results = [("b.json", bench), ("d.json", depth)]
-    content = write_results_page(results, tmp_path).read_text()
-    for text in ("41.5 Hz", "0.123", "stages_0.png"):
-        assert text in content
+def newest_of_each_kind() -> dict[str, str]:
+    """Names of reports in this tree, by kind."""
+    found: dict[str, str] = {}
+    for name in ("checks", "bench", "identify", "presses_vocdex", "evaluate_tdn", "soft_gel", "start", "exploration",
+                 "motion", "observer_uniform", "scale"):  # fmt: skip
+        found[next(k for k, e in EXPERIMENTS.items() if all(key in report(name) for key in e.keys))] = name
+    return found
+
+
+def test_every_kind_of_result_has_its_tables_on_the_page(tmp_path):
+    kinds = newest_of_each_kind()
+    assert len(kinds) == 11
+    results = {kind: (f"{name}.json", report(name)) for kind, name in kinds.items()}
+    content = html.unescape(write_results_page(list(results.values()), tmp_path).read_text())
+    for kind, (_, result) in results.items():
+        experiment = EXPERIMENTS[kind]
+        cells = [str(cell) for _, table in experiment.tables(result) for cell in table.to_numpy().ravel()]
+        assert [text for text in (*cells, *experiment.notes(result)) if text not in content] == [], kind
+    for picture in ("bench_0.png", "bench_scale_0.png", "evaluate_perception_presses_0_depths.png"):
+        assert f'src="{picture}"' in content
+        assert (tmp_path / picture).stat().st_size > 5000
 
 
 @pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}])
-def test_foreign_and_incomplete_files_are_refused_by_name(content, tmp_path):
+def test_foreign_and_incomplete_files_are_refused(content, tmp_path):
     with pytest.raises(InputError, match=r"x\.json"):
         write_results_page([("x.json", content)], tmp_path)
 
@@ -104,54 +109,6 @@ def test_a_foreign_file_leaves_no_folder_behind(tmp_path):
     with pytest.raises(InputError, match=r"x\.json: "):
         write_results_page([("x.json", {"a": 1})], tmp_path / "page")
     assert not (tmp_path / "page").exists()
-
-
-def test_every_table_is_on_the_page(tmp_path):
-    case = {"alarms": 0.25, "named_turned": 0.67, "quietest_tenth": 1.5, "explained_share": 0.75}
-    case |= {"auc_quietest_tenth": 0.5, "auc_explained_share": None}
-    touches = [{"from_mm": 0.05, "to_mm": 0.1, "touches": 7, "missed": 0.14}]
-    result = {
-        "network": "tdn_x-1",
-        "sensor": "digit_tacto",
-        "sensors": 40,
-        "no_contact_images": 24,
-        "fit_check": {"right": case},
-        "no_contact_image": {"upside down": 1.0},
-        "cause_named": {"upside down": 0.83},
-        "real_sensors": {"d20641": {"trials": 62, "right": 0.02, "touched": 0.97}},
-        "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46}]},
-        "capture": {"a touch refused": 0.98},
-        "gels": {"another gel's no-contact image": {"trials": 26, "said": 0.96}},
-        "light_touches": {"eyebolt; DIGIT": [touches[0] | {"missed": 0.29}]},
-        "slow_light": [{"sensor": "DIGIT", "images": 12, "change": 0.05, "frames": 60, "false_contacts": 0.03}],
-        "contact": {
-            "missed": {"wire": touches},
-            "false": [{"brighter": 0.02, "false_contacts": 0.03}],
-            "false_while_warming": 0.011,
-        },
-    }
-    content = write_results_page([("checks.json", result)], tmp_path).read_text()
-    for text in ("tdn_x-1", "25 %", "upside down", "98 %", "83 %", "67 %", "wire", "0.05 to 0.1 mm", "14 %", "1.50",
-                 "2 % brighter", "d20641", "97 %", "46 %", "3 %", "1 %", "96 %", "up to 5 %", "29 %",
-                 "eyebolt; DIGIT"):  # fmt: skip
-        assert text in content
-
-
-def test_what_was_taken_for_what_is_on_the_page(tmp_path):
-    figure = {"share": 0.9, "interval": [0.8, 0.95]}
-    value = {"value": 0.12, "interval": None}
-    summary = {
-        "known": 200, "unknown": 200, "objects": 10, "enough": True, "right": figure, "pose_right": figure,
-        "alone_pose_right": figure, "refused": figure, "path_until_right": value,
-        "calibration_error": 0.02, "cpu_ratio": value,
-        "answers": {"mug -> unknown": 3},
-    }  # fmt: skip
-    content = {"identification": summary, "catalogue": ["mug", "drill"], "trials": []}
-    page = write_results_page([("identify.json", content)], tmp_path).read_text()
-    assert "mug, drill" in page
-    assert "mug -&gt; unknown: 3" in page
-    assert "90 % (80%...95%)" in page
-    assert "0.020" in page
 
 
 def point(particles: int, poses: int) -> dict:
@@ -171,11 +128,3 @@ def test_time_and_memory_are_drawn_over_each_number():
         [[100, 50], [50_000, 50]],
         [[50_000, 50], [1_000_000, 1000]],
     ]
-
-
-def test_the_page_has_table_and_curves(tmp_path):
-    content = {"object": "ball", "frames": 60, "threads": 2, "scaling": POINTS}
-    page = write_results_page([("scale.json", content)], tmp_path).read_text()
-    assert "1,000,000" in page
-    assert 'src="scaling_0.png"' in page
-    assert (tmp_path / "scaling_0.png").stat().st_size > 5000

@@ -7,6 +7,8 @@ import pytest
 
 from midastouch_benchmark.tables.table import (
     UNMEASURED,
+    Table,
+    flat,
     fraction,
     markdown,
     on_page,
@@ -15,10 +17,9 @@ from midastouch_benchmark.tables.table import (
     pose,
     terminal,
     text,
-    tidy,
     upright,
     value,
-    written,
+    with_row,
 )
 from midastouch_tools.drawing.page import Page
 
@@ -26,7 +27,7 @@ ROW = {"name": "mug", "trials": 120, "right": 60, "nested": {"share": 0.25, "int
 
 
 def test_what_is_nested_is_named_by_its_path():
-    (row,) = tidy([ROW]).to_dict("records")
+    row = flat(ROW)
     assert (row["nested.share"], row["nested.interval"]) == (0.25, [0.2, 0.3])
 
 
@@ -60,7 +61,7 @@ def table() -> pd.DataFrame:
         {"name": "can", "measured": False, "report": "c"},
     ]
     claims = {"right": part("right"), "share": fraction("nested")}
-    return written(tidy(rows), {"object": text("name")}, claims, "report")
+    return Table({"object": text("name")}, claims).of(rows, "report")
 
 
 def test_claims_need_enough_trials_and_a_report(table):
@@ -100,3 +101,8 @@ def test_a_wide_table_of_few_rows_stands_upright():
     assert list(turned.columns) == ["what", "r0", "r1"]
     assert list(turned["what"]) == list("abcdefgh")
     assert upright(pd.concat([wide] * 2)).shape == (4, 9)
+
+
+def test_a_last_row_has_dashes_where_it_has_no_cell(table):
+    assert with_row(table, {"object": "paper"}).to_numpy()[-1].tolist() == ["paper", "-", "-", "-"]
+    assert with_row(table, None) is table

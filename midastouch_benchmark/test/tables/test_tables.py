@@ -3,7 +3,7 @@
 import pytest
 
 from midastouch_benchmark.tables import comparisons, reports, trust
-from midastouch_benchmark.tables.table import UNMEASURED, tidy
+from midastouch_benchmark.tables.table import UNMEASURED
 from midastouch_benchmark.trials.variants import SETS, VARIANTS
 
 
@@ -20,11 +20,11 @@ def test_trust_is_claimed_by_whole_intervals_only(fraction, interval, verdict):
 def test_the_promise_about_converged_stands_in_its_table():
     wrong = {"share": 0.5, "interval": [0.4, 0.6]}
     rows = [{"what": "kidnap", "trials": n, "trust": {"converged_frames_wrong": wrong}} for n in (200, 99)]
-    table = trust.converged_table(tidy(rows)).iloc[:, 1:3].to_numpy().tolist()
+    table = trust.CONVERGED.of(rows).iloc[:, 1:3].to_numpy().tolist()
     assert table == [["50.0 % (40.0%...60.0%)", "*not kept*"], ["too few (99)"] * 2]
 
 
-def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials():
+def test_the_front_marks_presets_and_claims_nothing_of_few():
     def compared(variant: str, cpu: float, error: float) -> dict:
         same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg", "cpu_difference_ms"), 0.0)
         paired = ("difference_mm", "right_difference", "wrong_converged_difference", "cpu_difference_ms")
@@ -48,7 +48,7 @@ def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     assert UNMEASURED in table().to_numpy()[0].tolist()
 
 
-def test_every_protocol_has_a_row_for_each_further_set_and_a_command_that_makes_it():
+def test_every_protocol_has_row_and_command_for_each_set():
     rows = reports.further()
     for objects, (words, _) in reports.FURTHER.items():
         own = {name: what for name, what in rows.items() if name.endswith(f"_{objects}") and name != "small_cad"}

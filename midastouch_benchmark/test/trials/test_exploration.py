@@ -5,8 +5,8 @@ import pytest
 from midastouch_benchmark.trials import exploration
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS
-from midastouch_benchmark.trials.exploration import ExplorationPlan, run_exploration
-from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
+from midastouch_benchmark.trials.exploration import ExplorationPlan
+from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
@@ -26,7 +26,7 @@ def explored(tmp_path_factory):
 
     def run():
         with open_cluster() as cluster:
-            return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), Workforce(cluster))
+            return plan.run([mesh], Workforce(cluster))
 
     return run(), run
 
@@ -61,7 +61,7 @@ def trials_of(folder, mesh, policy, length, trials=1):
     config = FilterConfig(max_particles=1000, threads=1)
     plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
     with open_cluster() as cluster:
-        return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), Workforce(cluster))[0]
+        return plan.run([mesh], Workforce(cluster))[0]
 
 
 @pytest.mark.slow

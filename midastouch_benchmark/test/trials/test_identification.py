@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.statistics.exploring import calibration_error, summarise_identification
-from midastouch_benchmark.tables.results import of_identification
+from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_benchmark.trials.cache import Cache, SlideKind
-from midastouch_benchmark.trials.identification import IdentityPlan, identify, run_identification
+from midastouch_benchmark.trials.identification import IdentityPlan, identify
 from midastouch_benchmark.trials.trial import TrialFrame
-from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
+from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
@@ -19,21 +19,20 @@ from midastouch_tools.cluster import open_cluster
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
-    """Two bundled objects, slid over for 60 mm each: the plan, meshes, log and trials."""
+    """Two bundled objects, slid over for 60 mm each: the plan, meshes and trials."""
     folder = tmp_path_factory.mktemp("identify")
     cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
     plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
-    log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
-        trials, missing = run_identification(plan, meshes, log, Workforce(cluster))
+        trials, missing = plan.run(meshes, Workforce(cluster))
     assert not missing
-    return plan, meshes, log, trials
+    return plan, meshes, trials
 
 
 @pytest.mark.slow
 def test_every_slide_is_run_with_the_object_and_without(campaign):
-    _, meshes, _, trials = campaign
+    _, meshes, trials = campaign
     names = [mesh.name for mesh in meshes]
     assert [(t["object"], t["in_catalogue"], t["objects"]) for t in trials] == [
         (name, there, 2 if there else 1) for name in names for there in (True, False)
@@ -47,32 +46,28 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
 
 
 @pytest.mark.slow
-def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
-    plan, meshes, log, trials = campaign
+def test_finished_slides_are_kept_and_a_deadline_ends(campaign):
+    plan, meshes, trials = campaign
     begun = []
     with open_cluster() as cluster:
         reported = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
-        again, _ = run_identification(plan, meshes, log, reported)
+        again, _ = plan.run(meshes, reported)
         further = dataclasses.replace(plan, slides=(0, 1))
-        _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), Workforce(cluster, -np.inf))
+        _, missing = further.run(meshes, Workforce(cluster, -np.inf))
     assert begun == [0]
     assert again == trials
-    assert missing == 4
+    assert missing == 2
 
 
 @pytest.mark.slow
-def test_before_the_first_touch_no_object_is_named_and_no_pose_is_right(campaign):
-    plan, meshes, _, _ = campaign
+def test_before_the_first_touch_no_object_is_named(campaign):
+    plan, meshes, _ = campaign
     books = [plan.cache.codebook_path(mesh) for mesh in meshes]
     catalogue = read_catalogue(books, lambda path: None, plan.config, plan.cache.sensor)
     frames = [TrialFrame(k, Measurement(False), {}, np.eye(4), np.eye(4)) for k in range(3)]
     found = identify(catalogue, frames, meshes[0].name, plan.config)
     assert not found["right"]
     assert found["pose_right"] is False
-
-
-def log_path(plan):
-    return plan.cache.folder / "other.jsonl"
 
 
 def trial(number, in_catalogue=True, right=True, confidence=0.9, **other):
@@ -96,13 +91,15 @@ def test_the_summary_counts_both_kinds_of_trials():
     assert summary["calibration_error"] == pytest.approx(0.05)
     assert summary["answers"]["object_0 -> that"] == 2
     assert summary["enough"]
-    ((_, table),) = of_identification({"identification": summary})
+    ((_, table),) = EXPERIMENTS["identify"].tables({"identification": summary})
     assert table["slides"][0] == "100 with, 100 without"
     assert table["right at the end"][0].startswith("90 % (")
 
 
 def test_few_trials_claim_nothing():
-    ((_, table),) = of_identification({"identification": summarise_identification([trial(0), trial(1, False)])})
+    ((_, table),) = EXPERIMENTS["identify"].tables(
+        {"identification": summarise_identification([trial(0), trial(1, False)])}
+    )
     assert set(table.iloc[0, 2:]) == {"too few (1)"}
 
 

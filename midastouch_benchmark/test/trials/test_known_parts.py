@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_benchmark.trials.cad_parts import CAD_PARTS
+from midastouch_benchmark.trials.cad_parts import CAD_PARTS, SMALL_CAD_PARTS
 from midastouch_benchmark.trials.known_parts import KnownPart, write_parts
-from midastouch_benchmark.trials.small_cad_parts import SMALL_CAD_PARTS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import codebook_poses
@@ -78,7 +77,7 @@ def test_the_known_group_is_one(name):
 
 
 @pytest.mark.parametrize("name", [name for name, part in PARTS.items() if part.near])
-def test_what_is_nearly_symmetric_differs_on_a_small_part_of_its_surface(name):
+def test_nearly_symmetric_parts_differ_on_a_small_part(name):
     mesh, part = PARTS[name].make(name), PARTS[name]
     motions = look_alikes(part)
     assert motions
@@ -88,7 +87,7 @@ def test_what_is_nearly_symmetric_differs_on_a_small_part_of_its_surface(name):
         assert 0.02 < (distances > 3 * SAME).mean() < 0.13
 
 
-def test_a_mirrored_pair_is_a_mirror_image_and_no_turn_makes_one_of_the_other():
+def test_no_turn_makes_a_mirror_image():
     left, right = (PARTS[name].make(name) for name in ("bracket_left", "bracket_right"))
     points, _, _ = left.sample_surface(4000, np.random.default_rng(0))
     assert right.closest_points(points * [-1, 1, 1])[1].max() < SAME

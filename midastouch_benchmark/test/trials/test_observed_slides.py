@@ -2,8 +2,8 @@
 
 import pytest
 
-from midastouch_benchmark.statistics.observing import summarise_observing
-from midastouch_benchmark.tables.observing import observing_table
+from midastouch_benchmark.statistics.exploring import summarise_observing
+from midastouch_benchmark.tables.exploring import observing_table
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.observed_slides import (
     EVIDENCE,
@@ -11,10 +11,9 @@ from midastouch_benchmark.trials.observed_slides import (
     ObservedPlan,
     chosen_observed,
     found_out,
-    run_observed,
 )
 from midastouch_benchmark.trials.trial import Event
-from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
+from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -37,7 +36,7 @@ def test_it_is_known_from_where_it_stays_sure_and_right():
     assert found_out([], None)["known_m"] is None
 
 
-def test_an_event_ends_what_was_known_and_is_asked_about_20_frames_later():
+def test_an_event_ends_what_was_known():
     before = answers((0, 1.0, True), (10, 1.0, True))
     late = answers((30, 1.0, False), (45, 0.5, True), (55, 1.0, True), (70, 1.0, True))
     found = found_out(before + late, Event(20, 30))
@@ -69,12 +68,12 @@ def test_the_filter_is_compared_where_the_observer_knows():
 
 def test_the_table_has_a_dash_where_nothing_happened_on_the_way():
     trials = [trial(str(k), 0.1, 0.2) for k in range(100)]
-    (row,) = observing_table(summarise_observing(trials, ("maps",), 0.01)).to_dict("records")
+    (row,) = observing_table({"ideal_observer": summarise_observing(trials, ("maps",), 0.01)}).to_dict("records")
     assert row["compared by"] == "penetration maps"
     assert row["observer's path, median"].startswith("100 mm")
     assert row["known again after 20 frames"] == "-"
     kidnapped = [trial(str(k), 0.1, 0.2, soon=True) for k in range(100)]
-    (row,) = observing_table(summarise_observing(kidnapped, ("maps",), 0.01)).to_dict("records")
+    (row,) = observing_table({"ideal_observer": summarise_observing(kidnapped, ("maps",), 0.01)}).to_dict("records")
     assert row["known again after 20 frames"].startswith("100 %")
 
 
@@ -99,7 +98,7 @@ def test_the_same_slides_are_run_once(tmp_path):
 
     def run():
         with open_cluster() as cluster:
-            return run_observed(plan, [mesh], TrialLog(tmp_path / "log.jsonl"), Workforce(cluster))
+            return plan.run([mesh], Workforce(cluster))
 
     (found,), missing = run()
     assert not missing
@@ -109,6 +108,6 @@ def test_the_same_slides_are_run_once(tmp_path):
         assert len(reported["probability"]) == len(reported["right"]) == found["frames"]
         assert all(0 <= p <= 1 + 1e-9 for p in reported["probability"])
     assert found["filter"] != found["observers"]["maps"]
-    log = (tmp_path / "log.jsonl").read_text()
+    log = (tmp_path / "observed.jsonl").read_text()
     assert run() == ([found], 0)
-    assert (tmp_path / "log.jsonl").read_text() == log
+    assert (tmp_path / "observed.jsonl").read_text() == log

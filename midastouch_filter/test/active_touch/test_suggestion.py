@@ -102,7 +102,7 @@ def possible(model, *centres) -> list[Hypothesis]:
     return hypotheses_of(believing([model], *((0, centre, KNOWN, 1 / len(centres)) for centre in centres)))
 
 
-def test_a_single_hypothesis_is_confirmed_where_its_near_images_differ(world, handed):
+def test_a_lone_hypothesis_is_confirmed_where_its_images_differ(world, handed):
     pose = copies(world, handed)[0].pose
     found, image = possible(handed, pose)
     assert found.probability == pytest.approx(CONFIG.converged_probability, abs=0.001)
@@ -274,7 +274,7 @@ def test_what_was_measured_already_is_no_news(world, handed):
     assert max((each.information for each in same), default=0.0) < 0.5 * best.information
 
 
-def test_a_slide_goes_where_it_is_headed_and_stays_on_the_surface(alike):
+def test_a_slide_goes_as_headed_and_stays_on_the_surface(alike):
     starts = alike.lookup.poses[:20]
     headings = np.array([0.0, math.pi / 2])
     tracks, touchable = predict_slides(alike, starts, headings, np.array([0.01, 0.02]))

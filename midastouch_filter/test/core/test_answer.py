@@ -48,7 +48,7 @@ def moment_about(pose, poses, weights):
 # --------------------------------------------------------------------------- modes
 
 
-def test_hypotheses_that_count_as_one_pose_are_one_mode_and_modes_have_all_the_weight(model):
+def test_near_hypotheses_make_one_mode_and_no_weight_is_lost(model):
     belief = belief_of(model, [at(0.03), at(0.0), at(4e-3), at(0.0, 0.6)], [0.3, 0.4, 0.1, 0.2])
     found = modes(belief)
     np.testing.assert_allclose([mode.weight for mode in found], [0.5, 0.3, 0.2])
@@ -153,7 +153,7 @@ def test_alone_a_mode_keeps_its_covariance(model):
     np.testing.assert_array_equal(covariance_of(belief, 0, [mode]), mode.covariance)
 
 
-def test_other_objects_whose_frames_are_their_own_are_no_part_of_a_covariance_or_of_draws(model):
+def test_covariance_and_draws_leave_other_objects_out(model):
     belief = belief_of(model, [at(0.0), at(0.3)], [0.5, 0.1])
     belief.objects, belief.untested = [model, model], [belief.untested[0], belief.untested[0]]
     belief.hypotheses = replace(belief.hypotheses, objects=np.array([0, 1], np.int32))

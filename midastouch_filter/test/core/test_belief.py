@@ -19,7 +19,7 @@ def along_x(*metres):
 # --------------------------------------------------------------------------- hypotheses that have met
 
 
-def test_those_that_have_met_become_the_heaviest_with_the_weight_of_all():
+def test_merging_keeps_the_heaviest_with_the_weight_of_all():
     merged = hypotheses_at(along_x(1e-3, 0.0, 0.03), np.log([0.3, 0.5, 0.2])).merged(Symmetry())
     np.testing.assert_allclose(merged.poses, along_x(0.0, 0.03))
     np.testing.assert_allclose(np.exp(merged.log_weights), [0.8, 0.2])
@@ -105,7 +105,7 @@ def test_poses_come_up_to_the_present_frame(belief):
     np.testing.assert_array_equal(belief.since, np.eye(4))
 
 
-def test_untested_poses_are_expected_at_entries_and_taken_by_their_rows(belief, world):
+def test_untested_poses_are_expected_by_entry_and_taken_by_row(belief, world):
     model = belief.objects[0]
     belief.expect(0, np.array([7, 5, 9]), np.log([0.1, 0.2, 0.3]))
     taken = belief.take(0, np.array([2, 0]))
@@ -116,7 +116,7 @@ def test_untested_poses_are_expected_at_entries_and_taken_by_their_rows(belief, 
     assert len(belief) == 3 + 100 + 1
 
 
-def test_to_settle_is_to_normalise_and_to_merge_on_each_object_alone(belief):
+def test_settling_normalises_and_merges_on_each_object_alone(belief):
     belief.scale(3.0)
     assert belief.untested_mass == pytest.approx(0.4)
     belief.settle(-30.0)

@@ -47,7 +47,7 @@ def test_from_nothing_known_every_entry_is_as_probable(belief, model):
     assert mass(belief) == pytest.approx(1.0)
 
 
-def test_a_large_codebook_is_expected_in_part_as_its_builder_ordered_it(belief, model):
+def test_of_a_large_codebook_the_first_in_its_order_are_expected(belief, model):
     Births(NOISE, 500).anywhere(belief, 0.0)
     np.testing.assert_array_equal(np.sort(model.order[belief.untested[0].entries]), np.arange(500))
     assert mass(belief) == pytest.approx(1.0)
@@ -60,7 +60,7 @@ def test_objects_share_alike_however_many_entries_they_have(model, world):
 
 
 @pytest.mark.parametrize(("sigma_t", "sigma_r", "reach"), [(1e-4, 1e-3, 0.01), (3e-3, 0.05, 0.015), (0.02, 0.3, 0.06)])
-def test_around_a_prior_its_neighbourhood_is_probable_however_sharp_it_is(belief, model, sigma_t, sigma_r, reach):
+def test_near_a_prior_poses_are_probable_however_sharp_it_is(belief, model, sigma_t, sigma_r, reach):
     """Sharper than the entries are apart, too."""
     pose = model.lookup.poses[100] @ se3.exp([2e-3, -2e-3, 0, 0, 0, 0.1])
     Births(NOISE, ALL).anywhere(belief, 0.0, Prior(pose, sigma_t, sigma_r))
@@ -69,7 +69,7 @@ def test_around_a_prior_its_neighbourhood_is_probable_however_sharp_it_is(belief
     assert len(belief.untested[0]) == 8000, "the prior may be wrong"
 
 
-def test_a_change_keeps_all_and_gives_its_probability_to_all_poses(belief):
+def test_a_change_keeps_all_and_spreads_its_probability_evenly(belief):
     belief.hypotheses = hypotheses_at(se3.translation([0, 0, 0.01])[None], np.array([3.0]))
     assert Births(NOISE, ALL).after_change(belief, 0.25)
     assert mass(belief) == pytest.approx(1.0)
@@ -77,7 +77,7 @@ def test_a_change_keeps_all_and_gives_its_probability_to_all_poses(belief):
     assert np.ptp(belief.untested[0].log_weights) == 0
 
 
-def test_changes_that_follow_each_other_do_not_add_up_without_end(belief):
+def test_repeated_changes_do_not_add_up_without_end(belief):
     births = Births(NOISE, ALL)
     belief.hypotheses = hypotheses_at(np.eye(4)[None], np.zeros(1))
     born = [births.after_change(belief, 0.1) for _ in range(10)]
@@ -87,7 +87,7 @@ def test_changes_that_follow_each_other_do_not_add_up_without_end(belief):
     assert mass(belief) == pytest.approx(1.0)
 
 
-def test_a_search_by_another_finger_begins_where_that_one_touches(belief, model):
+def test_another_finger_s_search_begins_where_it_touches(belief, model):
     births, gel = Births(NOISE, ALL), se3.translation([0.03, 0, 0]) @ se3.exp([0, 0, 0, 0, 1.0, 0])
     births.anywhere(belief, 0.0)
     births.of_finger(belief, gel)

@@ -110,7 +110,7 @@ def test_a_finger_that_sees_the_same_again_does_not_count_again(belief, mapped_s
 # --------------------------------------------------------------------------- order and slices
 
 
-def test_the_heaviest_are_aligned_first_and_then_the_likeliest_untested(belief, model, touch):
+def test_the_heaviest_then_the_likeliest_untested_are_aligned(belief, model, touch):
     poses = model.lookup.poses[[10, 500, 1000, 2000, 3000]]
     belief.hypotheses = hypotheses_at(poses, np.array([-3.0, -1.0, -2.0, -5.0, -4.0]))
     run = Run(belief, touch)
@@ -151,7 +151,7 @@ def test_a_hypothesis_that_waits_counts_by_its_code(belief, model, touch, mapped
     assert belief.hypotheses.log_weights[1] == pytest.approx(-1.1 + waiting, abs=1e-4)
 
 
-def test_those_that_cannot_matter_any_more_are_left_out_and_counted(belief, mapped_slide):
+def test_hopeless_hypotheses_are_left_out_and_counted(belief, mapped_slide):
     poses = np.stack([mapped_slide.poses[0], mapped_slide.poses[0] @ OFF])
     belief.hypotheses = hypotheses_at(poses, np.array([0.0, -100.0]))
     run = Run(belief, mapped_slide.touches[0], most=0).to_the_end(1)
@@ -204,7 +204,7 @@ def test_a_touch_that_says_nothing_new_weighs_nothing(belief, mapped_slide):
     assert np.ptp(belief.hypotheses.log_weights) == 0
 
 
-def test_from_nothing_known_the_touched_place_is_among_the_first_tested(belief, mapped_slide):
+def test_from_nothing_known_the_right_pose_is_tested_early(belief, mapped_slide):
     Run(belief, mapped_slide.touches[0], most=300).to_the_end(32)
     off = np.abs(se3.log(se3.inverse(mapped_slide.poses[0]) @ belief.hypotheses.poses))
     right = (off[:, :3].max(axis=1) < 2e-3) & (off[:, 3:].max(axis=1) < 0.1)

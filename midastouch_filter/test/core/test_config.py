@@ -8,7 +8,7 @@ from midastouch_filter.core.config import GONE, FilterConfig, by_present_names
 from midastouch_filter.core.presets import BALANCED, PAPER, PRESETS, preset_in_words
 
 
-def test_every_field_says_what_it_means_and_its_default_is_in_range():
+def test_every_field_is_explained_and_its_default_in_range():
     config = FilterConfig()
     for item in dataclasses.fields(FilterConfig):
         assert len(item.metadata["doc"]) > 10
@@ -56,7 +56,7 @@ def test_a_field_that_is_gone_names_what_is_in_its_place(name):
         by_present_names({name: 1.0, "max_particles": 7})
 
 
-def test_a_former_name_is_taken_with_a_warning_and_not_beside_the_present_one():
+def test_a_former_name_warns_and_is_refused_beside_the_new_one():
     with pytest.warns(FutureWarning, match="relief_fit is now penetration_fit"):
         assert by_present_names({"relief_fit": 0.7, "threads": 1}) == {"penetration_fit": 0.7, "threads": 1}
     with pytest.raises(InputError, match="both are given"):

@@ -128,7 +128,7 @@ def test_kept_arrays_are_those_that_would_be_made(world):
     assert near(kept) == near(made)
 
 
-def test_what_is_kept_of_the_surface_holds_for_a_part_of_the_codebook(world):
+def test_surface_data_of_a_codebook_hold_for_a_part_of_it(world):
     whole, poses = world.codebook, world.poses[:500]
     part = model_of(world, world.make_codebook(poses, whole.codes[:500], of_surface(whole.derived)))
     made = model_of(world, world.make_codebook(poses, whole.codes[:500]))

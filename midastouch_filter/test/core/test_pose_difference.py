@@ -44,7 +44,7 @@ def test_distances_count_a_radian_as_ten_millimetres():
     np.testing.assert_allclose(pose_distance(poses, np.eye(4)), [0.003, turned, np.hypot(0.004, turned)])
 
 
-def test_a_prior_is_a_normal_density_with_a_floor_modulo_symmetry():
+def test_a_prior_is_normal_with_a_floor_modulo_symmetry():
     prior = Prior(moved(0.01), 2e-3, np.radians(5.0))
     poses = np.stack([moved(0.01), moved(0.014), moved(0.01, 10.0), moved(0.3), HALF_TURN @ moved(0.01)])
     np.testing.assert_allclose(prior.log_density(poses, -12.0, SYMMETRY), [0, -2, -2, -12, 0], atol=1e-9)

@@ -74,7 +74,7 @@ def test_a_start_forgets_that_it_was_lost(machine):
     assert machine.update(narrow(trend=1.0))[0] == state.CONVERGED
 
 
-def test_another_object_is_said_only_when_that_is_certain_and_taken_back_once_it_is_improbable(machine):
+def test_a_foreign_object_is_said_once_sure_until_improbable(machine):
     said = []
     for unknown in (0.9, 0.96, 0.6, 0.4, 0.6):
         machine.update(narrow(unknown=unknown))

@@ -44,7 +44,7 @@ def test_signed_beyond_the_edges_of_a_box():
     assert np.abs(error).max() < 1e-3  # in the rounded corners
 
 
-def test_a_distance_is_infinite_where_it_is_not_known_and_saturates_inside(ball):
+def test_an_unknown_distance_is_infinite_and_inside_it_saturates(ball):
     points = np.array([[0.08, 0, 0], [1, 0, 0], [0, -1e6, 0], [1e30, 0, 0], [np.inf, 0, 0], [0, 0, 0]], np.float32)
     distance = ball[1].distance(points)
     assert np.isposinf(distance[:5]).all()

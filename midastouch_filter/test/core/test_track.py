@@ -30,7 +30,7 @@ def test_a_keyframe_is_due_at_once_and_then_after_the_spacing(track):
     assert track.is_due(FIRST)
 
 
-def test_turning_counts_as_path_and_a_further_finger_as_a_new_touch(track):
+def test_a_touch_is_due_after_a_turn_or_with_a_further_finger(track):
     track.keep(FIRST)
     go(track, 0.0, turn=0.9)
     assert not track.is_due(FIRST)
@@ -64,7 +64,7 @@ def test_before_the_first_touch_nothing_is_lifted(track):
     assert not track.lifted
 
 
-def test_a_lift_makes_every_touch_new_and_a_gap_in_a_slide_does_not(track):
+def test_a_lift_makes_touches_new_and_a_gap_in_a_slide_does_not(track):
     track.keep(FIRST)
     for metres, lifted in ((8e-3, False), (12e-3, True)):
         go(track, metres, in_contact=False)
@@ -81,7 +81,7 @@ def test_a_forced_touch_counts_in_full_at_rest(track):
     assert track.keep(FIRST) == 1.0
 
 
-def test_where_it_was_in_the_air_is_told_once_from_the_present_frame(track):
+def test_free_space_is_reported_once_in_the_present_frame(track):
     track.keep(FIRST)
     go(track, 0.01, 0.01, 1e-4, in_contact=False)
     go(track, 0.01)
@@ -96,7 +96,7 @@ def test_many_poses_in_the_air_are_bounded(track):
     assert air[-1, 0, 3] == pytest.approx(0.0)
 
 
-def test_what_was_touched_since_the_last_lift_is_known_from_the_present_frame(track):
+def test_touches_since_the_last_lift_are_in_the_present_frame(track):
     assert len(track.touched) == 0
     track.keep(BOTH)
     go(track, 0.01)

@@ -36,7 +36,7 @@ def test_map_works_side_by_side():
     assert sorted(Workers(2).map(lambda _: both.wait(), [0, 1])) == [0, 1]
 
 
-def test_a_thread_that_is_held_up_holds_up_none_of_the_other_items():
+def test_a_thread_held_up_holds_up_no_other_item():
     others, done = threading.Event(), []
 
     def each(item):

@@ -87,7 +87,7 @@ def test_nothing_is_converged_while_the_object_is_not_sure(run):
                 assert identity.leading.probability >= CONFIG.converged_probability * (1.0 - identity.unknown)
 
 
-def test_on_an_object_that_is_not_in_the_catalogue_hardly_any_frame_converges(shelf):
+def test_on_an_unknown_object_hardly_any_frame_converges(shelf):
     run = Run(shelf.catalogue.without("bumpy_2")).slide(*shelf.touches(1))
     assert run.localiser.identity.answer == UNKNOWN
     states = [each.status.state for each in run.estimates if each is not None]
@@ -95,7 +95,7 @@ def test_on_an_object_that_is_not_in_the_catalogue_hardly_any_frame_converges(sh
     assert run.localiser.T_base_obj() is None
 
 
-def test_an_object_that_is_exchanged_while_the_sensor_is_lifted_is_found(shelf):
+def test_an_object_exchanged_during_a_lift_is_found(shelf):
     truth, frames = shelf.touches(0, steps=100)
     run = Run(shelf.catalogue).slide(truth, frames)
     assert run.led[-1] == "bumpy_1"

@@ -43,7 +43,7 @@ def test_before_any_touch_it_is_what_was_assumed(shelf):
     assert now.in_words() == "unknown 40%, bumpy_1 20%, bumpy_2 20%, bumpy_3 20%"
 
 
-def test_probabilities_are_one_together_and_those_of_hypotheses_are_the_objects(slid):
+def test_objects_add_up_to_one_and_hypotheses_to_their_object(slid):
     now = slid.now
     assert sum(each.probability for each in now.objects) + now.unknown == pytest.approx(1.0)
     assert now.leading.name == now.answer == "bumpy_1"

@@ -106,7 +106,7 @@ def test_what_is_not_the_object_or_not_sure_is_overlooked(graph):
     assert bench.sees(detections(hypothesis(0.2))).pose.pose.position.x == 0.2
 
 
-def test_a_filter_that_knows_something_is_left_alone_unless_asked(graph):
+def test_a_filter_that_knows_anything_is_left_alone_unless_asked(graph):
     bench = Bench(graph)
     bench.overlooks(detections(hypothesis(0.1)))  # no filter has said anything yet
     for state in ("ambiguous", "converged", "no_contact", "stale"):
@@ -127,7 +127,7 @@ def test_a_lost_filter_is_helped_if_wanted(graph, when_lost):
         bench.overlooks(detections(hypothesis(0.1)))
 
 
-def test_a_detector_of_thirty_images_a_second_starts_it_now_and_then(graph):
+def test_a_fast_detector_starts_the_filter_only_now_and_then(graph):
     bench = Bench(graph, period=3600.0)
     bench.state("uninitialised")
     bench.sees(detections(hypothesis(0.1)))

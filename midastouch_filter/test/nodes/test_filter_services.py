@@ -141,7 +141,7 @@ def test_init_mode_wait_and_initialpose(graph):
     assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous"
 
 
-def test_initialpose_in_another_frame_needs_to_know_where_the_object_is(graph):
+def test_initialpose_in_another_frame_needs_the_object_s_pose(graph):
     bench = Bench(graph, **OBJECT)
     starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
     bench.frame(SECOND, T_BASE_OBJ)

@@ -73,7 +73,7 @@ def test_a_cloud_whose_successor_is_there_is_not_waited_for(publishers, reliable
     assert [penetrations.awaited(stamp * SECOND, 0.0) for stamp in (1, 2, 3)] == [False, False, True]
 
 
-def test_in_a_replay_the_first_code_waits_until_whoever_publishes_clouds_is_discovered():
+def test_only_the_first_code_of_a_replay_waits_for_clouds():
     penetrations, _ = map_source(0, reliable=True)
     assert [penetrations.awaited(SECOND, waited) for waited in (0.0, 4.9, 5.0)] == [True, True, False]
     assert not penetrations.awaited(2 * SECOND, 0.0), "codes alone are replayed"

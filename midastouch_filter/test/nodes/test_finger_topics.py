@@ -73,7 +73,7 @@ def test_each_frame_has_what_the_other_finger_measured_and_where(graph):
         np.testing.assert_allclose(others[name].code, [0.6, 0.8], atol=1e-6)
 
 
-def test_images_of_other_stamps_are_placed_where_their_finger_was_then(graph):
+def test_an_image_has_its_finger_s_pose_at_its_own_stamp(graph):
     """Both fingers move; the second camera's image is 12 ms older."""
     hand = Hand(graph, refinement=False)
     for k in range(3):

@@ -85,7 +85,7 @@ def test_the_latched_status_tells_each_step_of_its_life(graph):
     await_reason(graph, late, "deactivated")
 
 
-def test_a_mesh_that_cannot_be_used_fails_the_transition_until_it_is_fixed(graph):
+def test_a_bad_mesh_fails_the_transition_until_it_is_fixed(graph):
     filters = []
     add(graph, filters, mesh="/data/bad.ply", codebook="/data/mug.npz")
     statuses = graph.listen(FilterStatus, "filter_status", latched=True)
@@ -184,7 +184,7 @@ def executable(*parameters: str) -> subprocess.Popen:
 
 
 @pytest.mark.slow
-def test_the_process_ends_with_the_reason_unless_a_manager_may_fix_it(graph, tmp_path):
+def test_the_process_ends_with_the_reason_unless_it_is_managed(graph, tmp_path):
     missing = f"mesh:={tmp_path / 'missing.ply'}", f"codebook:={tmp_path / 'missing.npz'}"
     by_itself = executable(*missing)
     _, errors = by_itself.communicate(timeout=120)

@@ -8,7 +8,7 @@ from midastouch_perception.objects import bundled_objects
 
 
 @pytest.mark.parametrize(("mesh", "named"), [("handle_tool", "handle_tool"), ("my mug", "'{folder}/my mug.ply'")])
-def test_for_a_codebook_that_is_missing_the_very_command_is_named(mesh, named, tmp_path):
+def test_for_a_missing_codebook_the_very_command_is_named(mesh, named, tmp_path):
     file = tmp_path / f"{mesh}.ply"
     file.write_bytes(bundled_objects()["handle_tool"].read_bytes())
     path, codebook = bundled_objects().get(mesh, file), tmp_path / "book.npz"

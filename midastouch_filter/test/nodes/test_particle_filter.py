@@ -26,7 +26,7 @@ from midastouch_msgs.msg import FilterStatus, PoseModes
 pytestmark = pytest.mark.dds
 
 
-def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
+def test_every_code_is_answered_with_stamp_and_whole_estimate(graph):
     bench = Bench(graph, **OBJECT)
     poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
     modes = graph.listen(PoseModes, "pose_modes")
@@ -51,7 +51,7 @@ def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
     np.testing.assert_allclose(np.diagonal(covariance), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
 
 
-def test_the_filter_does_the_deferred_update_once_its_answer_is_out(graph, monkeypatch):
+def test_the_deferred_update_is_done_once_the_answer_is_out(graph, monkeypatch):
     happened = []
 
     def noted(owner, name):

@@ -111,7 +111,7 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
     assert len(meshes) == 1
 
 
-def test_a_codebook_of_another_kind_of_sensor_is_refused_with_the_fix(graph):
+def test_a_codebook_of_another_sensor_is_refused_with_the_fix(graph):
     sensors = {name: SensorModel.load(f"digit_{name}").for_maps for name in ("real", "tacto")}
     bench = ObjectBench(graph, sensors=sensors, sensor_model="digit_real")
     answer = bench.set_object("tacto")
@@ -130,7 +130,7 @@ def test_of_sensor_models_of_the_users_own_the_files_are_named(graph, tmp_path):
 
 
 @pytest.mark.usefixtures("brisk_health")
-def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
+def test_without_a_codebook_a_coarse_one_is_built_and_reported(graph):
     asked, growth = [], StubGrowth()
 
     def build(mesh_path, network, sensor_model, config, seed, paper):
@@ -160,7 +160,7 @@ def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
     assert growth.calls == ["start", "close"]
 
 
-def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp_path):
+def test_neither_links_nor_dots_lead_out_of_the_allowed_folders(graph, tmp_path):
     inside, outside = tmp_path / "objects", tmp_path / "secret"
     inside.mkdir()
     outside.mkdir()
@@ -192,7 +192,7 @@ def test_nobody_was_silent_while_an_object_was_read(graph, timeout_clock):
     assert "silent_fingers" not in bench.node.diagnostics.counts
 
 
-def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
+def test_codes_still_waiting_belong_to_the_old_object(graph):
     bench = ObjectBench(graph)
     bench.frame(SECOND)
     for stamp in (2, 3):
@@ -206,7 +206,7 @@ def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
     assert len(bench.of["cup"].measurements) == 1
 
 
-def test_a_codebook_of_another_network_than_the_codes_that_come_is_refused(graph):
+def test_a_codebook_of_another_network_than_the_codes_is_refused(graph):
     bench = ObjectBench(graph, networks={"cup": "other", "jug": "fake"})
     bench.frame(SECOND)
     answer = bench.set_object("cup")
@@ -217,7 +217,7 @@ def test_a_codebook_of_another_network_than_the_codes_that_come_is_refused(graph
     assert bench.set_object("jug").success
 
 
-def test_before_any_code_has_come_every_network_is_accepted_and_wrong_codes_are_refused_one_by_one(graph):
+def test_before_codes_any_network_passes_and_wrong_codes_do_not(graph):
     bench = ObjectBench(graph, networks={"cup": "other"})
     assert bench.set_object("cup").success
     bench.codes.publish(code_msg(SECOND, network_id="other"))

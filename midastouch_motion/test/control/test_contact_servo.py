@@ -14,13 +14,13 @@ def plane(slope, size):
     return np.stack([x.ravel(), y.ravel(), slope[0] * x.ravel() + slope[1] * y.ravel()], axis=1)
 
 
-def test_the_slope_is_that_of_the_points_and_less_where_they_are_close():
+def test_the_slope_is_that_of_the_points_and_less_of_close_ones():
     np.testing.assert_allclose(slope_of(plane((0.1, -0.05), 0.04), SENSOR), [0.1, -0.05], rtol=0.05)
     assert np.linalg.norm(slope_of(plane((0.1, -0.05), 0.001), SENSOR)) < 0.02
     assert not slope_of(np.zeros((2, 3)), SENSOR).any()
 
 
-def test_a_small_contact_beside_the_apex_lies_on_the_gel_as_it_falls_off_there():
+def test_a_small_contact_beside_the_apex_has_the_dome_s_slope():
     beside = plane((0.0, 0.0), 1e-4) + np.array([6e-3, 0.0, 0.0])
     slope = slope_of(beside, SENSOR)
     assert slope[0] == pytest.approx(6e-3 / dict(SENSOR.dome)["radius_x"], rel=0.05)
@@ -76,7 +76,7 @@ def test_limits_hold_and_stopping_is_at_once():
     assert not servo.stop(0.5).any()
 
 
-def test_a_slower_pipeline_is_approached_and_answered_more_slowly():
+def test_a_slow_pipeline_makes_the_servo_slower_and_gentler():
     quick, slow = servo_at(0.0, 0.0, age=0.02), servo_at(0.0, 0.0, age=0.4)
     assert slow.delay > quick.delay
     assert slow.gain < quick.gain

@@ -89,7 +89,7 @@ def test_a_fault_stops_each_motion_in_the_next_period(motion, what, value, reaso
 
 
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
-def test_what_is_too_deep_stops_in_the_next_period_and_is_then_pulled_back(motion):
+def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
     driver = driver_of(motion)
     assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
     driver.depth = 1.6e-3
@@ -103,7 +103,7 @@ def test_what_is_too_deep_stops_in_the_next_period_and_is_then_pulled_back(motio
     assert "mm deep, more than 1.00" in driver.ended()[0].message
 
 
-def test_a_gel_that_meets_something_on_its_way_stops_before_it_turns_back():
+def test_a_gel_that_meets_something_stops_before_it_turns_back():
     driver = driver_of("approach")
     driver.run(20)
     driver.depth = 3e-4
@@ -112,7 +112,7 @@ def test_a_gel_that_meets_something_on_its_way_stops_before_it_turns_back():
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_each_motion_gets_faster_from_rest_however_long_the_last_one_is_ago(motion):
+def test_each_motion_accelerates_from_rest_after_any_pause(motion):
     driver = driver_of(motion)
     driver.run(20)
     driver.now += 3.0
@@ -122,7 +122,7 @@ def test_each_motion_gets_faster_from_rest_however_long_the_last_one_is_ago(moti
     assert 0 < changes.max() <= LIMITS.acceleration * PERIOD + 1e-9
 
 
-def test_a_gel_that_is_pressed_too_strongly_may_be_lifted_but_not_into_something_else():
+def test_a_gel_pressed_too_hard_may_lift_but_into_nothing_else():
     driver = Driver(LiftSkill(0.05), depth=1.6e-3)
     driver.changes = {"force": 31.0}
     assert driver.run(20)[-1][2] > 0
@@ -177,7 +177,7 @@ def test_a_pause_of_the_controller_is_no_fault_of_the_arm():
     assert twist[2] > 0
 
 
-def test_corrections_to_and_fro_are_followed_and_a_touch_that_never_settles_ends():
+def test_a_touch_corrected_to_and_fro_ends_if_it_never_settles():
     rng = np.random.default_rng(0)
     driver = driver_of("touch")
     driver.run(5)

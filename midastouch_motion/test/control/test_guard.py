@@ -60,7 +60,7 @@ def test_without_a_limit_of_force_nobody_has_to_measure_one():
 
 
 @pytest.mark.parametrize("angle", [-70.0, 70.0])
-def test_outside_of_the_cone_a_gel_may_turn_back_or_leave_the_surface(angle):
+def test_outside_the_cone_a_gel_may_only_turn_back_or_leave(angle):
     def allowed(*twist: float) -> bool:
         return not GUARD.outside(seen(gel=tilted(angle)), np.array(twist))
 
@@ -88,6 +88,6 @@ def test_the_arm_moves_late_and_stops_without_commands():
     assert arm.advance(5.0)[0, 3] == pytest.approx(0.01 * 0.1)
 
 
-def test_what_is_a_little_ahead_of_the_clock_is_no_younger_than_it_is_here():
+def test_a_stamp_a_little_ahead_of_the_clock_counts_as_now():
     """Else, where the clock went back, what comes no more would be taken for new until the clock is there again."""
     assert [GUARD.counted(10.0, stamp) for stamp in (9.9, 10.05, 10.5)] == [9.9, 10.0, 10.5]

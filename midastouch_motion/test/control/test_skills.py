@@ -99,7 +99,7 @@ def test_a_touch_gets_over_what_its_rim_touches():
     assert 2.5e-3 < arm.pose[0, 3] < 5e-3
 
 
-def test_a_slide_waits_for_a_contact_that_falls_behind_but_not_for_ever():
+def test_a_slide_waits_for_a_contact_behind_but_not_for_ever():
     """5 mm on the contact is behind, for three images or from then on."""
     for images, said in ((3, "slid 20 mm"), (1000, "over an edge")):
         left = iter(range(images))
@@ -173,7 +173,7 @@ def test_what_is_too_deep_is_backed_off(world):
 
 
 @pytest.mark.parametrize(("image_delay", "arm_latency", "fps"), DELAYS)
-def test_an_approach_goes_straight_through_the_air_and_turns_on_the_way(world, image_delay, arm_latency, fps):
+def test_an_approach_reaches_a_turned_pose_through_the_air(world, image_delay, arm_latency, fps):
     there = world("ball", image_delay=image_delay, arm_latency=arm_latency, fps=fps)
     start = above(there.mesh, np.random.default_rng(8), 0.02)
     goal = start @ se3.exp(np.array([0.03, 0.01, 0.02, 0.3, -0.2, 0.5]))
@@ -185,7 +185,7 @@ def test_an_approach_goes_straight_through_the_air_and_turns_on_the_way(world, i
     assert max(run.depths) == 0
 
 
-def test_what_touches_on_the_way_ends_an_approach_and_is_backed_off_from(world):
+def test_a_touch_on_the_way_ends_an_approach_and_it_backs_off(world):
     there = world("ball", limits=Limits(depth=5e-3))
     start = above(there.mesh, np.random.default_rng(9), 0.02)
     through = start @ se3.translation([0, 0, -0.06])

@@ -68,7 +68,7 @@ def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
         assert reason == ("worth 0.3" if exploration.motions.slides == 1 else "worth 0.9")
 
 
-def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_straight(world):
+def test_it_goes_straight_if_no_way_over_the_surface_is_in_reach(world):
     """The ball is believed to be beside the gel, whose ways over it lean to the side."""
     arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
     exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(50)))
@@ -80,7 +80,7 @@ def test_where_all_ways_over_the_believed_surface_are_out_of_reach_it_goes_strai
 
 
 @pytest.mark.parametrize("refused", [False, True])
-def test_after_a_leap_that_found_no_surface_it_slides_and_after_one_that_is_refused_it_leaps(world, refused):
+def test_it_slides_after_a_vain_leap_and_leaps_after_a_refusal(world, refused):
     """The former says that the believed surface is not there, the latter nothing of it."""
     touches, answers = iter([True, False, True, True]), iter([False, True, True, True])
 
@@ -122,7 +122,7 @@ def test_while_the_filter_is_searching_slides_come_before_leaps():
 
 
 @pytest.mark.parametrize("searching", [False, True])
-def test_off_a_surface_that_nothing_is_known_of_it_goes_back_to_it(world, searching):
+def test_off_an_unknown_surface_it_goes_back_to_it(world, searching):
     arm = Scripted(lambda act: (True, "", 0.0, isinstance(act, Touch), np.eye(4)))
     exploration = Exploration(np.random.default_rng(0), 1.0)
     arm.follow(exploration.touch())
@@ -148,7 +148,7 @@ def test_the_next_try_begins_where_the_last_has_led():
     assert arm.acts[3].poses[-1][:3, 2] == pytest.approx(turned[:3, 2])
 
 
-def test_a_finger_that_gets_nowhere_is_stuck_after_the_third_time():
+def test_a_finger_that_gets_nowhere_is_stuck_after_three_times():
     """It can touch where it is, but neither slide nor go elsewhere."""
 
     def script(act):
@@ -286,12 +286,12 @@ def test_what_goes_well_in_between_starts_the_count_anew(world, exploration):
     assert exploration.verdict is None
 
 
-def test_without_suggestions_that_help_it_looks_for_others_elsewhere(world, exploration):
+def test_without_helpful_suggestions_it_looks_elsewhere(world, exploration):
     followed(world, exploration.decide(HOPELESS, seen(world))[1])
     assert (exploration.motions.slides, exploration.motions.lifts) == (0, 2)
 
 
-def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(world, exploration):
+def test_what_tells_much_is_done_though_it_settles_nothing(world, exploration):
     hardly = advice((0.0, 0.02, False, 0.4), indistinguishable=True)
     assert exploration.decide(hardly, seen(world))[0] == "worth 0.4"
 
@@ -304,7 +304,7 @@ def test_it_gives_up_after_the_longest_way(world, exploration):
     assert exploration.verdict.words.endswith("these touches are not of this mesh")
 
 
-def test_an_arm_that_does_not_move_is_no_loop_and_the_reason_is_its_own():
+def test_an_arm_that_does_not_move_is_stuck_for_its_own_reason():
     arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
     exploration.motions.touching = True
     arm.follow(exploration.go([Motion(0.0, 0.1)], Surroundings(np.eye(4))))

@@ -47,7 +47,7 @@ def test_where_something_is_in_the_way_it_goes_higher():
     assert arm.acts[6].distance == pytest.approx(CLEARANCES[1] + SEARCHED), "from where it came to on the way down"
 
 
-def test_from_high_up_it_comes_down_through_the_air_before_it_touches():
+def test_from_high_up_it_comes_down_in_the_air_before_it_touches():
     barred = iter([False, True])
     arm = Air(lambda act: isinstance(act, Approach) and next(barred, False))
     assert arm.follow(leap([np.concatenate([THERE, BEYOND])]))
@@ -56,7 +56,7 @@ def test_from_high_up_it_comes_down_through_the_air_before_it_touches():
     assert arm.acts[9].distance == pytest.approx(CLEARANCES[0] + SEARCHED)
 
 
-def test_what_cannot_be_touched_is_retraced_and_the_next_way_is_tried():
+def test_a_way_without_a_touch_is_retraced_and_the_next_tried():
     arm = Air(lambda act: isinstance(act, Touch) and arm.pose[0, 3] < 0.055)
     assert arm.follow(leap([THERE, BEYOND]))
     assert arm.kinds == [Lift, Approach, Touch, Approach, Approach, Approach, Touch]
@@ -89,7 +89,7 @@ def test_around_an_object_it_goes_from_pose_to_pose(world):
     assert world.finger.pose[:3, 2] @ before[:3, 2] < -0.9
 
 
-def test_without_a_known_surface_nearer_positions_are_tried_after_the_wanted_one():
+def test_without_a_surface_nearer_positions_follow_the_wanted():
     ways = ways_along(Surroundings(HERE), 0.0, 0.04)
     assert [way[-1][0, 3] for way in ways] == pytest.approx([0.04, 0.02, 0.012], abs=5e-3)
 

@@ -43,7 +43,7 @@ def test_before_the_leap_back_from_an_edge_it_asks():
 
 
 @pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])
-def test_it_visits_the_surface_next_to_a_position_that_a_person_shows(world, degrees, motions_are):
+def test_it_visits_the_surface_next_to_a_shown_position(world, degrees, motions_are):
     motions, finger = motions_within(), world.finger
     followed(world, motions.touch())
     place = 0.05 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
@@ -98,7 +98,7 @@ def test_it_goes_back_to_the_last_place_where_it_can_stay():
     assert [act.pose[0, 3] for act in arm.acts if isinstance(act, Approach)] == [0.0], "the other is forgotten"
 
 
-def test_where_it_cannot_lift_off_along_its_axis_it_goes_back_straight():
+def test_unable_to_lift_along_its_axis_it_goes_back_straight():
     """Beside the object, tilted, and at the end of its reach."""
     aside = se3.translation([0.1, 0, 0]) @ se3.exp(np.array([0, 0, 0, 0, 1.2, 0]))
     poses = iter([np.eye(4), aside])

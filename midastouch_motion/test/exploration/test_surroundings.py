@@ -16,7 +16,7 @@ def ball():
     return ObjectMesh.load(bundled_objects()["ball"])
 
 
-def test_along_a_known_surface_a_way_stays_on_it_and_turns_with_it(ball):
+def test_on_a_known_surface_a_way_stays_on_it_and_turns_with_it(ball):
     track = Surroundings(OBJECT @ TOP, OBJECT, ball).track(0.0, RADIUS * np.pi / 2)
     on_object = se3.inverse(OBJECT) @ track.poses
     np.testing.assert_allclose(np.linalg.norm(on_object[:, :3, 3], axis=1), RADIUS, atol=2e-4)
@@ -25,7 +25,7 @@ def test_along_a_known_surface_a_way_stays_on_it_and_turns_with_it(ball):
     np.testing.assert_allclose(track.poses[0], OBJECT @ TOP, atol=5e-3)
 
 
-def test_where_no_surface_is_known_a_way_is_straight_in_the_gels_plane():
+def test_with_no_surface_a_way_is_straight_in_the_gel_s_plane():
     track = Surroundings(OBJECT).track(np.pi / 2, 0.03)
     np.testing.assert_allclose((se3.inverse(OBJECT) @ track.poses)[-1], se3.translation([0, 0.03, 0]), atol=1e-12)
     np.testing.assert_allclose(track.gone, np.linalg.norm(track.poses[:, :3, 3] - OBJECT[:3, 3], axis=1), atol=1e-12)

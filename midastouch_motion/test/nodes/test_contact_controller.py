@@ -72,7 +72,7 @@ def test_nothing_moves_before_it_is_enabled(graph):
     assert not any(map(moving, rig.twists))
 
 
-def test_nothing_moves_as_long_as_the_limit_of_force_cannot_be_watched(graph):
+def test_nothing_moves_while_the_force_cannot_be_watched(graph):
     rig = Rig(graph, max_force=10.0)
     rig.forces = False
     result = rig.ask(Lift, height=0.01).ended()

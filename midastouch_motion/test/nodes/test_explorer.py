@@ -32,7 +32,7 @@ def test_it_explores_until_the_filter_knows(rig):
     assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
 
 
-def test_while_the_filter_does_not_know_the_object_it_is_not_asked(rig):
+def test_a_filter_that_does_not_know_the_object_is_not_asked(rig):
     rig.advise(lambda response: None)
     rig.state = "uninitialised"
     rig.untouched = "uninitialised"
@@ -116,7 +116,7 @@ def test_places_that_nothing_tells_apart_end_it(rig):
     assert status.lifts >= 3  # it went to look elsewhere
 
 
-def test_what_tells_much_is_done_though_it_tells_nothing_for_certain(rig):
+def test_what_tells_much_is_done_though_it_settles_nothing(rig):
     def hardly(response):
         response.success = response.indistinguishable = True
         response.suggestions = [Suggestion(heading=0.0, length=0.02, information=0.4, reason="a recess may be there")]

@@ -75,7 +75,7 @@ def in_base(rig, place):
     return (rig.objects[-1] @ [*place, 1.0])[:3]
 
 
-def test_a_viewer_gets_the_marker_with_its_menu_and_one_thing_to_grasp(rig):
+def test_a_viewer_gets_a_marker_with_a_menu_and_one_control(rig):
     marker = rig.viewer.marker
     assert (marker.name, marker.header.frame_id) == ("finger", BASE_FRAME)
     assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (0, 0)  # it is where it is at any time
@@ -89,7 +89,7 @@ def test_a_viewer_gets_the_marker_with_its_menu_and_one_thing_to_grasp(rig):
     assert names[f"/{FINGER}/get_interactive_markers"] == FACTS["names"]["get_interactive_markers"]
 
 
-def test_it_follows_the_finger_without_a_gap_and_is_silent_at_rest(held):
+def test_it_follows_without_a_gap_and_is_silent_at_rest(held):
     for degrees in (40, 50):
         slides = held.statuses[-1].slides
         held.viewer.drag(in_base(held, elsewhere(held, degrees)))
@@ -127,7 +127,7 @@ def test_to_a_place_that_no_slide_leads_to_it_lifts(held):
     assert distance_to(held, place) < NEAR
 
 
-def test_where_it_cannot_touch_it_goes_as_near_as_it_can_and_says_so(graph):
+def test_it_goes_near_what_it_cannot_touch_and_says_so(graph):
     # it begins far from the centre: the filter there is one of a ball
     rig = hold(looked_at(graph, mesh=TOOL, seed=3))
     groove = np.array([25.3, -6.2, -10.4]) * 1e-3  # where the grip enters the head
@@ -186,7 +186,7 @@ def test_bad_feedback_is_counted_and_said(held):
     assert int(values["refused_feedback"]) >= len(BAD)
 
 
-def test_a_drop_in_a_foreign_frame_or_far_away_is_refused_and_the_marker_comes_back(held):
+def test_a_foreign_or_far_drop_is_refused_and_the_marker_returns(held):
     before = held.gels[-1]
     for frame, distance, words in ("map", 0.01, "it is in 'map'"), (BASE_FRAME, 1e300, "beyond 3 m"):
         said = len(held.viewer.numbers)
@@ -198,7 +198,7 @@ def test_a_drop_in_a_foreign_frame_or_far_away_is_refused_and_the_marker_comes_b
     assert np.allclose(held.gels[-1], before)
 
 
-def test_what_a_person_shows_before_the_finger_has_touched_is_refused(graph):
+def test_what_a_person_shows_before_the_first_touch_is_refused(graph):
     rig = Rig(graph)
     rig.silent = True
     rig.problems = graph.listen(DiagnosticArray, "/diagnostics")

@@ -42,7 +42,7 @@ def test_both_get_it_and_it_is_explored(rig):
     assert status.path_length == 0
 
 
-def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(rig):
+def test_a_refused_object_leaves_the_finger_to_the_person(rig):
     offer(rig, "digit_sim/set_object")
     offer(rig, "set_object", "no codebook fits")
     rig.until("exploring", "somewhere")
@@ -50,7 +50,7 @@ def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(rig):
     rig.until("paused", "not changed: set_object: no codebook fits")
 
 
-def test_one_that_nobody_answers_for_leaves_the_finger_to_the_person(rig, monkeypatch):
+def test_an_unanswered_object_leaves_the_finger_to_the_person(rig, monkeypatch):
     monkeypatch.setattr(explorer_services, "OBJECT_TIMEOUT_S", 0.0)
     # the finger does answer, but not before the explorer, which looks every 33 ms, has given it up
     load_mesh = simulated_finger.load_mesh

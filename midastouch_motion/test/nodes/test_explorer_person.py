@@ -48,7 +48,7 @@ def test_started_paused_it_touches_before_it_obeys(graph):
     assert rig.statuses[-1].state == "paused"
 
 
-def test_a_motion_is_judged_once_though_a_person_had_the_finger_after_it(rig, monkeypatch):
+def test_a_motion_is_judged_once_though_a_person_intervened(rig, monkeypatch):
     mute = Node("mute")  # which nobody spins
     mute.create_service(SuggestMotion, "suggest_motion", lambda _, response: response)
     rig.state = "converged"
@@ -64,7 +64,7 @@ def test_a_motion_is_judged_once_though_a_person_had_the_finger_after_it(rig, mo
     mute.destroy_node()
 
 
-def test_an_answer_that_is_overdue_moves_no_finger_that_a_person_has(rig, monkeypatch):
+def test_an_overdue_answer_moves_no_finger_that_a_person_has(rig, monkeypatch):
     def break_down(request, response):
         raise LookupError
 
@@ -81,7 +81,7 @@ def test_an_answer_that_is_overdue_moves_no_finger_that_a_person_has(rig, monkey
         rig.graph.spin_until(lambda: not rig.call("resume").success, "another question")
 
 
-def test_a_person_takes_the_finger_pushes_the_object_and_gives_it_back(rig):
+def test_a_person_takes_the_finger_pushes_and_gives_it_back(rig):
     assert not rig.call("push").success  # nobody has touched anything
     rig.until("exploring", "somewhere")
     assert rig.call("push").success

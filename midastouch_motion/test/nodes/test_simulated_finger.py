@@ -84,7 +84,7 @@ def posed(pose, frame=BASE_FRAME):
     return PoseStamped(header=Header(frame_id=frame), pose=pose_to_msg(pose))
 
 
-def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
+def test_it_touches_slides_lifts_and_approaches_like_an_arm(rig):
     touch = rig.do(Touch, distance=0.05)
     assert touch.success, touch.message
     assert 4e-4 < touch.depth < 1.1e-3
@@ -104,7 +104,7 @@ def test_it_touches_slides_lifts_and_goes_through_the_air_as_an_arm_does(rig):
     assert approach.pose.header.frame_id == BASE_FRAME
 
 
-def test_it_moves_only_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):
+def test_it_moves_only_once_tdn_has_enough_untouched_images(graph):
     """Else a contact becomes part of the background, and is felt to the end in images without one."""
     needed = default(tdn.PARAMETERS, "background_frames")
     assert default(PARAMETERS, "untouched_frames") >= needed
@@ -124,7 +124,7 @@ def test_while_the_filter_lags_behind_it_does_not_begin(rig):
     rig.graph.spin_until(lambda: results, "the end")
 
 
-def test_a_goal_ends_only_once_the_filter_has_answered_its_images(rig):
+def test_a_goal_ends_only_once_its_images_are_answered(rig):
     rig.do(Touch, distance=0.05)
     results, feedback = rig.ask(Slide, heading=0.0, length=3e-3)
     rig.silent = True
@@ -138,7 +138,7 @@ def test_a_goal_ends_only_once_the_filter_has_answered_its_images(rig):
     assert feedback[-1].feedback.path == pytest.approx(results[0].path)
 
 
-def test_stamps_are_evenly_spaced_and_the_steps_as_fast_as_it_is_said(rig):
+def test_stamps_are_evenly_spaced_and_no_step_is_too_fast(rig):
     rig.do(Touch, distance=0.05)
     rig.do(Slide, heading=0.0, length=0.03)
     rig.do(Lift, height=0.02)

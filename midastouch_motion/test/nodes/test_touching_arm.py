@@ -58,7 +58,7 @@ def arm(graph, tmp_path):
     return ask
 
 
-def test_it_touches_slides_and_lifts_without_being_told_where_the_surface_is(graph, arm):
+def test_it_touches_slides_and_lifts_on_an_unknown_surface(graph, arm):
     truth = graph.listen(TactileContact, "ground_truth/contact")
     touched = arm(Touch, distance=0.02)
     assert touched.success, touched.message

@@ -87,7 +87,7 @@ def test_a_controller_that_is_switched_off_and_on(graph, controller):
     graph.spin_until(lambda: arm.tf, "transforms again")
 
 
-def test_late_packages_are_stamped_with_the_time_they_were_measured(graph, controller):
+def test_late_packages_have_the_time_of_their_measurement(graph, controller):
     """The network holds some back for 200 ms and delivers them at once; their stamps do not show it."""
     controller("bursts")
     arm = Arm(graph, timeout=10.0)

@@ -37,7 +37,7 @@ def until(condition):
     return value
 
 
-def test_state_arrives_and_advances_until_the_controller_goes_away(controller):
+def test_state_comes_and_advances_until_the_controller_is_gone(controller):
     arm = rtde_connector(timeout=60.0)(ADDRESS, 125.0)
     first = until(lambda: (state := arm.read()) and state.robot_time > 1000.0 and state)
     np.testing.assert_allclose(transform_from_rtde(first.tcp_pose), transform_from_rtde(POSE), atol=1e-12)

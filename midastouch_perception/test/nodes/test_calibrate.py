@@ -71,7 +71,7 @@ def guide(folder, **more) -> Iterator[subprocess.Popen]:
 
 
 @pytest.mark.slow
-def test_a_process_guides_through_the_presses_and_tdn_uses_what_they_tell(graph, folder, digit, presses):
+def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, digit, presses):
     with guide(folder):
         camera = Camera(graph)
         graph.spin_until(lambda: camera.status is not None, "its first word")
@@ -162,13 +162,13 @@ def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
 
 
-def test_a_no_contact_image_that_shows_nothing_is_refused_before_the_first_press(graph, folder, digit):
+def test_a_saturated_no_contact_image_is_refused_at_the_start(graph, folder, digit):
     BackgroundStore(folder, SERIAL).save(np.full_like(digit.background, 255))
     with pytest.raises(InputError, match=r"saturated.*capture_background"):
         graph.add(CalibrateNode, parameters(folder))
 
 
-def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder, digit, presses):
+def test_presses_are_written_when_taken_beside_earlier_ones(graph, folder, digit, presses):
     kept = folder / "presses"
     kept.mkdir()
     (kept / "press_09.png").write_bytes(b"of another gel")
@@ -181,7 +181,7 @@ def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder
     assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
 
 
-def test_begun_again_it_takes_the_no_contact_image_captured_since(graph, folder, digit):
+def test_begun_again_it_takes_the_newest_no_contact_image(graph, folder, digit):
     node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(folder / "presses")))
     newer = np.clip(digit.background.astype(int) + 9, 0, 255).astype(np.uint8)
     BackgroundStore(folder, SERIAL).save(newer)

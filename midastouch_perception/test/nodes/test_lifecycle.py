@@ -57,7 +57,7 @@ def test_tcn_hears_clouds_while_it_is_active_only(graph):
 
 
 @pytest.mark.parametrize(("name", "node"), [("tdn", TdnNode), ("tcn", TcnNode)])
-def test_a_network_that_is_not_there_fails_the_transition_until_it_is_mended(graph, name, node):
+def test_a_missing_network_fails_the_transition_until_fixed(graph, name, node):
     graph.add(node, {**WAITING, name: "no_such_network"})
     statuses = graph.listen(DiagnosticArray, "/diagnostics")
     assert not graph.change_state(name, "configure")

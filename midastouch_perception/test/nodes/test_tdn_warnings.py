@@ -60,7 +60,7 @@ def test_bad_images_are_counted_and_survived(graph, depth, background):
 
 
 @pytest.mark.parametrize(("level", "said"), [(0, "black"), (255, "saturated (100 % of it)")])
-def test_images_that_show_nothing_are_no_contact_and_no_background(graph, depth, level, said):
+def test_blank_images_are_neither_contact_nor_background(graph, depth, level, said):
     """To the network the light that went off is a contact as large as the gel."""
     start(graph, depth, background_frames=1)
     images = graph.publisher(Image, "image_raw")
@@ -96,7 +96,7 @@ def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, tmp_path, 
     assert said in warned()[0]
 
 
-def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, tmp_path):
+def test_images_unlike_the_background_are_reported(graph, tmp_path):
     """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
     path = tmp_path / "background.png"
     cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
@@ -110,7 +110,7 @@ def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, tmp_pa
     assert "capture_background" in warned()[0]
 
 
-def test_a_touched_background_is_named_until_another_one_is_captured(graph, tmp_path):
+def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
     real = SensorModel.load("digit_real")
     digit = PressedSensor(real, lit_gel()[None], 3e-3, np.random.default_rng(4))
     BackgroundStore(tmp_path, "D20123").save(digit.image([(120, 160, 1.6e-3)]))
@@ -154,7 +154,7 @@ def test_a_background_of_another_gel_is_named_in_the_diagnostics(graph, tmp_path
     graph.spin_until(lambda: any("of another gel: the fine texture" in text for text in warned()), "the alarm")
 
 
-def test_images_turned_since_the_background_are_named_in_the_diagnostics(graph, tmp_path):
+def test_images_mirrored_since_the_background_are_reported(graph, tmp_path):
     path = tmp_path / "background.png"
     cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
     graph.add(TdnNode, {**REPLAY, "background": str(path)})
@@ -182,9 +182,7 @@ def grained_gel(seed: int) -> np.ndarray:
     return np.clip(np.rint(lit_gel() + 2.5 * (grains / grains.std())[..., None]), 0, 255).astype(np.uint8)
 
 
-def test_a_calibration_is_not_used_on_another_gel_whose_no_contact_image_is_the_former_one(
-    graph, tmp_path, monkeypatch
-):
+def test_a_calibration_is_refused_once_images_show_another_gel(graph, tmp_path, monkeypatch):
     monkeypatch.setattr(tdn, "GelCheck", functools.partial(GelCheck, every=1, window=8))
     former, present, real = grained_gel(1), grained_gel(2), SensorModel.load("digit_real")
     cv2.imwrite(str(tmp_path / "former.png"), former[..., ::-1])

@@ -52,7 +52,7 @@ def test_press_pushes_along_the_gel_axis():
     assert pose[1, 2] == pytest.approx(np.cos(0.1))
 
 
-def test_inside_of_a_ring_too_narrow_for_the_finger_is_out_of_reach(sensor):
+def test_the_inside_of_a_ring_too_narrow_is_out_of_reach(sensor):
     from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
 
@@ -74,7 +74,7 @@ def test_hovering_poses_touch_nothing_even_inside_a_cup(sensor):
     assert not PenetrationRenderer(ring, sensor.scaled(0.5)).render(poses).any()
 
 
-def test_poses_are_pressed_as_deep_as_asked_for_wherever_they_touch(tool, sensor, poses):
+def test_poses_are_pressed_as_deep_as_asked_where_they_touch(tool, sensor, poses):
     rng = np.random.default_rng(3)
     press = np.exp(rng.uniform(np.log(0.1e-3), np.log(1.5e-3), len(poses)))
     pressed, touching = Reachability(tool, sensor).pressed(poses, press)

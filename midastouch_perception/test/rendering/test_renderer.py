@@ -127,7 +127,7 @@ def test_it_leaves_the_object_without_an_edge(cap, real):
     assert slopes[rim + 1] < 0.4 * slopes[rim - 2], "nor flat at once"
 
 
-def test_stiff_gel_ends_at_the_outline_and_whole_contacts_have_none(cap, real):
+def test_stiff_gel_or_a_contact_all_over_does_not_sink_in(cap, real):
     np.testing.assert_array_equal(sunk_in(cap, real.pixel_size, REACH, 0.0), cap)
     whole = np.full_like(cap, 1e-3)
     np.testing.assert_array_equal(sunk_in(whole, real.pixel_size, REACH, 1.0), whole)

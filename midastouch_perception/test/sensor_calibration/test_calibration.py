@@ -88,13 +88,13 @@ def test_of_a_sensor_model_of_the_users_own_the_file_is_named(calibration, real)
         dataclasses.replace(calibration, sensor="mine").check_sensor(real)
 
 
-def test_another_gel_is_distinguished_from_the_same_under_another_brightness(calibration, background):
+def test_another_gel_is_noticed_and_another_brightness_is_not(calibration, background):
     assert not calibration.background_problem(background)
     assert not calibration.background_problem((0.8 * background).astype(np.uint8))
     assert "another gel" in calibration.background_problem(background[:, ::-1].copy())
 
 
-def test_colours_of_the_standard_sensor_cancel_and_mean_the_slopes():
+def test_standard_colours_cancel_and_give_back_the_slopes():
     slopes = np.random.default_rng(0).normal(0, 0.4, (7, 5, 2)).astype(np.float32)
     colours = standard_colours(slopes)
     np.testing.assert_allclose(colours.sum(axis=-1), 0, atol=1e-3)

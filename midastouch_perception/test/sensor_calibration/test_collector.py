@@ -50,7 +50,7 @@ def test_lamps_that_have_warmed_since_are_no_ball(collector, digit):
     assert collector.next_step == "1 of 2: press the ball at the top left"
 
 
-def test_a_change_that_stays_for_long_may_be_the_no_contact_images_fault(collector, digit):
+def test_a_lasting_change_may_be_the_no_contact_image_s_fault(collector, digit):
     pressed = digit.image([(120, 160, 1.5e-3)])
     held(collector, pressed, 60)
     assert collector.next_step == "1 of 2: lift the ball"
@@ -83,7 +83,7 @@ def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
         (lambda digit: np.roll(digit.background, 60, axis=1), "differs everywhere, by"),
     ],
 )
-def test_presses_that_cannot_be_used_are_thrown_away_with_the_reason(collector, digit, spoil, said):
+def test_unusable_presses_are_thrown_away_with_the_reason(collector, digit, spoil, said):
     held(collector, spoil(digit))
     (reason,) = collector.refusals
     assert any(each in reason for each in said.split("|")), reason

@@ -126,7 +126,7 @@ def test_another_ball_is_refused(digit, five, real):
         calibrate(five, digit.background, 3 * DIAMETER, real)
 
 
-def test_a_diameter_that_measures_like_another_is_refused_unless_it_is_confirmed(digit, five, real, monkeypatch):
+def test_a_doubtful_diameter_is_refused_unless_confirmed(digit, five, real, monkeypatch):
     monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
     with pytest.raises(InputError, match=r"about 4 mm.*--diameter-is-right"):
         calibrate(five, digit.background, DIAMETER, real)
@@ -147,7 +147,7 @@ def test_under_lamps_that_nobody_knows_nothing_is_doubted(digit, five, real, mon
     assert not made.doubt
 
 
-def test_presses_of_another_gel_than_the_no_contact_images_are_refused(digit, real):
+def test_presses_not_of_the_no_contact_image_s_gel_are_refused(digit, real):
     rng = np.random.default_rng(0)
     grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
     presses = {
@@ -176,7 +176,7 @@ def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, 
         calibrate(presses, digit.background, diameter, real)
 
 
-def test_a_no_contact_image_with_a_touch_in_it_is_named_as_a_cause(digit, presses, real):
+def test_a_touch_in_the_no_contact_image_is_named_as_a_cause(digit, presses, real):
     with pytest.raises(InputError, match="lift the finger"):
         calibrate(presses, digit.image([(120, 160, 2e-3)]), DIAMETER, real)
 
@@ -202,7 +202,7 @@ def test_images_of_another_size_are_refused(digit, presses, real):
         calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)
 
 
-def test_colours_that_answer_the_other_way_round_are_noticed_under_known_lamps():
+def test_colours_turned_round_are_noticed_under_known_lamps():
     digit = SensorModel.load("digit_real").for_maps
     penetration = ball_penetration(ball_centre(60, 80, 1.5e-3, 3e-3, digit), 3e-3, digit)
     upright = standard_colours(height_slopes(np.maximum(penetration, 0), digit.pixel_size))

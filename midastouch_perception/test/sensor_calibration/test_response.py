@@ -30,7 +30,7 @@ def steepness(slopes, truth, rows) -> float:
 
 
 @pytest.mark.parametrize("noise", [1.0, 12.0])
-def test_slopes_are_as_steep_as_in_truth_where_colours_tell_much_of_them_and_where_little(noise):
+def test_slopes_are_as_steep_as_true_however_noisy_the_colours(noise):
     rng, equations = np.random.default_rng(0), NormalEquations()
     for _ in range(10):
         equations += NormalEquations.of(*press(rng, noise), np.ones(SIZE, np.float32))
@@ -80,7 +80,7 @@ def shaded_press(u: float, radius: float, shade: float, pixel: float) -> tuple[n
     return change, penetration
 
 
-def test_slopes_are_as_steep_as_the_ball_in_every_press_whatever_the_shadows_beside():
+def test_slopes_are_as_steep_as_the_ball_whatever_the_shadows():
     pixel, equations = 1e-4, NormalEquations()
     for u in (15, 25, 35, 45):
         equations += press_equations(*shaded_press(u, 7, -0.5, pixel), pixel)

@@ -50,7 +50,7 @@ def test_empty_and_one_point_maps_have_unit_codes(network, pixels):
     assert np.linalg.norm(network.encode(penetration)) == pytest.approx(1, abs=1e-4)
 
 
-def test_depth_and_contact_are_means_of_four_pixels_in_metric_units():
+def test_depth_and_contact_are_metric_means_of_four_pixels():
     sensor = SensorModel.load("digit_tacto").for_maps
     maps = np.zeros((2, sensor.height, sensor.width), np.float32)
     maps[1, :2, 2:4] = [[1e-3, 0], [0, 2e-3]]

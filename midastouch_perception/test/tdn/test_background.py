@@ -54,7 +54,7 @@ def slide(step: int) -> list[np.ndarray]:
     return frames
 
 
-def test_a_contact_that_hardly_moves_leaves_a_doubtful_background():
+def test_a_nearly_still_contact_leaves_a_doubtful_background():
     for step, doubtful in ((20, False), (2, True)):
         frames = slide(step)
         assert (doubtful_fraction(frames, estimate_background(frames)) > 0.1) == doubtful
@@ -152,7 +152,7 @@ def test_capture_refuses_a_moving_contact():
     assert "not still" in capture.refusal
 
 
-def test_running_background_is_there_at_once_and_forgets_a_passing_contact():
+def test_running_background_comes_at_once_and_forgets_contacts():
     running = RunningBackground(frames=16)
     images = moving(16)
     running.add(images[0])
@@ -208,7 +208,7 @@ def test_a_free_background_is_right_whatever_touches(relative_tdn, digit, ball_p
     assert judged(relative_tdn, [held] * 6, digit.background) == ""
 
 
-def test_nothing_is_said_of_few_images_and_another_background_is_judged_anew(relative_tdn, digit, ball_presses):
+def test_few_images_say_nothing_and_a_new_background_starts_anew(relative_tdn, digit, ball_presses):
     check = TouchedBackground(relative_tdn, every=2, window=9)
     for image in ball_presses[1:5]:
         check.observe(image, ball_presses[8])

@@ -112,7 +112,7 @@ def grey(level: int) -> np.ndarray:
     return np.full((320, 240, 3), level, np.uint8)
 
 
-def test_a_file_goes_over_what_was_kept_and_that_over_an_estimate(sensor, tmp_path):
+def test_a_file_goes_over_a_kept_one_and_that_over_an_estimate(sensor, tmp_path):
     store = BackgroundStore(tmp_path, "D20001")
     store.save(grey(90))
     cv2.imwrite(str(tmp_path / "given.png"), grey(80))

@@ -65,7 +65,7 @@ def test_it_is_used_for_its_own_gel_only(real, background, calibration):
     assert tdn.calibration is calibration
 
 
-def test_of_another_gel_it_is_not_used_until_the_next_no_contact_image(real, background, calibration):
+def test_refused_it_is_unused_until_the_next_no_contact_image(real, background, calibration):
     tdn = load_tdn("fast", real)
     in_use = CalibrationInUse(tdn, calibration, real)
     in_use.check(background)

@@ -52,13 +52,13 @@ def test_another_penetration_map_does_not(noise):
     )
 
 
-def test_a_light_that_changed_over_the_image_needs_no_explanation(noise):
+def test_a_gradual_change_of_light_needs_no_explanation(noise):
     rows, columns = np.mgrid[-1:1:160j, -1:1:120j]
     drift = 12 * (columns + rows * columns)[..., None] * [1, -0.5, 0.3]
     assert explained_fraction(lit(bump()) + drift.astype(np.float32) + noise, bump(), REAL.pixel_size) > 0.9
 
 
-def test_gel_that_sinks_in_beside_a_contact_is_explained_by_the_contact(noise):
+def test_gel_sunk_in_beside_a_contact_is_explained_by_it(noise):
     touched, gel = bump(), GelShape(0.6e-3, 1.0, 0.3e-3)
     assert explained_fraction(lit(gel.height(touched, REAL.pixel_size)) + noise, touched, REAL.pixel_size) > 0.9
 
@@ -102,7 +102,7 @@ def test_a_background_that_is_off_everywhere_comes_first(noise):
     assert check.values == {"quietest_tenth": "", "far_change": "", "explained_share": ""}
 
 
-def test_a_tint_far_from_the_contact_is_said_and_what_is_beside_it_is_not(noise):
+def test_only_a_tint_far_from_all_contact_is_reported(noise):
     check, tint = FitCheck(REAL, every=1, window=3), np.zeros((160, 120, 3), np.float32)
     tint[:70, :50] = 20
     for _ in range(3):

@@ -92,7 +92,7 @@ def test_truth_says_what_touches(graph, engine):
     assert maps[1].header.frame_id == contacts[1].header.frame_id == "digit_gel_frame"
 
 
-def test_images_are_as_even_as_a_cameras_whatever_the_engines_rate(graph, engine):
+def test_images_are_evenly_timed_whatever_the_engine_s_rate(graph, engine):
     images = graph.listen(Image, "image_raw")
     engine.place(above(-1e-3))
     graph.spin_until(lambda: images, "a first image")

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.dds
 
 
 @pytest.mark.slow
-def test_over_dds_the_depth_network_feels_what_the_simulator_says_is_there(graph, tmp_path):
+def test_over_dds_the_depth_network_measures_what_is_simulated(graph, tmp_path):
     """Engine and `tdn` here, the simulator in a process of its own."""
     sensor, mesh = SensorModel.load("digit_tacto"), ObjectMesh.load(bundled_objects()["handle_tool"])
     rng = np.random.default_rng(8)

@@ -33,7 +33,7 @@ def test_a_sequence_survives_the_bag(tmp_path, simulated_sequence, name):
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([name, "test_object"])
 
 
-def test_poses_are_interpolated_at_the_images_stamp_not_at_arrival(tmp_path):
+def test_poses_are_those_at_the_image_s_stamp_not_at_arrival(tmp_path):
     """The second transform is recorded after the image, and both long after they were true."""
     path = write(
         tmp_path / "x.mcap",

@@ -29,7 +29,7 @@ def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):
         bag_metadata(tmp_path)
 
 
-def test_topics_of_unknown_types_and_without_messages_do_not_count(tmp_path, simulated_sequence):
+def test_unknown_types_and_empty_topics_do_no_harm(tmp_path, simulated_sequence):
     """`ros2 bag record -a` keeps what nobody sent, and types that are installed on that machine only."""
     path = tmp_path / "slide"
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:

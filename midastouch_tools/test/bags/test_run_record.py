@@ -29,7 +29,7 @@ def bag(simulated_sequence, tmp_path):
     return write
 
 
-def test_every_answered_frame_is_a_snapshot_with_its_truth_and_its_times(bag):
+def test_each_answered_frame_is_a_snapshot_with_truth_and_times(bag):
     sequence, path = bag()
     record = read_run(path)
     assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
@@ -53,7 +53,7 @@ def test_every_answered_frame_is_a_snapshot_with_its_truth_and_its_times(bag):
     assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
 
 
-def test_of_poses_that_are_alike_the_one_nearest_to_the_truth_counts(bag):
+def test_of_poses_alike_the_one_nearest_to_the_truth_counts(bag):
     quarter = se3.exp([0, 0, 0, 0, 0, np.pi / 2])
     sequence, path = bag(turns=4, turned=quarter)
     snapshot = read_run(path).snapshots[2]
@@ -69,7 +69,7 @@ def test_of_poses_that_are_alike_the_one_nearest_to_the_truth_counts(bag):
     assert np.linalg.norm(third.pose[:3, :3] - truth[:3, :3]) > 0.1, "a quarter of a turn is not a third"
 
 
-def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):
+def test_the_last_word_on_the_object_holds_until_the_next(bag):
     said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]

@@ -72,7 +72,7 @@ def test_a_bag_replaces_a_bag_but_nothing_else(tmp_path):
     assert (folder / "thesis.txt").read_text() == "precious"
 
 
-def test_what_could_not_be_replaced_at_the_end_is_refused_at_the_beginning(tmp_path):
+def test_what_cannot_be_replaced_is_refused_at_the_beginning(tmp_path):
     (tmp_path / "made").mkdir()
     write(tmp_path / "made" / "run", tf(SECOND, STILL))
     (tmp_path / "made" / "run").rename(tmp_path / "run.mcap")  # as `ros2 bag record -o run.mcap` makes it
@@ -82,7 +82,7 @@ def test_what_could_not_be_replaced_at_the_end_is_refused_at_the_beginning(tmp_p
             write(tmp_path / name, tf(SECOND, STILL))
 
 
-def test_a_place_where_nothing_can_be_written_is_named_as_it_was_given():
+def test_an_unwritable_path_is_named_as_it_was_given():
     with pytest.raises(OSError, match=r"x\.mcap") as caught, BagWriter("/proc/x.mcap"):
         pass
     assert caught.value.filename == "/proc/x.mcap"

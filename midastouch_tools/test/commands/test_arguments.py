@@ -13,7 +13,7 @@ def test_bundled_objects_are_meshes_by_name():
     assert arguments.load_mesh("handle_tool").name == "handle_tool"
 
 
-def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
+def test_for_an_unknown_name_the_bundled_meshes_are_listed():
     with pytest.raises(InputError, match="handle_tool"):
         arguments.load_mesh("teapot")
 

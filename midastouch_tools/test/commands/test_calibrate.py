@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_refused_and_nothing_kept(folder, tmp_path, capsys,
 
 
 @pytest.mark.parametrize("option", ["--page", "--optics"])
-def test_places_that_cannot_be_written_are_refused_and_nothing_kept(folder, tmp_path, capsys, option):
+def test_unwritable_paths_are_refused_and_nothing_is_kept(folder, tmp_path, capsys, option):
     (tmp_path / "file").touch()
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123"]
     arguments += ["--background-folder", str(tmp_path), option, str(tmp_path / "file" / "a")]
@@ -82,7 +82,7 @@ def test_places_that_cannot_be_written_are_refused_and_nothing_kept(folder, tmp_
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_without_a_no_contact_image_beside_the_presses_that_of_the_sensor_is_taken(folder, digit, tmp_path, capsys):
+def test_without_an_own_no_contact_image_the_sensor_s_is_taken(folder, digit, tmp_path, capsys):
     BackgroundStore(tmp_path, "D20123").save(digit.background)
     presses = tmp_path / "presses"
     presses.mkdir()
@@ -93,7 +93,7 @@ def test_without_a_no_contact_image_beside_the_presses_that_of_the_sensor_is_tak
     assert "D20123.png: taken for the no-contact image" in capsys.readouterr().out
 
 
-def test_a_scale_that_tdn_would_not_use_is_refused_for_a_serial_number(folder, tmp_path, capsys):
+def test_a_scale_tdn_would_not_use_is_refused_for_a_serial(folder, tmp_path, capsys):
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123", "--px-per-mm", "19.5"]
     assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 2
     said = capsys.readouterr().err
@@ -110,7 +110,7 @@ SPOILED = {
 
 
 @pytest.mark.parametrize("reason", SPOILED)
-def test_presses_that_show_no_whole_ball_are_refused_with_the_reason_and_nothing_kept(digit, tmp_path, capsys, reason):
+def test_presses_of_no_whole_ball_are_refused_with_the_reason(digit, tmp_path, capsys, reason):
     presses = tmp_path / "presses"
     presses.mkdir()
     write(presses / "background.png", digit.background)
@@ -195,7 +195,7 @@ def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.dds
-def test_live_ended_early_it_names_the_whole_command_for_its_presses(digit, tmp_path):
+def test_live_ended_early_names_the_command_for_its_presses(digit, tmp_path):
     BackgroundStore(tmp_path, "D20123").save(digit.background)
     arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
     command = [sys.executable, "-m", "midastouch_tools.cli", "calibrate", *arguments, "--save", str(tmp_path / "new")]

@@ -96,7 +96,7 @@ def test_bad_options_are_status_2(arguments, capsys):
     assert "usage:" in capsys.readouterr().err
 
 
-def test_the_help_lists_every_command_once_and_comes_without_arguments_too(capsys, monkeypatch):
+def test_without_arguments_too_the_help_lists_each_command_once(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "70")
     with pytest.raises(SystemExit) as caught:
         cli.main(["--help"])
@@ -158,7 +158,7 @@ def test_an_error_begins_a_line_although_a_progress_bar_is_open(monkeypatch, cap
     assert (error, rest) == ("midastouch: error: a.png: is broken", "")
 
 
-def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeypatch, capsys):
+def test_benchmark_commands_name_their_package_if_it_is_missing(monkeypatch, capsys):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [])
     assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - commands().keys()
     for name in cli.OF_BENCHMARK:
@@ -172,7 +172,7 @@ def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeyp
     ("module", "problem"),
     [("no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"), ("math", "AttributeError: ")],
 )
-def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others_working(module, problem, monkeypatch, capsys):
+def test_a_command_that_fails_to_import_says_so_and_others_work(module, problem, monkeypatch, capsys):
     broken = importlib.metadata.EntryPoint("of_others", module, plugins.PLUGINS)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [broken])
     for options in ([], ["--help"], ["--out", "x"]):

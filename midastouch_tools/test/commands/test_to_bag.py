@@ -4,7 +4,7 @@ from midastouch_tools.cli import main
 from midastouch_tools.replay.source import ReplaySource
 
 
-def test_a_sequence_becomes_a_bag_and_what_is_left_out_is_counted(real_sequence_folder, tmp_path, capsys):
+def test_a_sequence_becomes_a_bag_and_lost_poses_are_counted(real_sequence_folder, tmp_path, capsys):
     def lose(data):
         data["poses"]["DIGIT"][4] = np.nan
 

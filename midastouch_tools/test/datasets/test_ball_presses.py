@@ -121,7 +121,7 @@ def test_jpeg_by_any_name(folder):
 
 
 @pytest.mark.parametrize("name", ["background.jpg", "Background.PNG"])
-def test_a_no_contact_image_of_another_name_is_taken_for_no_press(folder, name):
+def test_a_misnamed_no_contact_image_is_not_taken_for_a_press(folder, name):
     cv2.imwrite(str(folder / name), free_image()[:, :, ::-1])
     with pytest.raises(InputError, match=r"save the no-contact image as background\.png"):
         load_ball_presses(folder)

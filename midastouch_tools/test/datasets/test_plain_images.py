@@ -25,7 +25,7 @@ def write_video(path, frames, shape=(320, 240, 3)):
     return path
 
 
-def test_a_folder_plays_in_the_order_of_the_numbers_at_a_digits_rate(tmp_path):
+def test_a_folder_plays_in_numeric_order_at_a_digit_s_rate(tmp_path):
     names = ["9.png", "10.png", "100.png", "a2.png", "a10.png", "b.PNG"]
     folder = write_images(tmp_path / "x", names)
     (folder / "notes.txt").touch()
@@ -37,7 +37,7 @@ def test_a_folder_plays_in_the_order_of_the_numbers_at_a_digits_rate(tmp_path):
     assert [stamp for stamp, _ in images.frames(offset_ns=stamps[3] - stamps[0])] == [*stamps[3:]]
 
 
-def test_a_video_plays_at_its_own_rate_scaled_to_the_sensors_size(tmp_path):
+def test_a_video_plays_at_its_own_rate_and_the_sensor_s_size(tmp_path):
     images = PlainImages(write_video(tmp_path / "v.avi", 3, (640, 480, 3)))
     assert (images.n_frames, images.fps) == (3, 25.0)
     frames = list(images.frames())
@@ -53,7 +53,7 @@ def test_a_damaged_image_is_named(tmp_path, content):
         PlainImages(tmp_path)
 
 
-def test_landscape_images_are_refused_with_the_turn_that_they_need(tmp_path):
+def test_landscape_images_are_refused_with_the_turn_they_need(tmp_path):
     with pytest.raises(InputError, match=r"0\.png.*320 x 240.*turn images"):
         PlainImages(write_images(tmp_path / "x", ["0.png"], (240, 320, 3)))
     with pytest.raises(InputError, match=r"v\.avi.*turn images"):
@@ -66,7 +66,7 @@ def test_what_is_no_video_is_refused(tmp_path):
         PlainImages(tmp_path / "bad.mp4")
 
 
-def test_a_video_without_an_index_plays_though_it_does_not_know_its_length(tmp_path):
+def test_a_video_without_an_index_plays_at_unknown_length(tmp_path):
     jpeg = cv2.imencode(".jpg", np.zeros((320, 240, 3), np.uint8))[1].tobytes()
     (tmp_path / "stream.mjpeg").write_bytes(3 * jpeg)
     images = PlainImages(tmp_path / "stream.mjpeg")
@@ -75,7 +75,7 @@ def test_a_video_without_an_index_plays_though_it_does_not_know_its_length(tmp_p
 
 
 @pytest.mark.parametrize("inside", ["tactile_images", "frames"])
-def test_an_incomplete_slide_of_ycb_is_not_taken_for_its_background(tmp_path, inside):
+def test_an_incomplete_ycb_slide_is_not_taken_for_plain_images(tmp_path, inside):
     write_images(tmp_path, ["background.png"])
     assert PlainImages.are_at(tmp_path)
     write_images(tmp_path / inside, ["0.png"])

@@ -102,7 +102,7 @@ def omegaconf_pickle() -> bytes:
     return out.getvalue()
 
 
-def test_omegaconf_nodes_are_skipped_and_what_stands_beside_them_is_read():
+def test_omegaconf_nodes_are_skipped_and_data_beside_them_read():
     config = omegaconf_pickle()[2:-1]
     data = b"\x80\x04}(X\x06\x00\x00\x00mNoise" + config + b"X\x01\x00\x00\x00nK\x05u."
     assert restricted_pickle.loads(data, "x")["n"] == 5
@@ -149,13 +149,13 @@ def named(module: str, name: str) -> bytes:
 
 
 @pytest.mark.parametrize("what", [("numpy", "ndarray"), ("numpy._core.multiarray", "_reconstruct")])
-def test_an_array_is_as_large_as_its_content_whatever_it_is_called_with(what):
+def test_an_array_is_as_large_as_its_content_not_as_it_claims(what):
     called = named(*what) + b"(J" + struct.pack("<i", 2**31 - 1) + b"tR."
     assert np.size(restricted_pickle.loads(called, "x")) == 0
 
 
 @pytest.mark.parametrize("what", [("numpy", "ndarray"), ("numpy._core.multiarray", "scalar"), ("_codecs", "encode")])
-def test_attributes_that_a_pickle_gives_to_what_is_allowed_do_no_harm(what):
+def test_attributes_set_by_a_pickle_do_no_harm(what):
     attribute = b"X" + struct.pack("<I", 12) + b"__defaults__"
     with contextlib.suppress(InputError):
         restricted_pickle.loads(named(*what) + b"N}(" + attribute + b"K\x01u\x86b.", "x")
@@ -208,7 +208,7 @@ def test_exotic_array_types_are_refused(dtype):
 
 
 @pytest.mark.parametrize("put", [b"r" + struct.pack("<I", 2**32 - 1), b"p4294967295\n"])
-def test_a_claim_for_a_huge_memo_is_refused_before_memory_is_taken(put):
+def test_a_huge_memo_is_refused_before_memory_is_taken(put):
     with pytest.raises(InputError, match="memo slot"):
         restricted_pickle.loads(b"\x80\x02]" + put + b".", "x")
 

@@ -119,7 +119,7 @@ def test_empty_foreign_and_missing_folders(tmp_path):
         load_sequence(tmp_path / "nowhere")
 
 
-def test_real_layout_takes_every_second_frame_and_corrects_the_poses(real_sequence_folder):
+def test_real_layout_takes_every_second_frame_and_corrects_poses(real_sequence_folder):
     path, truth = real_sequence_folder(n=21)
     sequence = load_sequence(path)
     assert (sequence.layout, sequence.object_name, sequence.n_frames) == ("real", "035_power_drill", 11)

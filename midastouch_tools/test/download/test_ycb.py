@@ -42,7 +42,7 @@ def test_a_mesh_arrives_by_name_and_its_sums_are_kept(mug, tmp_path):
     assert f"{hashlib.sha256(MESH).hexdigest()}  025_mug.ply\n" in (path.parent / "SHA256SUMS").read_text()
 
 
-def test_what_is_there_is_not_fetched_again_unless_it_was_damaged(mug, tmp_path):
+def test_what_is_there_is_not_fetched_again_unless_damaged(mug, tmp_path):
     path = download_mesh("025_mug", tmp_path, mug.url)
     download_mesh("025_mug", tmp_path, mug.url)
     assert len(mug.requests) == 1

@@ -22,7 +22,7 @@ def pixel(view: ObjectView, pose: np.ndarray) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def test_particles_are_drawn_where_they_are_in_the_colour_of_their_angle(view, run):
+def test_particles_appear_in_position_coloured_by_their_angle(view, run):
     aside = run[0].truth.copy()
     row, column = pixel(view, aside)
     pictures = []

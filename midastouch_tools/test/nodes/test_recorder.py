@@ -119,7 +119,7 @@ def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, m
     assert len(list(bag_messages(path))) == sum(recorder.counts.values())
 
 
-def test_a_folder_that_is_gone_ends_the_recording_and_not_the_node(graph, tmp_path):
+def test_a_lost_folder_ends_the_recording_and_not_the_node(graph, tmp_path):
     folder = tmp_path / "stick"
     recorder = graph.add(Recorder, {"path": str(folder / "x.mcap")})
     shutil.rmtree(folder)
@@ -169,7 +169,7 @@ CODES = [Topic("/tactile/code", "midastouch_msgs/msg/TactileCode")]
 
 
 @pytest.mark.usefixtures("brisk_health")
-def test_a_disk_that_is_nearly_full_ends_the_recording_with_a_whole_bag(graph, tmp_path, monkeypatch):
+def test_a_nearly_full_disk_ends_recording_with_a_whole_bag(graph, tmp_path, monkeypatch):
     path = tmp_path / "x.mcap"
     recorder = graph.add(Recorder, {"path": str(path), "min_free": 100.0}, topics=CODES)
     reports = graph.listen(DiagnosticArray, "/diagnostics")

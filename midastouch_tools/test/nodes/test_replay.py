@@ -94,7 +94,7 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     assert len(filters[0].measurements) == 20 * rounds
 
 
-def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simulated_sequence):
+def test_clock_follows_the_recording_and_jumps_back_once_a_loop(graph, simulated_sequence):
     sequence = simulated_sequence(n=3)
     node = replay(graph, sequence.path, loop=True, clock=True, rate=1.0)
     images, clock = graph.listen(Image, "image_raw"), graph.listen(Clock, "/clock")

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.dds
 MS = 1_000_000
 
 
-def test_one_frame_in_flight_loses_none_with_a_best_effort_listener(graph, simulated_sequence):
+def test_with_one_frame_in_flight_best_effort_loses_none(graph, simulated_sequence):
     sequence = simulated_sequence(n=12)
     consumer = Consumer(graph, answers=lambda n: True)
     node = replay(graph, sequence.path, **PACED)

@@ -30,7 +30,7 @@ def process(graph, *parameters):
 
 
 @pytest.mark.slow
-def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, simulated_sequence):
+def test_the_executable_ends_with_0_and_on_bad_input_with_2(graph, simulated_sequence):
     sequence = simulated_sequence(n=3)
     good = process(graph, f"source:={sequence.path}", "rate:=0.0")
     bad = process(graph, "source:=/nowhere/slide")
@@ -62,7 +62,7 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
 
 
 @pytest.mark.slow
-def test_an_interrupt_while_it_waits_for_listeners_ends_it_cleanly(graph, simulated_sequence):
+def test_an_interrupt_ends_its_wait_for_listeners_cleanly(graph, simulated_sequence):
     running = process(graph, f"source:={simulated_sequence(n=1).path}", "wait_for_subscribers:=9")
     heard = graph.listen(Log, "/rosout", latched=True)
     graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")

@@ -41,7 +41,7 @@ def together(graph, parameters):
 
 @pytest.mark.parametrize("start", [apart, together])
 @pytest.mark.parametrize("order", [NODES, NODES[::-1], ("tcn", "particle_filter", "tdn")])
-def test_every_frame_of_a_recording_is_answered_whatever_is_active_first(graph, simulated_sequence, start, order):
+def test_every_frame_is_answered_whichever_node_is_active_first(graph, simulated_sequence, start, order):
     sequence = simulated_sequence(n=4)
     parameters = {name: {**RECORDING[name], "autostart": False} for name in NODES}
     parameters["tdn"]["background"] = str(sequence.background_path)

@@ -103,7 +103,7 @@ def test_everything_arrives_in_the_scene(graph, scene, view):
     assert "particles/effective" not in numbers  # not finite
 
 
-def test_a_mesh_published_before_the_view_came_is_shown_and_a_missing_one_is_survived(graph, scene):
+def test_an_earlier_mesh_is_shown_and_a_missing_one_survived(graph, scene):
     meshes = graph.companion.create_publisher(MarkerArray, "object_mesh", qos.latched())
     path = Path(bundled_objects()["ball"])
     meshes.publish(markers.object_mesh(path.resolve().as_uri(), header()))
@@ -146,7 +146,7 @@ def test_a_frame_that_is_dropped_for_its_stamp_is_no_loop(graph, scene, view):
     assert scene.of("restart") == []
 
 
-def test_answers_behind_the_word_that_a_newer_frame_waits_are_no_loop(graph, scene, view):
+def test_answers_older_than_a_waiting_frame_are_no_loop(graph, scene, view):
     statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
     for n, (stamp, state) in enumerate(((10, "ambiguous"), (13, "waiting"), (11, "lost"), (12, "lost"))):
         statuses.publish(FilterStatus(header=header(stamp * SECOND), state=state))
@@ -168,7 +168,7 @@ def test_unusable_messages_do_not_end_the_view(graph, scene, view):
     assert not scene.of("particles")
 
 
-def test_the_guide_of_a_calibration_is_passed_on_whatever_else_is_on_diagnostics(graph, scene, view):
+def test_a_calibration_s_guide_is_picked_out_of_diagnostics(graph, scene, view):
     health = graph.publisher(DiagnosticArray, "/diagnostics")
     guide = DiagnosticStatus(name="calibrate: /calibrate", message="1 of 10: lift the ball")
     guide.values = [KeyValue(key="taken", value="1"), KeyValue(key="region", value="centre")]
@@ -180,7 +180,7 @@ def test_the_guide_of_a_calibration_is_passed_on_whatever_else_is_on_diagnostics
     assert scene.of("guidance") == [("1 of 10: lift the ball", {"taken": "1", "region": "centre"})]
 
 
-def test_which_object_it_may_be_is_passed_on_until_nothing_is_known(graph, scene, view):
+def test_possible_objects_are_passed_on_until_nothing_is_known(graph, scene, view):
     objects = graph.publisher(Detection3DArray, "object_hypotheses", latched=True)
     found = [
         Detection3D(results=[ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id=name, score=score))])

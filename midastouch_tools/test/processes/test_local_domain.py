@@ -14,7 +14,7 @@ def test_nodes_of_our_own_are_heard_on_this_machine_alone(monkeypatch):
     assert environment["SOME_OTHER"] == "stays"
 
 
-def test_the_domain_is_that_of_the_environment_or_one_that_this_process_claims(monkeypatch):
+def test_the_domain_is_the_environment_s_or_a_claimed_one(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
     assert own_domain() == 42
     monkeypatch.delenv("ROS_DOMAIN_ID")

@@ -56,7 +56,7 @@ def test_who_fails_is_reported_with_its_last_words(supervisor):
     assert "\n  5\n" not in str(caught.value)
 
 
-def test_who_ends_too_early_has_failed_and_who_ends_by_itself_has_not(supervisor, heard):
+def test_only_what_is_meant_to_end_may_end_by_itself(supervisor, heard):
     supervisor.start(shell("h_done", "echo done", ends=True))
     wait_for(lambda: looked_after(supervisor))
     assert heard == ["h_done done", "midastouch h_done has finished; Ctrl-C ends the others"]
@@ -119,7 +119,7 @@ def test_who_has_died_is_started_again_and_its_log_goes_on(tmp_path, heard):
     assert re.fullmatch(r"h_dead .*exit code 3; .*0 s\n", said)
 
 
-def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
+def test_the_pause_grows_to_a_limit_until_a_long_life_resets_it():
     back_off = BackOff(first=2.0, longest=10.0)
     assert [back_off.after(1.0) for _ in range(5)] == [2.0, 4.0, 8.0, 10.0, 10.0]
     assert back_off.after(10.0) == 2.0

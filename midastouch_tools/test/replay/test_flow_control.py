@@ -40,7 +40,7 @@ def test_nothing_in_flight_holds_nobody_up():
     assert World().flow.wait() is True
 
 
-def test_the_next_image_waits_for_the_answer_to_this_one_and_no_other():
+def test_the_next_image_waits_for_the_answer_to_this_one_only():
     world = World()
     world.flow.sent(7)
     join = world.waiting()
@@ -63,7 +63,7 @@ def test_an_answer_counts_once():
     assert world.waiting()(0.2) == "still waiting"
 
 
-def test_a_frame_that_waits_within_the_filter_lets_the_next_one_go():
+def test_a_frame_waiting_in_the_filter_lets_the_next_one_go():
     world = World()
     world.send(1, 2, 3)
     assert world.flow.wait()
@@ -77,7 +77,7 @@ def test_a_frame_that_waits_within_the_filter_lets_the_next_one_go():
     assert world.flow.lost == 0
 
 
-def test_a_silent_filter_is_waited_for_and_one_at_work_only_for_a_while():
+def test_a_silent_filter_is_waited_for_and_a_busy_one_not_long():
     world = World(patience=3)
     world.flow.sent(1)
     join = world.waiting()
@@ -119,7 +119,7 @@ def test_a_seek_or_stop_ends_the_waits_and_loses_nothing():
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_whatever_the_filter_does_one_frame_at_most_is_not_with_it(seed):
+def test_at_most_one_frame_is_under_way_whatever_the_filter_does(seed):
     """A filter that answers at once, late, or first says that it waits; each time in order."""
     rng = random.Random(seed)
     world = World()
@@ -169,7 +169,7 @@ def test_after_the_end_time_goes_on_until_nothing_waits():
     assert (len(ticks), world.flow.waiting) == (9, 0)
 
 
-def test_after_the_end_a_filter_whose_time_stands_still_is_not_waited_for_for_ever():
+def test_after_the_end_a_halted_clock_is_not_awaited_for_ever():
     world = World(patience=3)
     world.send(1, 2)
     world.flow.finish(world.flow.on_report)

@@ -66,7 +66,7 @@ def terminal():
     os.close(running.file)
 
 
-def test_keys_are_heard_without_enter_and_the_terminal_is_restored(terminal):
+def test_keys_need_no_enter_and_the_terminal_is_restored(terminal):
     terminal.until("active")
     terminal.say(" ")
     terminal.until("space")

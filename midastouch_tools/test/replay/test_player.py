@@ -23,7 +23,7 @@ def make_player(path, send=None):
     return done
 
 
-def test_each_message_goes_out_once_and_in_order_and_time_goes_on(simulated_sequence):
+def test_each_message_goes_out_once_in_order_and_time_goes_on(simulated_sequence):
     sequence = simulated_sequence(n=5)
     done = make_player(sequence.path)
     done.player.play(lambda: False)

@@ -98,7 +98,7 @@ def test_the_duration_of_a_sequence(simulated_sequence):
     assert ReplaySource(sequence.path).duration_s == pytest.approx(1.0)
 
 
-def test_compressed_images_are_sent_as_the_raw_ones_that_the_pipeline_hears(tmp_path, simulated_sequence):
+def test_compressed_images_are_sent_once_as_raw_ones(tmp_path, simulated_sequence):
     messages = list(sequence_messages(simulated_sequence(n=3)))
     small = [compressed(m) if m.topic == "/image_raw" else m for m in messages]
     both = [copy for m, s in zip(messages, small, strict=True) for copy in ([m] if m is s else [m, s])]
@@ -140,7 +140,7 @@ def test_a_bag_without_images_is_refused_with_what_it_has(tmp_path, simulated_se
         ReplaySource(tmp_path / "x.mcap")
 
 
-def test_estimates_are_left_out_whatever_the_object_s_frame_is_called(tmp_path, simulated_sequence):
+def test_estimates_are_left_out_under_any_object_frame_name(tmp_path, simulated_sequence):
     _, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
     kind, made = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/"
     point, turn = STORE.types[f"{made}Point"](0.0, 0.0, 0.0), STORE.types[f"{made}Quaternion"](0.0, 0.0, 0.0, 1.0)
@@ -168,7 +168,7 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
         ReplaySource(tmp_path / "other.mcap")
 
 
-def test_plain_images_send_what_a_sequence_sends_but_for_transforms(tmp_path, simulated_sequence):
+def test_plain_images_are_sent_as_a_sequence_without_transforms(tmp_path, simulated_sequence):
     sequence = simulated_sequence(n=3)
     source = ReplaySource(sequence.path / "tactile_images")
     messages, images = list(source.messages()), [m for m in sequence_messages(sequence) if m.topic == "/image_raw"]

@@ -7,7 +7,7 @@ def test_the_line_holds_what_one_waits_for():
     assert line == "exploring, 45 mm, 23 s | mug 62% | searching, best pose 35%"
 
 
-def test_without_probabilities_it_is_the_object_that_the_filter_was_given():
+def test_without_probabilities_the_answer_is_the_given_object():
     assert object_answer({}, "eyebolt") == "eyebolt"
     assert object_answer({}, "") == "no object yet"
 

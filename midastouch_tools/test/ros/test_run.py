@@ -196,7 +196,7 @@ def test_two_do_not_explore_in_one_folder(explored):
     assert run_setup("explore", ["object:=ball", "objects:="]) == 7
 
 
-def test_what_a_killed_run_has_left_is_removed_and_no_two_runs_are_mixed(explored):
+def test_what_a_killed_run_left_is_removed_and_own_files_kept(explored):
     left, former, own = (Path("out/explore") / name for name in (".unfinished", "result.json", "notes.txt"))
     left.mkdir(parents=True)
     (left.parent / ".made").write_text("result.json")
@@ -206,9 +206,7 @@ def test_what_a_killed_run_has_left_is_removed_and_no_two_runs_are_mixed(explore
     assert sorted(path.name for path in left.parent.iterdir()) == [".lock", ".made", "notes.txt", "parameters"]
 
 
-def test_a_recording_that_leads_to_no_pose_is_said_before_it_is_played(
-    carried_out, simulated_sequence, tmp_path, capsys
-):
+def test_a_recording_without_poses_is_named_before_it_plays(carried_out, simulated_sequence, tmp_path, capsys):
     static, moving, _, image = sequence_messages(simulated_sequence(n=1))
 
     def play(name: str, *messages: Message) -> str:

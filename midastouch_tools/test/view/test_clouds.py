@@ -12,7 +12,7 @@ def test_what_is_not_known_is_no_layer(run):
 
 
 @pytest.mark.parametrize("index", range(MOMENTS))
-def test_lines_join_points_that_are_there_and_everything_has_a_colour(run, index):
+def test_lines_join_existing_points_and_all_have_a_colour(run, index):
     for shape in shapes(run.moments, index).values():
         assert shape.points.shape == shape.colours.shape
         assert (shape.colours >= 0).all()

@@ -16,9 +16,7 @@ from midastouch_tools.view import require_open3d
 from midastouch_tools.view.clouds import export, shapes
 
 
-def test_without_open3d_it_names_the_command_that_installs_it_once_the_input_is_right(
-    run, mesh, tmp_path, monkeypatch, capsys
-):
+def test_bad_input_is_named_before_how_to_install_open3d(run, mesh, tmp_path, monkeypatch, capsys):
     monkeypatch.delitem(sys.modules, "midastouch_tools.view.open3d_library", raising=False)
     monkeypatch.setitem(sys.modules, "open3d", None)
     to = ["--export", str(tmp_path / "exported")]

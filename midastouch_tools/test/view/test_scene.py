@@ -41,7 +41,7 @@ def recording(monkeypatch):
     return Recording()
 
 
-def test_state_and_objects_stand_together_until_the_filter_starts_again(recording):
+def test_state_and_objects_stand_together_until_a_restart(recording):
     scene = Scene(recording)
     scene.status("searching", "two objects fit", {"mass/best": 0.5})
     scene.objects({"mug": 0.7, "bowl": 0.3})

@@ -20,7 +20,7 @@ def test_at_the_start_there_is_the_step_alone():
     assert "Thrown" not in text
 
 
-def test_the_state_stands_with_its_reason_and_a_bar_for_each_object():
+def test_the_state_has_its_reason_and_a_bar_for_each_object():
     text = status_text("searching", "two objects fit", {"mug": 0.62, "bowl": 0.3, "unknown": 0.08})
     assert text.startswith("# searching\n\ntwo objects fit")
     assert "\u25cf" * 6 + "\u25cb" * 4 + " 62% mug" in text

@@ -5,7 +5,8 @@ import pytest
 from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
 from midastouch_benchmark.statistics.comparison import compare_variants
 from midastouch_benchmark.tables.accuracy import objects, real_row
-from midastouch_benchmark.tables.results import of_start, of_variants, shown
+from midastouch_benchmark.tables.experiments import EXPERIMENTS, of_start
+from midastouch_benchmark.tables.table import shown
 from midastouch_benchmark.trials.sequence_trials import PAPER_REAL
 from midastouch_benchmark.trials.variants import DEFAULT, VARIANTS
 from midastouch_tools.result_file import write_compact_json
@@ -23,7 +24,7 @@ def result(trials) -> dict:
 
 
 def test_a_terminal_is_shown_every_table_of_a_benchmark(result):
-    text = shown([*of_start(result, "paper"), *of_variants(result)])
+    text = shown(EXPERIMENTS["benchmark"].tables(result))
     for word in ("can", "axis", "2 of 3", "7.4 mm, 9.4 deg", "too few trials (3)", VARIANTS["paper"].summary, "0 of 2"):
         assert word in text
 

@@ -1,4 +1,4 @@
-"""What is judged of presses in a folder, by what, and what is left out."""
+"""Reports of `midastouch evaluate-perception`."""
 
 import json
 
@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from midastouch_benchmark.tables.soft_gel import commanded_depth, soft_gel
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.camera import no_contact_image
@@ -37,7 +38,7 @@ def write(folder, images, background):
 def evaluate(folder, tmp_path, *more):
     """Exit code and JSON."""
     out = tmp_path / "out.json"
-    code = cli.main(["evaluate-presses", folder, "--ball-diameter", "0.006", "--json", str(out), *more])
+    code = cli.main(["evaluate-perception", "presses", folder, "--ball-diameter", "0.006", "--json", str(out), *more])
     return code, json.loads(out.read_text()) if out.is_file() else None
 
 
@@ -108,3 +109,71 @@ def test_a_calibration_of_another_gel_is_refused(digit, presses, tmp_path, capsy
     folder = write(tmp_path / "presses", presses, digit.background)
     assert evaluate(folder, tmp_path, "--calibration", str(file))[0] == 2
     assert "other.npz: " in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def gel(tmp_path_factory):
+    told = tmp_path_factory.mktemp("gel") / "gel.json"
+    args = [
+        "evaluate-perception",
+        "gel",
+        "--objects",
+        "eyebolt",
+        "--touches",
+        "3",
+        "--presses",
+        "3",
+        "--json",
+        str(told),
+    ]
+    assert cli.main(args) == 0
+    return json.loads(told.read_text())
+
+
+@pytest.mark.slow
+def test_every_gel_sees_the_same_touches_and_presses(gel):
+    kinds = {(row["sensor"], row["calibrated"], row["thickness_mm"]) for row in gel["touches"]}
+    assert len(kinds) == 2 * 2 * 4
+    assert len(gel["touches"]) == 3 * len(kinds)
+    for press in ("ball", "flat face"):
+        commanded = [row["commanded_mm"] for row in gel["presses"] if row["press"] == press]
+        assert len(commanded) == 3 * len(kinds)
+        assert len(set(commanded)) == 3
+        assert all(0.1 < each < 1.05 for each in commanded)
+
+
+@pytest.mark.slow
+def test_thicker_gel_gives_way_further_beside_a_touch(gel):
+    """So the outline is smaller, and a pose that ends at it lies further out."""
+
+    def mean(thickness_mm: float, key: str) -> float:
+        values = [row[key] for row in gel["touches"] if row["thickness_mm"] == thickness_mm and key in row]
+        return sum(values) / len(values)
+
+    assert mean(6.0, "area") < mean(1.5, "area")
+    assert mean(6.0, "normal_mm") > mean(1.5, "normal_mm") + 0.1
+
+
+@pytest.mark.slow
+def test_tables_of_soft_gel_show_what_was_measured(gel):
+    gels = ["as fitted", "elastic, 1.5 mm", "elastic, 3 mm", "elastic, 6 mm"]
+    assert soft_gel(gel)["gel"].tolist() == 2 * gels
+    assert commanded_depth(gel)["presses"].tolist() == 16 * ["6"]
+
+
+@pytest.mark.slow
+def test_tables_of_checks_show_what_the_json_holds(shared, tmp_path, capsys):
+    told = tmp_path / "checks.json"
+    backgrounds = str(shared / "data/digit_backgrounds")
+    assert cli.main(["evaluate-perception", "checks", backgrounds, "--sensors", "1", "--json", str(told)]) == 0
+    printed, result = capsys.readouterr().out, json.loads(told.read_text())
+    assert set(result["fit_check"]) <= {line.split("  ")[0] for line in printed.splitlines()}
+    assert len(result["ball_diameter"]["given"]) > 2
+    assert "refused unless said to be right" in printed
+
+
+def test_the_former_commands_still_work():
+    parser = cli.build_parser()
+    for report, given in {"tdn": ["a"], "presses": ["a", "--ball-diameter", "1"], "gel": [], "checks": ["a"]}.items():
+        former = vars(parser.parse_args([f"evaluate-{report}", *given]))
+        assert former == vars(parser.parse_args(["evaluate-perception", report, *given]))
