@@ -178,16 +178,9 @@ def test_bench_has_the_keys_of_the_design(run):
     assert {light: set(times) for light, times in result["sim_image_ms"].items()} == dict.fromkeys(LIGHTS, TIMES)
     assert 0 < result["pose_age_ms"]["p50"] <= result["pose_age_ms"]["p95"]
     assert 0 < result["filter_start_s"]["p50"] <= result["filter_start_s"]["max"]
-    for key in (
-        "threads",
-        "pose_age_hz",
-        "filter_rss_mb",
-        "end_to_end_hz",
-        "renders_per_s",
-        "codebook_poses_per_s",
-        "peak_rss_mb",
-    ):
-        assert result[key] > 0
+    positive = ("threads", "pose_age_hz", "filter_rss_mb", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s",
+                "peak_rss_mb")  # fmt: skip
+    assert all(result[key] > 0 for key in positive)
 
 
 @pytest.mark.slow
@@ -237,15 +230,6 @@ def test_a_campaign_has_the_same_results_on_two_workers(run, workspace):
         finals.append([t["final"] | {"event_at": t["event_at"], "seed": t["seed"]} for t in result["trials"]])
     assert len(finals[0]) == 8
     assert finals[0] == finals[1]
-
-
-@pytest.mark.slow
-def test_report_takes_all_of_them(run, workspace):
-    run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
-    run("evaluate-perception", "tdn", "eyebolt/00", "--json", "tdn.json")
-    output, _ = run("report", "short.json", "tdn.json", "--out", "report")
-    assert output.strip() == "report/index.html"
-    assert (workspace / "report" / "evaluate_0_eyebolt_00_paths.png").is_file()
 
 
 @pytest.mark.parametrize(

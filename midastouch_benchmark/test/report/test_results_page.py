@@ -99,16 +99,11 @@ def test_every_kind_of_result_has_its_tables_on_the_page(tmp_path):
         assert (tmp_path / picture).stat().st_size > 5000
 
 
-@pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}])
+@pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}, {"a": 1}])
 def test_foreign_and_incomplete_files_are_refused(content, tmp_path):
-    with pytest.raises(InputError, match=r"x\.json"):
-        write_results_page([("x.json", content)], tmp_path)
-
-
-def test_a_foreign_file_leaves_no_folder_behind(tmp_path):
     with pytest.raises(InputError, match=r"x\.json: "):
-        write_results_page([("x.json", {"a": 1})], tmp_path / "page")
-    assert not (tmp_path / "page").exists()
+        write_results_page([("x.json", content)], tmp_path / "page")
+    assert not (tmp_path / "page" / "index.html").exists()
 
 
 def point(particles: int, poses: int) -> dict:

@@ -17,29 +17,19 @@ def test_without_a_file_the_defaults_hold():
     assert load_filter_config(None) == FilterConfig()
 
 
-def test_plain_settings(tmp_path):
-    config = load_filter_config(written(tmp_path, "max_particles: 1234\nconverged_error: 0.004\n"))
-    assert (config.max_particles, config.converged_error) == (1234, 0.004)
-
-
-def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
-    text = (
-        "tdn:\n  ros__parameters: {max_particles: 7}\n"
-        "particle_filter:\n  ros__parameters: {max_particles: 1234, base_frame_id: base}\n"
-    )
-    assert load_filter_config(written(tmp_path, text)).max_particles == 1234
-
-
 @pytest.mark.parametrize(
     "text",
     [
+        "max_particles: 1234\n",
+        "tdn:\n  ros__parameters: {max_particles: 7}\n"
+        "particle_filter:\n  ros__parameters: {max_particles: 1234, base_frame_id: base}\n",
         "/left/particle_filter:\n  ros__parameters: {max_particles: 1234}\n",
         "/**:\n  ros__parameters: {max_particles: 1234, use_sim_time: true}\n",
         "/**:\n  ros__parameters: {max_particles: 7}\n/particle_filter:\n  ros__parameters: {max_particles: 1234}\n",
     ],
 )
-def test_of_a_ros_parameter_file_every_form_of_its_name_counts(tmp_path, text):
-    assert load_filter_config(written(tmp_path, text)).max_particles == 1234
+def test_settings_of_the_filter_are_found_in_every_kind_of_file(tmp_path, text):
+    assert load_filter_config(written(tmp_path, text)) == FilterConfig(max_particles=1234)
 
 
 def test_settings_of_a_file_go_over_a_preset(tmp_path):
