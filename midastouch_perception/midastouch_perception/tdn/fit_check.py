@@ -10,8 +10,8 @@ It computes three cheap figures of each image:
   do not explain the image by some linear optics, the network has measured a shape that is not there. Changes of lamps
   and exposure between frames vary slowly over the image and need no explanation.
 
-Simulated sensors like those of the training seldom exceed the limits: `midastouch evaluate-perception checks` measures
-how seldom, and how reliably sensors that do not fit exceed them.
+Simulated sensors like those of the training seldom exceed the limits: the report `checks` measures how seldom, and how
+reliably sensors that do not fit exceed them.
 """
 
 from __future__ import annotations
