@@ -10,6 +10,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -39,7 +40,10 @@ TF = [("/tf", "/tf"), ("/tf_static", "/tf_static")]
 
 def generate_launch_description():
     """Declare the arguments, then `start`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
@@ -52,7 +56,7 @@ def start(context):
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     all_three = {"use_sim_time": given["use_sim_time"] == "true"}
     if given["autostart"]:
-        all_three["autostart"] = given["autostart"] == "true"
+        all_three["autostart"] = yaml.safe_load(given["autostart"])
     if given["sensor_model"]:
         all_three["sensor_model"] = given["sensor_model"]
     of_tdn = {name: given[name] for name in ("serial", "background") if given[name]}

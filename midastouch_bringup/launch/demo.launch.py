@@ -19,6 +19,7 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ARGUMENTS = {
     "object": ("handle_tool", "Bundled object that is slid over"),
@@ -30,7 +31,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Make the slide and the codebook if they are missing, then include replay.launch.py with these arguments."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     replay = PythonLaunchDescriptionSource(f"{SHARE}/launch/replay.launch.py")
     return LaunchDescription(
         [

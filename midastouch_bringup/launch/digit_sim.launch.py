@@ -8,6 +8,7 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -29,7 +30,10 @@ TF = [("/tf", "/tf"), ("/tf_static", "/tf_static")]
 
 def generate_launch_description():
     """Declare the arguments, then `start`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
@@ -39,7 +43,7 @@ def start(context):
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     parameters = {"use_sim_time": given["use_sim_time"] == "true"}
     if given["autostart"]:
-        parameters["autostart"] = given["autostart"] == "true"
+        parameters["autostart"] = LaunchConfiguration("autostart")
     if given["object"]:
         parameters["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
     for name in ("mesh", "sensor_model"):

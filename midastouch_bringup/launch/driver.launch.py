@@ -8,6 +8,7 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -23,7 +24,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Declare the arguments, then `start`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
@@ -33,7 +37,7 @@ def start(context):
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     parameters = {}
     if given["autostart"]:
-        parameters["autostart"] = given["autostart"] == "true"
+        parameters["autostart"] = LaunchConfiguration("autostart")
     if given["serial"]:
         parameters["serial"] = ParameterValue(LaunchConfiguration("serial"), value_type=str)
     if given["sensor_prefix"]:

@@ -17,6 +17,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ARM = LaunchConfiguration("arm")
 ARGUMENTS = {
@@ -37,7 +38,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Make missing codebooks, then start `digit_sim`, the localisation, the simulated finger or arm, and `explorer`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription(
         [
             # not on the rest of the network, unless the user has chosen otherwise
@@ -85,8 +89,7 @@ def start(context):
     given = context.launch_configurations
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     frames = {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
-    if given["sensor_prefix"]:
-        frames["sensor_frame_id"] = given["sensor_prefix"] + "digit_gel_frame"
+    frames |= {"sensor_frame_id": given["sensor_prefix"] + "digit_gel_frame"} if given["sensor_prefix"] else {}
     clock = {"use_sim_time": given["use_sim_time"] == "true"}
     touched, seed = {"mesh": given["mesh"]}, {"seed": int(given["seed"])}
     finger, explorer = {**frames, **touched, **seed}, {**clock, **frames, **touched, **seed}

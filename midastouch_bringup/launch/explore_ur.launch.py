@@ -13,6 +13,7 @@ from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -30,7 +31,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Start the nodes of `live_ur`, `contact_controller`, `recorder`, `explorer`, and with arm:=rtde `ur_speed`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     live_ur = PythonLaunchDescriptionSource(f"{SHARE}/launch/live_ur.launch.py")
     return LaunchDescription(
         [
@@ -55,7 +59,7 @@ def start(context):
     moving = {"use_sim_time": given["use_sim_time"] == "true"}
     moving |= {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
     gel = {"sensor_frame_id": given["sensor_prefix"] + "digit_gel_frame"} if given["sensor_prefix"] else {}
-    lifecycle = {"autostart": given["autostart"] == "true"} if given["autostart"] else {}
+    lifecycle = {"autostart": LaunchConfiguration("autostart")} if given["autostart"] else {}
     explorer = {**moving, **gel}
     if given["object"]:
         explorer["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"

@@ -9,6 +9,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -29,7 +30,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Start everything; the arm's own driver only with arm:=ur_driver."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription(
         [
             DeclareLaunchArgument(

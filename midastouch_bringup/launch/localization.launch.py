@@ -16,7 +16,10 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "composed", default_value="false", description="Run perception and filter in one process"
+                "composed",
+                default_value="false",
+                choices=["true", "false"],
+                description="Run perception and filter in one process",
             ),
             included("perception", UnlessCondition(composed)),
             included("filter", UnlessCondition(composed)),

@@ -8,6 +8,7 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
+YES_NO = ["true", "false"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -26,7 +27,10 @@ ARGUMENTS = {
 
 def generate_launch_description():
     """Declare the arguments, then `start`."""
-    declared = [DeclareLaunchArgument(name, default_value=v, description=text) for name, (v, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        for name, (v, text) in ARGUMENTS.items()
+    ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
@@ -39,7 +43,7 @@ def start(context):
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     both = {"use_sim_time": given["use_sim_time"] == "true"}
     if given["autostart"]:
-        both["autostart"] = given["autostart"] == "true"
+        both["autostart"] = LaunchConfiguration("autostart")
     if given["sensor_model"]:
         both["sensor_model"] = given["sensor_model"]
     of_tdn = {

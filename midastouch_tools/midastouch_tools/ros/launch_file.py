@@ -127,7 +127,4 @@ def programs(name: str, given: Mapping[str, str], folder: Path) -> list[Program]
         found = commands(path_of(name), given, folder)
     except RuntimeError as error:
         raise InputError(str(error)) from error
-    return [Program(one, tuple(command), ends=one in _ENDS) for one, command in found.items()]
-
-
-_ENDS = ("explorer", "replay")
+    return [Program(one, tuple(command), ends=one == "explorer") for one, command in found.items()]

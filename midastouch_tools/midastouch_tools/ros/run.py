@@ -25,9 +25,9 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     words: arguments as `ros2 launch` takes them; RViz is started only if it is asked for. Raises InputError for invalid
     arguments, before anything is made, and for nodes that are not installed.
     """
-    if "use_rviz" in launch_file.declared(name) and not any(word.startswith("use_rviz:=") for word in words):
-        words = [*words, "use_rviz:=false"]
     given = launch_file.values(name, words)
+    if "use_rviz" in given and not any(word.startswith("use_rviz:=") for word in words):
+        given["use_rviz"] = "false"
     prepare(name, given)
     if name == "explore":
         return _explore(given)

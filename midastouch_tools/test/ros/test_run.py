@@ -34,6 +34,7 @@ def test_arguments_go_over_the_defaults():
         ("sofa", "", "sofa: nothing of that name can be started; there are .*driver, "),
         ("replay", "bag=slide", "bag=slide: write NAME:=VALUE"),
         ("driver", "bag:=slide", "bag: driver takes no such argument; .* midastouch run driver --show-args"),
+        ("replay", "loop:=yes", "loop:=yes: must be one of true, false"),
         ("live_ur", "arm:=finger", "arm:=finger: must be one of running, ur_driver, rtde"),
         ("filter", "params_file:=/none.yaml", "/none.yaml: no such parameter file"),
         ("explore", "namespace:=left", "namespace: midastouch run explore draws without one"),
