@@ -6,7 +6,7 @@ import pytest
 from fake_kernel import FakeDigit
 
 from digit_driver.camera_model import CameraModel
-from digit_driver.discovery import find_by_node, find_cameras, select_camera
+from digit_driver.discovery import find_cameras, select_camera
 from digit_driver.frames import DeviceError
 from midastouch_common.errors import InputError
 
@@ -39,11 +39,6 @@ def test_dangling_entry_is_ignored(kernel, find) -> None:
     assert find(DIGIT) == []
 
 
-def test_the_only_one_needs_no_serial(kernel, find) -> None:
-    kernel.plug(FakeDigit())
-    assert select_camera(DIGIT, find(DIGIT), "").serial == "D20001"
-
-
 def test_several_without_serial_are_refused_and_listed(kernel, find) -> None:
     kernel.plug(FakeDigit("D20001", "1-1", number=0))
     kernel.plug(FakeDigit("D20002", "1-2", number=2))
@@ -65,14 +60,6 @@ def test_two_with_one_serial_need_a_device_node(kernel, find) -> None:
     kernel.plug(FakeDigit("D1", "1-2", number=2))
     with pytest.raises(InputError, match="video_device"):
         select_camera(DIGIT, find(DIGIT), "D1")
-
-
-def test_sensor_of_a_node_is_found_through_links(kernel, find, tmp_path: Path) -> None:
-    kernel.plug(FakeDigit("D1", number=4))
-    link = tmp_path / "digit_D1"
-    link.symlink_to("/dev/video4")
-    assert find_by_node(link, find(DIGIT)).serial == "D1"
-    assert find_by_node(Path("/dev/video0"), find(DIGIT)) is None
 
 
 def test_a_camera_may_be_told_by_its_product_name(kernel, find) -> None:

@@ -88,16 +88,6 @@ def test_the_wait_at_the_start_has_an_end(watch) -> None:
     assert "no DIGIT" in status.last_error
 
 
-def test_unusable_request_fails_at_once(kernel, watch) -> None:
-    kernel.plug(FakeDigit("D1", "1-1", number=0))
-    kernel.plug(FakeDigit("D2", "1-2", number=2))
-    watched = watch()
-    assert watched.reader.wait_settled(TIMEOUT_S)
-    status = watched.reader.status()
-    assert status.state is ReaderState.FAILED
-    assert "Set `serial`" in status.last_error
-
-
 @pytest.mark.parametrize("given", [{}, {"video_device": "/dev/video0"}], ids=["the only one", "by its number"])
 def test_a_replugged_sensor_is_known_again_by_its_serial(kernel, watch, given) -> None:
     camera = kernel.plug(FakeDigit("D5", number=0))
@@ -145,7 +135,7 @@ def test_some_corrupt_frames_are_counted_and_not_called_lost(kernel, watch, faul
     watched = watch(ReaderTiming(reconnect=0.02, stall=TIMEOUT_S))
     before = watched.wait_for(streaming(3)).frames
     setattr(camera, fault, True)
-    watched.wait_for(lambda status: status.corrupt >= 3)
+    watched.wait_for(lambda status: status.corrupt >= 5)  # more than there are buffers
     setattr(camera, fault, False)
     status = watched.wait_for(streaming(before + 5))
     assert (status.lost, status.reconnects) == (0, 0)

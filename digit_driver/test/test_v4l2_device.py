@@ -74,36 +74,9 @@ def test_a_gelsight_mini_gives_portrait_images_of_its_gel(kernel, device) -> Non
     assert mini.led_values == [], "its lights cannot be set"
 
 
-def test_vga(kernel, device) -> None:
-    camera = kernel.plug(FakeDigit())
-    camera.picture = bytes(2 * 640 * 480)
-    digit = device(resolution="VGA", fps=30)
-    assert digit.open().height == 640
-    assert digit.read(1.0).image.shape == (640, 480, 3)
-
-
-@pytest.mark.parametrize(("resolution", "fps"), [("QVGA", 15), ("VGA", 60), ("HD", 30)])
-def test_impossible_modes_are_refused(resolution, fps) -> None:
-    with pytest.raises(InputError, match=r"resolution|fps"):
-        V4l2Settings(resolution=resolution, fps=fps)
-
-
 def test_metadata_node_is_skipped_even_if_it_comes_first(kernel, device) -> None:
     kernel.plug(FakeDigit(number=4), metadata_first=True)
     assert device().open().name == "/dev/video5"
-
-
-def test_metadata_node_given_by_hand_is_refused(kernel, device) -> None:
-    kernel.plug(FakeDigit())
-    with pytest.raises(DeviceError, match="metadata node"):
-        device(video_device="/dev/video1").open()
-
-
-def test_node_of_another_kind_is_refused_and_closed(kernel, device) -> None:
-    kernel.plug(FakeDigit(errors={v4l2.VIDIOC_QUERYCAP: errno.ENOTTY}))
-    with pytest.raises(DeviceError, match="not a V4L2 device"):
-        device(video_device="/dev/video0").open()
-    assert kernel.descriptors == {}
 
 
 def test_video_device_overrides_the_search(kernel, device) -> None:
@@ -160,14 +133,26 @@ def test_other_frame_rate_than_asked_for_is_told(kernel, device) -> None:
     assert "30 frames per second instead of 60" in info.warnings[0]
 
 
+NODE = {"video_device": "/dev/video0"}
+
+
 @pytest.mark.parametrize(
-    ("fault", "message"),
-    [({"size": (1280, 720)}, "1280x720 instead of 320x240"), ({"pixel_format": v4l2.fourcc("H264")}, "YUYV")],
+    ("fault", "settings", "error", "message"),
+    [
+        ({}, {"video_device": "/dev/video1"}, DeviceError, "metadata node"),
+        ({"errors": {v4l2.VIDIOC_QUERYCAP: errno.ENOTTY}}, NODE, DeviceError, "not a V4L2 device"),
+        ({"size": (1280, 720)}, {}, InputError, "1280x720 instead of 320x240"),
+        ({"pixel_format": v4l2.fourcc("H264")}, {}, InputError, "YUYV"),
+        ({"open_error": errno.EACCES}, {}, DeviceError, "udev rule"),
+        ({"open_error": errno.ENOENT}, {}, DeviceError, "video0"),
+        ({"errors": {v4l2.VIDIOC_S_FMT: errno.EBUSY}}, {}, DeviceError, "another program"),
+    ],
 )
-def test_a_camera_that_is_no_digit_is_refused(kernel, device, fault, message) -> None:
+def test_what_cannot_be_opened_is_closed_and_says_why(kernel, device, fault, settings, error, message) -> None:
     kernel.plug(FakeDigit(**fault))
-    with pytest.raises(InputError, match=message):
-        device().open()
+    with pytest.raises(error, match=message):
+        device(**settings).open()
+    assert kernel.descriptors == {}
 
 
 @pytest.mark.parametrize("step", ["S_FMT", "S_PARM", "REQBUFS", "QUERYBUF", "QBUF", "STREAMON"])
@@ -179,60 +164,6 @@ def test_failure_at_any_step_of_opening_leaves_nothing_open(kernel, device, step
     assert kernel.descriptors == {}
     camera.errors.clear()
     digit.open()
-    assert digit.read(1.0) is not None
-
-
-@pytest.mark.parametrize(
-    ("code", "hint"), [(errno.EACCES, "udev rule"), (errno.ENOENT, "No such file"), (errno.ENXIO, "video0")]
-)
-def test_node_that_cannot_be_opened_says_why(kernel, device, code, hint) -> None:
-    kernel.plug(FakeDigit(open_error=code))
-    with pytest.raises(DeviceError, match=hint):
-        device().open()
-
-
-def test_busy_camera_says_so(kernel, device) -> None:
-    kernel.plug(FakeDigit(errors={v4l2.VIDIOC_S_FMT: errno.EBUSY}))
-    with pytest.raises(DeviceError, match="another program"):
-        device().open()
-
-
-@pytest.mark.parametrize("fault", ["damaged", "short"])
-def test_corrupt_frames_are_reported_and_their_buffers_returned(kernel, device, fault) -> None:
-    camera = kernel.plug(FakeDigit())
-    digit = device()
-    digit.open()
-    setattr(camera, fault, True)
-    for _ in range(10):  # More often than there are buffers.
-        with pytest.raises(CorruptFrameError):
-            digit.read(1.0)
-    setattr(camera, fault, False)
-    assert digit.read(1.0).sequence == 10
-
-
-def test_no_frame_within_the_timeout(kernel, device) -> None:
-    kernel.plug(FakeDigit(stalled=True))
-    digit = device()
-    digit.open()
-    assert digit.read(0.001) is None
-
-
-def test_an_unplugged_camera_fails_and_is_found_again_by_serial(kernel, device) -> None:
-    camera = kernel.plug(FakeDigit("D7", number=0))
-    digit = device()
-    digit.open()
-    kernel.unplug(camera)
-    with pytest.raises(DeviceError, match="unplugged"):
-        digit.read(1.0)
-    with pytest.raises(DeviceError, match="no DIGIT D7"):
-        digit.open()
-    # Another one takes its place; it must wait for its own.
-    kernel.plug(FakeDigit("D8", "1-7", number=0))
-    with pytest.raises(DeviceError, match="no DIGIT D7"):
-        digit.open()
-    camera.number = 6
-    kernel.plug(camera)
-    assert digit.open().name == "/dev/video6"
     assert digit.read(1.0) is not None
 
 
@@ -288,7 +219,7 @@ def test_leds_may_be_set_while_the_device_is_opened_and_closed(kernel, device) -
 
     thread = threading.Thread(target=light)
     thread.start()
-    for _ in range(50):
+    for _ in range(12):
         digit.open()
         digit.read(0.01)
         digit.close()

@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from filter_runs import assert_defined, error, go_on, hypotheses_at, play, skipped
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import LEAST_UNKNOWN, MOST_UNKNOWN, NoiseModel
@@ -54,6 +52,7 @@ def settled(filter_, mapped_slide):
 def test_from_nothing_known_it_converges_in_some_centimetres(filter_, mapped_slide):
     first = play(filter_, mapped_slide, slice(0, 1), FRAME)
     assert first.status.state == state.SEARCHING
+    assert set(first.status.ms) == {"motion", "codes", "align", "modes"}
     assert len(filter_.belief) > 1000
     converged(play(filter_, mapped_slide, slice(1, 50), FRAME), mapped_slide.poses[49])
     assert len(filter_.belief) < 500
@@ -70,7 +69,7 @@ def test_without_maps_codes_lead_to_the_right_place(coded_slide):
     assert estimate.status.state in (state.AMBIGUOUS, state.CONVERGED)
 
 
-@pytest.mark.parametrize("sigma", [0.5e-3, 2e-3, 0.01])
+@pytest.mark.parametrize("sigma", [0.5e-3, 0.01])
 def test_a_given_pose_is_the_answer_until_something_is_measured(filter_, mapped_slide, sigma):
     given = mapped_slide.poses[60]
     filter_.initialise_gaussian(given, sigma, 20 * sigma)
@@ -82,23 +81,9 @@ def test_a_given_pose_is_the_answer_until_something_is_measured(filter_, mapped_
     converged(play(filter_, mapped_slide, slice(60, 100)), mapped_slide.poses[99])
 
 
-def test_a_start_as_wide_as_the_papers(filter_, mapped_slide, world):
-    filter_.initialise_gaussian(mapped_slide.poses[0], world.mesh.diagonal / 3, math.radians(60))
-    converged(play(filter_, mapped_slide, slice(0, 50)), mapped_slide.poses[49])
-
-
 def test_a_start_that_was_wrong_is_overcome(filter_, mapped_slide):
     filter_.initialise_gaussian(mapped_slide.poses[80], 2e-3, 0.05)
     converged(play(filter_, mapped_slide), mapped_slide.poses[-1])
-
-
-@pytest.mark.parametrize(
-    ("prior", "sigma_t", "sigma_r"),
-    [(np.full((4, 4), np.nan), 0.01, 0.1), (np.eye(4), -1.0, 0.1), (np.eye(4), 0.01, np.inf), (2 * np.eye(4), 1, 1)],
-)
-def test_bad_priors_are_named(filter_, prior, sigma_t, sigma_r):
-    with pytest.raises(InputError, match="prior pose"):
-        filter_.initialise_gaussian(prior, sigma_t, sigma_r)
 
 
 def test_without_a_start_it_says_uninitialised(mapped_slide):
@@ -163,7 +148,7 @@ def test_free_space_counts_more_against_a_pose_known_well(filter_, mapped_slide)
 # --------------------------------------------------------------------------- the same input, the same answer
 
 
-def bits(filter_, slide, frames=30, deferred=False):
+def bits(filter_, slide, frames=12, deferred=False):
     """Digest of all estimates, of a start from nothing known."""
     filter_.initialise_uniform()
     digest = hashlib.sha256()
@@ -183,8 +168,7 @@ def test_a_reset_threads_and_deferred_updates_change_no_bit(mapped_slide):
     first = bits(fresh, mapped_slide)
     fresh.reset(0)
     digests = {first, bits(fresh, mapped_slide, deferred=True)}
-    for threads in (2, 8):
-        digests.add(bits(mapped_slide.make_filter(threads=threads), mapped_slide))
+    digests.add(bits(mapped_slide.make_filter(threads=8), mapped_slide))
     assert len(digests) == 1
 
 
@@ -234,9 +218,9 @@ def test_motions_too_small_to_count_add_up(filter_, mapped_slide):
     play(filter_, mapped_slide, slice(0, 10))
     before = skipped(filter_.step(np.eye(4), mapped_slide.touches[9]), "at_rest")
     small = se3.translation([1e-5, 0, 0])
-    for k in range(100):
+    for k in range(50):
         estimate = filter_.step(small, mapped_slide.touches[10 + k % 2])
-    assert 80 < skipped(estimate, "at_rest") - before < 100
+    assert 40 < skipped(estimate, "at_rest") - before < 50
 
 
 def test_an_image_that_comes_again_is_not_looked_at_again(filter_, mapped_slide):
@@ -245,16 +229,15 @@ def test_an_image_that_comes_again_is_not_looked_at_again(filter_, mapped_slide)
     assert skipped(estimate, "unchanged_code") == 1
 
 
-@pytest.mark.parametrize("gate", ["at_rest", "unchanged_code"])
-def test_an_open_gate_skips_nothing(mapped_slide, world, gate):
-    config = FilterConfig(threads=1)
-    filter_ = ParticleFilter(world.mesh, mapped_slide.codebook, config, open_gates=("at_rest", gate))
+def test_open_gates_skip_nothing(mapped_slide, world):
+    gates = ("at_rest", "unchanged_code")
+    filter_ = ParticleFilter(world.mesh, mapped_slide.codebook, FilterConfig(threads=1), open_gates=gates)
     filter_.initialise_gaussian(mapped_slide.poses[0], 1e-3, 0.02)
     play(filter_, mapped_slide, slice(0, 2))
     before = skipped(filter_.step(np.eye(4), mapped_slide.touches[1]), "descents")
     estimate = filter_.step(np.eye(4), mapped_slide.touches[1])
-    assert (skipped(estimate, "descents") > before) == (gate == "unchanged_code")
-    assert skipped(estimate, gate) == 0 or gate == "at_rest"
+    assert skipped(estimate, "descents") > before
+    assert [skipped(estimate, gate) for gate in gates] == [0, 0]
 
 
 def test_a_forced_update_counts_although_the_arm_rests(filter_, mapped_slide):
@@ -273,16 +256,6 @@ def test_in_the_air_hypotheses_only_move_with_the_arm(filter_, mapped_slide):
     np.testing.assert_allclose(filter_.poses, before @ lift, atol=1e-6)
     assert estimate.status.state == state.NO_CONTACT
     assert skipped(estimate, "no_contact") == 1
-
-
-def test_stages_are_timed_by_the_given_clock(mapped_slide, world):
-    ticks = iter(range(100_000))
-    config = FilterConfig(threads=1)
-    filter_ = ParticleFilter(world.mesh, mapped_slide.codebook, config, clock=lambda: float(next(ticks)))
-    filter_.initialise_uniform()
-    assert set(play(filter_, mapped_slide, slice(0, 1)).status.ms) == {"motion", "codes", "align", "modes"}
-    filter_.deferred_update()
-    assert set(play(filter_, mapped_slide, slice(1, 2)).status.ms) == {"motion", "compare", "align", "modes"}
 
 
 # --------------------------------------------------------------------------- changes
@@ -384,30 +357,6 @@ def test_ten_metres_of_odometry_start_it_again(settled, mapped_slide):
 # --------------------------------------------------------------------------- what cannot be told apart, or is another
 
 
-def test_a_symmetric_object_keeps_both_answers(world):
-    """An ellipsoid, and codes that cannot tell a pose from the one turned by 180 degrees about its z axis."""
-    ball = trimesh.creation.icosphere(subdivisions=3)
-    mesh = ObjectMesh.from_arrays(ball.vertices * [0.05, 0.035, 0.025], ball.faces, "ellipsoid")
-    turn = np.diag([-1.0, -1, 1, 1])
-
-    def encode(poses):
-        codes = world.encode(poses) + world.encode(turn @ poses)
-        return codes / np.linalg.norm(codes, axis=1, keepdims=True)
-
-    poses = world.random_poses(mesh, 4000, np.random.default_rng(0))
-    poses = np.concatenate([poses, turn @ poses])
-    filter_ = ParticleFilter(mesh, world.make_codebook(poses, encode(poses)), FilterConfig(threads=1))
-    filter_.initialise_uniform()
-    truth = world.make_slide(mesh, 50, np.random.default_rng(4))
-    for motion, code in zip(se3.odometry(truth), encode(truth), strict=True):
-        estimate = filter_.step(motion, Measurement(True, code))
-    for answer in (truth[-1], turn @ truth[-1]):
-        assert min(np.linalg.norm(m.pose[:3, 3] - answer[:3, 3]) for m in estimate.modes) < 0.015
-    assert estimate.status.state == state.AMBIGUOUS
-    assert estimate.modes[0].weight < 0.7
-    assert np.sqrt(np.trace(estimate.covariance[:3, :3])) > 0.02, "it says how far away the other one is"
-
-
 def test_on_another_object_it_is_not_sure(filter_, shelf):
     """Of a slide over one that it has no mesh of."""
     _, frames = shelf.touches(1, 60)
@@ -416,21 +365,6 @@ def test_on_another_object_it_is_not_sure(filter_, shelf):
         code = codes[np.random.default_rng(k).integers(len(codes))]
         estimate = filter_.step(motion, Measurement(True, code, penetration=touch.penetration), elapsed=FRAME)
         assert estimate.status.state != state.CONVERGED
-    assert_defined(filter_, estimate)
-
-
-def test_which_object_is_touched_is_found_with_the_pose(shelf):
-    objects = [entry.model for entry in shelf.catalogue.entries]
-    filter_ = ParticleFilter.on(objects, FilterConfig(threads=1, unknown_prior=0.0))
-    filter_.initialise_uniform()
-    truth, frames = shelf.touches(1, 80)
-    for motion, touch in frames:
-        estimate = filter_.step(motion, touch, elapsed=FRAME)
-        probabilities, unknown = filter_.identity
-        assert probabilities.sum() + unknown == pytest.approx(1)
-    assert filter_.object is objects[1]
-    assert probabilities.argmax() == 1
-    assert error(estimate, truth[-1])[0] < 2e-3
     assert_defined(filter_, estimate)
 
 
@@ -474,7 +408,12 @@ def test_bad_maps_are_refused_with_a_reason_and_counted(filter_, mapped_slide, p
 
 @pytest.mark.parametrize(
     ("odometry", "reason"),
-    [(np.full((4, 4), np.nan), "not finite"), (np.eye(3), "shape"), (np.zeros((4, 4)), "rigid")],
+    [
+        (np.full((4, 4), np.nan), "not finite"),
+        (np.eye(3), "shape"),
+        (np.zeros((4, 4)), "rigid"),
+        (np.diag([1.0, 1, -1, 1]), "rigid"),
+    ],
 )
 def test_bad_odometry_is_refused_with_a_reason_and_counted(filter_, mapped_slide, odometry, reason):
     before, after = refused(filter_, mapped_slide, odometry, mapped_slide.touches[4], "bad_odometry", reason)

@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.state import CONVERGED
-from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
 from midastouch_filter.paper_filter import PaperFilter
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_simulation.slide import measure_poses
 
 EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(threads=1)
@@ -82,68 +79,22 @@ def test_why_there_is_no_denser_one_is_kept(grown):
 # --------------------------------------------------------------------------- the filter
 
 
-@pytest.fixture
-def slide(world):
-    """Odometry, touches, and what a second finger measures at its poses, along 40 poses."""
-    rng = np.random.default_rng(21)
-    first, second = (world.make_slide(world.mesh, 40, rng) for _ in range(2))
-    touches = [Measurement(True, code) for code in world.encode(first)]
-    pairs = zip(se3.inverse(first) @ second, world.encode(second), strict=True)
-    others = [{"other": Measurement(True, code, T_gel_finger=pose)} for pose, code in pairs]
-    return first, [*se3.odometry(measure_poses(first, rng, 5e-4, 0.017))], touches, others
-
-
-def coarse_filter(world) -> ParticleFilter:
-    return ParticleFilter(world.mesh, coarse_book(world), CONFIG)
-
-
 def coarse_book(world, **meta):
     codebook = world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500]), world.of_surface)
     codebook.meta |= meta
     return codebook
 
 
-def test_belief_and_motion_go_on_over_a_denser_codebook(world, slide):
-    truth, odometry, touches, others = slide
-    running = coarse_filter(world)
-    running.initialise_uniform()
-    gap, prepared = running.object.gap, running.object.with_codebook(world.codebook)
-    for k in range(20):
-        running.step(odometry[k], touches[k], others[k])
-    poses = running.poses
-    running.take(prepared)
-    np.testing.assert_array_equal(running.poses, poses)
-    assert len(running.object.lookup) == 8000
-    assert running.object.gap < 0.6 * gap
-    for k in range(20, 40):
-        estimate = running.step(odometry[k], touches[k], others[k])
-    assert np.linalg.norm(estimate.pose[:3, 3] - truth[-1][:3, 3]) < 0.02
-
-
-def test_it_is_the_same_whenever_it_was_prepared(world, slide):
-    _, odometry, touches, others = slide
-    bits = []
-    for when in (0, 7):
-        running = coarse_filter(world)
-        running.reset(3)
-        running.initialise_uniform()
-        for k in range(12):
-            if k == when:
-                prepared = running.object.with_codebook(world.codebook)
-            if k == 8:
-                running.take(prepared)
-            running.step(odometry[k], touches[k], others[k])
-        bits.append(running.poses.tobytes())
-    assert bits[0] == bits[1]
-
-
-def test_hypotheses_are_compared_over_a_denser_codebook(world, mapped_slide):
+def test_belief_goes_on_over_a_denser_codebook(world, mapped_slide):
     running = mapped_slide.make_filter(coarse_book(world, sensor="digit_tacto"))
     running.initialise_gaussian(mapped_slide.poses[0], 0.03, 0.3)
-    prepared, states = running.object.with_codebook(mapped_slide.codebook), []
+    gap, prepared, states = running.object.gap, running.object.with_codebook(mapped_slide.codebook), []
     for k, (motion, touch) in enumerate(zip(mapped_slide.odometry, mapped_slide.touches, strict=True)):
         if k == 20:
+            poses = running.poses
             running.take(prepared)
+            np.testing.assert_array_equal(running.poses, poses)
+            assert running.object.gap < 0.6 * gap
         states.append(running.step(motion, touch).status.state)
         running.deferred_update()
     assert states[-1] == CONVERGED
@@ -151,7 +102,7 @@ def test_hypotheses_are_compared_over_a_denser_codebook(world, mapped_slide):
 
 @pytest.mark.parametrize("started", [False, True])
 def test_before_a_touch_it_starts_over_on_the_denser_codebook(world, started):
-    running = coarse_filter(world)
+    running = ParticleFilter(world.mesh, coarse_book(world), CONFIG)
     if started:
         running.initialise_uniform()
     running.take(running.object.with_codebook(world.codebook))
@@ -186,7 +137,10 @@ def test_a_mesh_is_enough_for_a_filter_whose_codebook_grows(built, paper, kind):
     assert loaded.network_id.startswith("tcn_fast")
     assert isinstance(loaded.filter, kind)
     assert (loaded.advisor is None) == paper
-    assert loaded.density.startswith("codebook of 300 poses")
+    if paper:
+        return
+    spacing, gap = loaded.filter.object.lookup.spacing, loaded.filter.object.gap
+    assert all(part in loaded.density for part in ("300 poses", f"{1e3 * spacing:.1f} mm", f"{1e3 * gap:.1f} mm"))
     loaded.take_growth()
     assert loaded.density.startswith("codebook of 300 poses")
     loaded.growth.start()
@@ -196,13 +150,6 @@ def test_a_mesh_is_enough_for_a_filter_whose_codebook_grows(built, paper, kind):
     loaded.take_growth()
     assert (loaded.growth.failure, loaded.coarse) == ("", "")
     assert loaded.density.startswith("codebook of 400 poses")
-
-
-def test_a_codebook_says_how_well_it_locates(built):
-    loaded = loaded_object.build_object(EYEBOLT, "fast", "digit_tacto", CONFIG, seed=0)
-    spacing, gap = loaded.filter.object.lookup.spacing, loaded.filter.object.gap
-    assert all(part in loaded.density for part in ("300 poses", f"{1e3 * spacing:.1f} mm", f"{1e3 * gap:.1f} mm"))
-    assert 1e-3 < spacing < 20e-3
 
 
 def test_a_sensor_of_ones_own_is_one_of_the_codebook_too(built, tmp_path):

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -10,8 +9,6 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.active_touch.suggestion import Wanted
-from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_filter.localiser import Localiser, Start, spread_at_lever, spread_of
@@ -31,12 +28,6 @@ def localiser(first_start=None, wait=False) -> tuple[Localiser, FakeFilter]:
     return out, running
 
 
-def test_nothing_runs_without_an_object():
-    empty = Localiser(None, wait=False)
-    assert empty.process(np.eye(4), TOUCH) is None
-    assert "set_object" in empty.waiting_for
-
-
 def test_odometry_is_the_motion_since_the_last_frame():
     subject, running = localiser()
     rng = np.random.default_rng(0)
@@ -47,14 +38,6 @@ def test_odometry_is_the_motion_since_the_last_frame():
     np.testing.assert_allclose(a @ running.odometry[1], b, atol=1e-12)
 
 
-def test_further_fingers_are_handed_on():
-    subject, running = localiser()
-    others = {"right": dataclasses.replace(TOUCH, T_gel_finger=translation(0.05))}
-    subject.process(np.eye(4), TOUCH, others)
-    subject.process(translation(0.01), TOUCH)
-    assert running.others == [others, {}]
-
-
 def test_only_a_running_filter_has_a_deferred_update():
     subject, running = localiser(wait=True)
     subject.deferred_update()
@@ -63,12 +46,6 @@ def test_only_a_running_filter_has_a_deferred_update():
     subject.process(np.eye(4), TOUCH)
     subject.deferred_update()
     assert running.deferred_updates == [1]
-
-
-def test_the_papers_filter_is_not_asked_where_to_touch_next():
-    subject, _ = localiser()  # without an advisor
-    with pytest.raises(InputError, match=r"paper's filter .*balanced or fast"):
-        subject.advise(Wanted())
 
 
 def test_motion_during_a_refused_measurement_is_not_lost():
@@ -101,10 +78,12 @@ def test_start_anywhere_ends_waiting():
 
 def test_another_object_does_not_inherit_a_pose():
     subject, _ = localiser(first_start=START)
+    subject.expect_object_at(translation(0.5), 0.01, 0.1)
     second = FakeFilter()
     subject.set_object(LoadedObject(second, DIAGONAL, "other"))
-    assert second.starts == ["uniform"]
     assert subject.estimate is None
+    subject.process(np.eye(4), TOUCH)
+    assert second.starts == ["uniform"]
 
 
 class Growing(FakeFilter):
@@ -191,46 +170,22 @@ def test_a_loop_starts_where_the_sensor_is_on_the_seen_object():
     np.testing.assert_allclose([start[0] for start in running.starts], [translation(0.03), translation(0.01)])
 
 
-def test_object_pose_is_reported_only_while_converged():
-    subject, running = localiser(first_start=START)
-    T_base_obj = translation(0.4, 0.2)
-    subject.process(T_base_obj @ START.pose, TOUCH)
-    assert subject.T_base_obj() is None
-    running.state = CONVERGED
-    subject.process(T_base_obj @ START.pose @ translation(0, 0.01), TOUCH)
-    np.testing.assert_allclose(subject.T_base_obj(), T_base_obj, atol=1e-12)
+RVIZ = (0.25, 0.25, 0, 0, 0, (math.pi / 12) ** 2)  # 2D Pose Estimate: zeros that mean "unknown"
 
 
-def spread(*variances: float) -> tuple[float, float]:
-    return spread_of(np.diag(variances), DIAGONAL)
-
-
-def test_a_plain_covariance_is_taken_as_it_is():
-    sigma_t, sigma_r = spread(1e-4, 1e-4, 1e-4, 0.04, 0.04, 0.04)
-    assert sigma_t == pytest.approx(0.01)
-    assert sigma_r == pytest.approx(0.2)
-
-
-def test_the_largest_variance_counts():
-    sigma_t, sigma_r = spread(1e-6, 4e-4, 1e-6, 0.01, 0.04, 0.01)
-    assert sigma_t == pytest.approx(0.02)
-    assert sigma_r == pytest.approx(0.2)
-
-
-def test_zero_means_unknown_and_wide_is_cut_to_the_object():
-    # RViz's 2D Pose Estimate: x, y 0.5 m, yaw 15 degrees, the rest zero
-    assert spread(0.25, 0.25, 0, 0, 0, (math.pi / 12) ** 2) == (DIAGONAL / 3, math.radians(60))
-    assert spread(0.25, 0.25, 0.25, 10, 10, 10) == (DIAGONAL / 3, math.radians(60))
-
-
-def test_overconfident_is_widened():
-    sigma_t, sigma_r = spread(*[1e-18] * 6)
-    assert sigma_t == pytest.approx(5e-4)
-    assert sigma_r == pytest.approx(math.radians(1))
-
-
-def test_a_tiny_object_never_inverts_the_limits():
-    assert spread_of(np.diag([1e-8] * 6), 6e-4)[0] == pytest.approx(2e-4)
+@pytest.mark.parametrize(
+    ("variances", "diagonal", "sigma_t", "sigma_r"),
+    [
+        ((1e-6, 4e-4, 1e-6, 0.01, 0.04, 0.01), DIAGONAL, 0.02, 0.2),
+        (RVIZ, DIAGONAL, DIAGONAL / 3, math.radians(60)),
+        ((0.25, 0.25, 0.25, 10, 10, 10), DIAGONAL, DIAGONAL / 3, math.radians(60)),
+        ((1e-18,) * 6, DIAGONAL, 5e-4, math.radians(1)),
+        ((1e-8,) * 6, 6e-4, 2e-4, math.radians(1)),
+    ],
+    ids=["the largest counts", "RViz", "wider than the object", "overconfident", "a tiny object"],
+)
+def test_a_covariance_is_bounded_by_the_object(variances, diagonal, sigma_t, sigma_r):
+    assert spread_of(np.diag(variances), diagonal) == pytest.approx((sigma_t, sigma_r))
 
 
 def test_rotation_widens_the_position_at_the_end_of_a_lever():

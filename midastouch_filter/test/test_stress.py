@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from filter_runs import assert_defined, codes_along, error, play, skipped, some_book
+from filter_runs import assert_defined, codes_along, error, play, some_book
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -47,14 +47,6 @@ def filter_(world):
 # --------------------------------------------------------------------------- starts and half turns
 
 
-def test_half_turns_of_what_is_known_least_are_rotations(filter_, world):
-    filter_.reset(0)
-    filter_.initialise_gaussian(world.poses[0], 0.0, 10.0)
-    for axis in np.eye(3):
-        turn = se3.make(2 * np.outer(axis, axis) - np.eye(3), np.zeros(3))
-        assert_defined(filter_, filter_.step(turn, AIR))
-
-
 @given(
     arrays(float, 3, elements=st.floats(-1e300, 1e300) | st.floats(-1, 1)),
     st.floats(0, allow_infinity=False) | st.floats(0, 1),
@@ -78,43 +70,6 @@ def test_absurd_priors_are_refused_and_all_others_are_a_start(filter_, world, wh
 # --------------------------------------------------------------------------- codes and maps
 
 
-@given(arrays(np.float64, DIM, elements=st.floats(width=64)), st.integers(0, 5))
-@settings(max_examples=40)
-def test_any_code_ends_in_a_defined_state(filter_, mapped_slide, code, spoilt):
-    filter_.reset(0)
-    filter_.initialise_uniform()
-    play(filter_, mapped_slide, slice(0, 1))
-    code[: 10 * spoilt] = 0
-    estimate = filter_.step(mapped_slide.odometry[1], replace(mapped_slide.touches[1], code=code))
-    assert_defined(filter_, estimate)
-    with np.errstate(over="ignore"):
-        if not np.isfinite(code.astype(np.float32)).all():
-            assert "not finite" in estimate.status.reason
-
-
-@pytest.mark.parametrize(
-    "penetration",
-    [
-        np.full(MAP_SHAPE, np.nan, np.float32),
-        np.full(MAP_SHAPE, np.inf, np.float32),
-        np.full(MAP_SHAPE, 1e30, np.float32),
-        np.zeros(MAP_SHAPE, np.float32),
-        np.full((160, 120), 1e-3, np.float32),
-        np.zeros((0, 0), np.float32),
-    ],
-    ids=["nan", "inf", "huge", "zero", "wrong size", "empty"],
-)
-def test_any_map_ends_in_a_defined_state(filter_, mapped_slide, penetration):
-    filter_.reset(0)
-    filter_.initialise_gaussian(mapped_slide.poses[0], 5e-4, 0.02)
-    for motion, touch in zip(mapped_slide.odometry[:12], mapped_slide.touches, strict=False):
-        estimate = filter_.step(motion, replace(touch, penetration=penetration))
-        assert_defined(filter_, estimate)
-    unusable = penetration.shape != MAP_SHAPE or not np.isfinite(penetration).all()
-    assert skipped(estimate, "bad_relief") == (12 if unusable else 0)
-    assert ("penetration" in estimate.status.reason) == unusable
-
-
 @pytest.mark.parametrize("dtype", [np.float64, np.float16])
 def test_maps_of_any_precision_and_order_are_taken(mapped_slide, dtype):
     poses = []
@@ -125,10 +80,6 @@ def test_maps_of_any_precision_and_order_are_taken(mapped_slide, dtype):
             estimate = filter_.step(motion, replace(touch, penetration=spoil(touch.penetration)))
         poses.append(estimate.pose)
     np.testing.assert_allclose(*poses, atol=1e-3)
-
-
-def test_maps_have_the_size_of_the_sensors_views():
-    assert SensorModel.load("digit_tacto").scaled(MAP_SCALE).gel_depth.shape == MAP_SHAPE
 
 
 # --------------------------------------------------------------------------- beliefs
@@ -198,10 +149,10 @@ def test_covariances_may_be_nearly_singular(mapped_slide, scale, part):
 def test_any_settings_end_in_a_defined_state(mapped_slide, extremes):
     filter_ = mapped_slide.make_filter(**extremes)
     filter_.initialise_uniform()
-    for _ in range(2):
-        for k in range(20):
-            assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1), FRAME))
-        filter_.step(se3.inverse(mapped_slide.poses[19]) @ mapped_slide.poses[0], AIR)
+    for k in range(12):
+        assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1), FRAME))
+    filter_.step(se3.inverse(mapped_slide.poses[11]) @ mapped_slide.poses[0], AIR)
+    assert_defined(filter_, play(filter_, mapped_slide, slice(0, 1), FRAME))
 
 
 # --------------------------------------------------------------------------- sizes
@@ -295,30 +246,6 @@ def test_a_hundred_thousand_steps(mapped_slide):
     assert estimate.status.state == state.CONVERGED, estimate.status.reason
 
 
-@pytest.mark.slow
-def test_without_contact_for_an_hour(mapped_slide):
-    """At 30 Hz, on a way that comes back; nothing of it is forgotten and nothing piles up."""
-    filter_ = mapped_slide.make_filter()
-    filter_.initialise_uniform()
-    play(filter_, mapped_slide)
-    here = mapped_slide.poses[-1]
-    circle = [se3.exp([2e-3 * np.cos(a), 2e-3 * np.sin(a), 0, 0, 0, 0.0]) for a in np.linspace(0, 2 * np.pi, 99)[:-1]]
-    filter_.step(se3.translation([0, 0, 0.05]), AIR, elapsed=FRAME)
-    size = len(filter_.belief)
-    for k in range(98 * 1102):
-        estimate = filter_.step(circle[k % 98], AIR, elapsed=FRAME)
-    assert estimate.status.state == state.NO_CONTACT
-    assert_defined(filter_, estimate)
-    assert len(filter_.belief) == size
-    estimate = filter_.step(se3.translation([0, 0, -0.05]), mapped_slide.touches[-1], elapsed=FRAME)
-    assert_defined(filter_, estimate)
-    steps = to_and_fro(mapped_slide)
-    for motion, touch in steps:
-        estimate = filter_.step(motion, touch, elapsed=FRAME)
-    assert error(estimate, here)[0] < 3e-3
-    assert estimate.status.state == state.CONVERGED, estimate.status.reason
-
-
 @pytest.mark.parametrize("elapsed", [0.0, -5.0, 1e9, math.inf, 1e-9])
 def test_any_time_between_frames_ends_in_a_defined_state(mapped_slide, elapsed):
     """That time runs backwards is the node's to notice."""
@@ -333,7 +260,7 @@ def test_any_time_between_frames_ends_in_a_defined_state(mapped_slide, elapsed):
 actions = st.lists(
     st.tuples(
         st.sampled_from(["slide", "rest", "nan", "jump", "spin", "lift", "small", None]),
-        st.sampled_from(["touch", "nan", "zero", "short", "air", "random", "opposite", "blind"]),
+        st.sampled_from(["touch", "nan", "zero", "short", "air", "random", "opposite", "blind", "deep"]),
     ),
     min_size=1,
     max_size=12,
@@ -364,11 +291,14 @@ def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, mapped
         "random": rng.standard_normal(64),
         "opposite": -code,
         "blind": code,
+        "deep": code,
     }
     filter_.reset(seed)
     filter_.initialise_uniform()
     for motion, touch in sequence:
         penetration = None if touch == "blind" else mapped_slide.touches[0].penetration
+        if touch == "deep":
+            penetration = np.full(MAP_SHAPE, 1e30, np.float32)
         estimate = filter_.step(motions[motion], Measurement(touch != "air", touches[touch], penetration=penetration))
         assert_defined(filter_, estimate)
 
@@ -391,18 +321,3 @@ def test_float32_pose_distance_agrees_with_float64(world, at, step, size):
     between = se3.inverse(near) @ far
     exact = math.hypot(np.linalg.norm(between[:3, 3]), 0.02 * math.sin(se3.rotation_angle(between[:3, :3]) / 2))
     assert got == pytest.approx(exact, abs=1.5e-5)
-
-
-def test_poses_in_float32_agree_with_float64_over_a_slide(filter_, world):
-    """The whole chain of moves against the same in matrices."""
-    filter_.reset(0)
-    filter_.initialise_gaussian(world.poses[0], 0.02, 0.2)
-    expected = filter_.belief.untested[0].poses
-    truth = world.make_slide(world.mesh, 200, np.random.default_rng(3))
-    for motion in se3.inverse(truth[:-1]) @ truth[1:]:
-        filter_.step(motion, AIR)
-        filter_.belief.come_up(0.0, np.zeros((6, 6)))
-        expected = expected @ motion
-    off = se3.log(se3.inverse(expected) @ filter_.belief.untested[0].poses)
-    assert np.abs(off[:, :3]).max() < 1e-5
-    assert np.abs(off[:, 3:]).max() < 1e-4

@@ -91,21 +91,11 @@ def test_transforms_tell_of_the_same_jump_at_once(told):
     assert told.taken[3:] == [6000, 1040], "the one ahead was wrong; time did not run back"
 
 
-def test_a_pause_is_no_jump(told):
-    told.tell(1000, 1030, 9000, 9030)
-    assert told.taken == [1000, 1030, 9000, 9030]
+@pytest.mark.parametrize("stamps", [[1000, 1030, 9000, 9030], [*range(1000, 20_000, 2000)]], ids=["a pause", "slow"])
+def test_neither_a_pause_nor_a_slow_camera_is_a_jump(told, stamps):
+    told.tell(*stamps)
+    assert told.taken == stamps
     assert told.odd == []
-
-
-def test_slow_cameras_are_followed(told):
-    told.tell(*range(1000, 20_000, 2000))
-    assert told.taken == list(range(1000, 20_000, 2000))
-
-
-def test_what_was_here_before_is_late(told):
-    told.tell(1000, 1030, 1030, 1010, 1060)
-    assert told.late == [1030, 1010]
-    assert told.taken == [1000, 1030, 1060]
 
 
 def test_a_wrong_stamp_that_nobody_follows_is_given_up(told):

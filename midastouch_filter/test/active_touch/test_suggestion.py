@@ -10,9 +10,9 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.active_touch.expected_evidence import carried_along, map_evidence
+from midastouch_filter.active_touch.expected_evidence import map_evidence
 from midastouch_filter.active_touch.hypotheses import MOST, Hypothesis, hypotheses_of
-from midastouch_filter.active_touch.slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
+from midastouch_filter.active_touch.slide_prediction import predict_slides
 from midastouch_filter.active_touch.suggestion import Advisor, Wanted, advise, mixture_information
 from midastouch_filter.core.answer import grouped
 from midastouch_filter.core.belief import Belief, Hypotheses
@@ -210,15 +210,6 @@ def test_of_two_objects_the_difference_counts(world, alike, handed):
     assert [each.path.shape for each in nowhere.suggestions] == [(0, 4, 4)] * len(nowhere.suggestions)
 
 
-def test_the_arm_carries_every_hypothesis_along(alike):
-    starts, ways = alike.lookup.poses[:3], alike.lookup.poses[10:25].reshape(3, 5, 4, 4)
-    poses = carried_along(starts, ways)
-    for i in range(3):
-        np.testing.assert_allclose(poses[i, :, i], ways[i], atol=1e-12)
-        for j in range(3):
-            np.testing.assert_allclose(se3.inverse(starts[j]) @ poses[i, 2, j], se3.inverse(starts[i]) @ ways[i, 2])
-
-
 @pytest.mark.parametrize(("off", "told"), [(0.0, False), (0.002, False), (0.03, True)])
 def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
     """By a millimetre its pose may be wrong: then the gel would hover, and not be somewhere else."""
@@ -229,22 +220,6 @@ def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
     assert evidence.shape == (4, 1)
     assert (np.abs(evidence).max() < 0.3) != told
     assert (evidence.min() > 2.0) == told
-
-
-def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
-    many = advise(copies(world, handed), NOTHING_MEASURED, Wanted(count=8), NOISE).suggestions
-    assert many
-    assert all(each.length >= NOISE.touch_correlation for each in many)
-
-
-def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
-    here, there = copies(world, handed)
-    hopeless = {}
-    for fraction in (0.5, 0.9):
-        belief = [replace(here, probability=fraction), replace(there, probability=1 - fraction)]
-        advices = [advise(belief, NOTHING_MEASURED, Wanted(length), NOISE) for length in np.arange(0.012, 0.032, 0.002)]
-        hopeless[fraction] = [advice.indistinguishable for advice in advices]
-    assert sum(hopeless[0.9]) < sum(hopeless[0.5]) < len(hopeless[0.5])
 
 
 def test_who_wants_certainty_gets_advice_too(world, handed):
@@ -298,21 +273,3 @@ def test_information_lies_between_nothing_and_the_entropy():
     nothing, everything = mixture_information(p, evidence)
     assert nothing == pytest.approx(0.0)
     assert everything == pytest.approx(-(p * np.log(p)).sum())
-
-
-@pytest.mark.parametrize("length", [0.005, 0.012, 0.03, 0.3])
-def test_touches_lie_ever_farther_apart(length):
-    distances = touches_on_the_way(length, 0.012)
-    assert distances[-1] == pytest.approx(length)
-    gaps = np.diff(distances, prepend=0.0)
-    assert (gaps > 0).all()
-    assert (np.diff(gaps) > -1e-9).all()
-
-
-def test_touches_near_earlier_ones_count_in_part():
-    track = np.tile(np.eye(4), (1, 1, 3, 1, 1))
-    track[0, 0, :, 0, 3] = [0.0, 0.015, 0.06]
-    news = independence_on_the_way(track, NOTHING_MEASURED, 0.03)
-    np.testing.assert_allclose(news[0, 0], [0.5, 1.0])
-    measured = se3.translation(np.array([[0.06, 0.0, 0.0]]))
-    np.testing.assert_allclose(independence_on_the_way(track, measured, 0.03)[0, 0], [0.5, 0.0])

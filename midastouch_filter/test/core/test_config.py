@@ -43,12 +43,6 @@ def test_a_preset_is_valid_and_says_what_it_changes(name):
         assert f"{key} {value}" in preset_in_words(name)
 
 
-@pytest.mark.parametrize("name", ["quick", ["fast"]])
-def test_an_unknown_name_is_refused(name):
-    with pytest.raises(InputError, match=r"preset.*fast, balanced"):
-        preset(name)
-
-
 @pytest.mark.parametrize("name", GONE)
 def test_a_field_that_is_gone_names_what_is_in_its_place(name):
     assert name not in {item.name for item in dataclasses.fields(FilterConfig)}

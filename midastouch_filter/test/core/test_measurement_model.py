@@ -45,27 +45,6 @@ def test_codes_that_would_be_measured_are_scored_by_a_sample(world):
     assert min(np.corrcoef(a, b)[0, 1] for a, b in zip(found, expected, strict=True)) > 0.95
 
 
-@pytest.mark.parametrize(
-    ("code", "complaint"),
-    [
-        (None, "no code"),
-        (np.ones(3), "length 3 instead of 64"),
-        (np.zeros(64), "zero"),
-        (np.full(64, np.nan), "finite"),
-        (np.full(64, np.inf), "finite"),
-    ],
-)
-def test_says_why_a_code_cannot_be_used(world, code, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        model(world).unit_code(code)
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e30])
-def test_length_of_the_code_does_not_matter(world, scale):
-    code = model(world).unit_code(world.codebook.codes[0] * scale)
-    np.testing.assert_allclose(code, world.codebook.codes[0], atol=1e-5)
-
-
 def test_refuses_a_book_without_calibration_or_with_nan(world):
     codes, meta = world.codebook.codes, world.codebook.meta
     with pytest.raises(InputError, match="temperature"):

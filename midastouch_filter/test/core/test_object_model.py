@@ -136,14 +136,6 @@ def test_surface_data_of_a_codebook_hold_for_a_part_of_it(world):
     assert near(part) == near(made)
 
 
-def test_normals_are_found_only_once_they_are_needed(world, monkeypatch):
-    monkeypatch.setattr(ObjectMesh, "smooth_normals", lambda *_: pytest.fail("normals were looked for"))
-    kept = {name: array for name, array in of_surface(world.codebook.derived).items() if not name.endswith("normals")}
-    model = model_of(world, world.make_codebook(world.poses, world.codebook.codes, kept))
-    with pytest.raises(pytest.fail.Exception, match="looked for"):
-        near(model)
-
-
 def test_a_model_takes_the_entries_of_a_denser_codebook(world):
     coarse = model_of(world, world.make_codebook(world.poses[:500], world.codebook.codes[:500], world.of_surface))
     lookup = coarse.lookup

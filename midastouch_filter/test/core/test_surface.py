@@ -68,12 +68,3 @@ def test_meshes_that_are_no_solids_work(broken):
     assert np.isfinite(inside).all()
     assert (np.abs(inside) < 2.5e-3).mean() > 0.99
     assert (inside < 0).mean() > (0.85 if broken == "two shells" else 0.99)
-
-
-def test_random_meshes_give_exact_distances_near_the_surface(world):
-    grid = SurfaceGrid(world.mesh, 0.006, WORKERS)
-    rng = np.random.default_rng(3)
-    points = world.mesh.sample_surface(2000, rng)[0] + rng.normal(0, 2e-3, (2000, 3))
-    exact = signed_distance(world.mesh, points)
-    error = np.minimum(grid.distance(points), 0.006) - np.clip(exact, -grid.limit, 0.006)
-    assert np.quantile(np.abs(error), 0.99) < 3e-4

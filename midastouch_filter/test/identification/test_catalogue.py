@@ -128,10 +128,6 @@ def test_the_same_mesh_under_another_name_counts_once(shelf):
     assert len(catalogue) == 2
 
 
-def test_an_object_can_be_left_out(shelf):
-    assert [entry.name for entry in read(*shelf.books).without("bumpy").entries] == ["small"]
-
-
 @pytest.mark.parametrize(
     ("make", "said"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -27,6 +29,13 @@ def is_answer(status: FilterStatus) -> bool:
 def skipped(status: FilterStatus) -> dict[str, int]:
     """How often each thing was skipped, by name."""
     return dict(zip(status.skipped_names, status.skipped_counts, strict=True))
+
+
+def executable(*parameters: str) -> subprocess.Popen:
+    """The node as a process, with parameters as `name:=value`."""
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    command = [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 class Bench:

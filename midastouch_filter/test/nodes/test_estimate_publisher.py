@@ -62,16 +62,6 @@ def test_modes_and_status_say_which_poses_are_alike(graph, symmetry, words, cent
     assert said.symmetry_axis.z == pytest.approx(1.0 if symmetry.free == "axis" else 0.0)
 
 
-def test_another_object_has_another_symmetry(graph):
-    bench = Bench(graph, **OBJECT)
-    modes = graph.listen(PoseModes, "pose_modes")
-    bench.frame(SECOND, T_BASE_OBJ)
-    bench.filter.object.symmetry = ObjectSymmetry(Symmetry(np.stack([np.eye(4), HALF_TURN])))
-    bench.frame(2 * SECOND, T_BASE_OBJ)
-    graph.spin_until(lambda: len(modes) > 1)
-    assert [len(each.symmetries) for each in modes] == [1, 2]
-
-
 def test_object_frame_is_broadcast_only_while_converged(graph):
     bench = Bench(graph, **OBJECT, transform_tolerance=0.5)
     sent = graph.listen(TFMessage, "/tf")

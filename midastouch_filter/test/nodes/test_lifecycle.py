@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench
+from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, executable
 from filter_fakes import code_msg, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import Log
@@ -20,7 +17,6 @@ from tf2_msgs.msg import TFMessage
 from tf_messages import translation
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
@@ -107,15 +103,6 @@ def test_a_bad_mesh_fails_the_transition_until_it_is_fixed(graph):
     assert filters[0].starts == ["uniform"]
 
 
-def test_settings_that_contradict_each_other_fail_the_transition(graph):
-    add(graph, [], **OBJECT, objects="/data/cup.ply")
-    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-    assert not graph.change_state("particle_filter", "configure")
-    await_reason(graph, statuses, "objects, and mesh or codebook: which object is it? Give either of them")
-    assert all(result.successful for result in graph.set_parameters("particle_filter", objects=""))
-    assert graph.change_state("particle_filter", "configure")
-
-
 def test_what_was_measured_before_a_pause_counts_no_more(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(SECOND)
@@ -150,37 +137,7 @@ def test_services_say_that_it_is_not_active(graph):
     assert len(filters) == 2
 
 
-def test_another_object_can_be_configured(graph):
-    filters = []
-    add(graph, filters, **OBJECT)
-    meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
-    assert graph.change_state("particle_filter", "configure")
-    assert graph.change_state("particle_filter", "cleanup")
-    assert all(
-        result.successful
-        for result in graph.set_parameters("particle_filter", mesh="/data/cup.ply", codebook="/data/cup.npz")
-    )
-    assert graph.change_state("particle_filter", "configure")
-    graph.spin_until(lambda: meshes and meshes[-1].markers[-1].mesh_resource.endswith("/cup.ply"), "the mesh")
-
-
-def test_a_start_by_itself_on_a_bad_mesh_raises(graph):
-    with pytest.raises(InputError, match="not a mesh"):
-        add(graph, [], mesh="/data/bad.ply", codebook="/data/mug.npz", autostart=True)
-
-
 # --- the executable
-
-
-def executable(*parameters: str) -> subprocess.Popen:
-    words = [word for parameter in parameters for word in ("-p", parameter)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *words],
-        env=os.environ.copy(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 @pytest.mark.slow

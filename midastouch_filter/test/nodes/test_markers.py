@@ -29,12 +29,6 @@ def test_drawing_is_proportional_to_weight_and_repeatable():
     np.testing.assert_array_equal(drawn, markers.drawn_by_weight(many, 1000))
 
 
-def test_particle_poses_are_thinned():
-    assert len(markers.particle_poses(poses(1500), np.full(1500, 1 / 1500), HEADER).poses) == 1000
-    few = markers.particle_poses(poses(3), np.full(3, 1 / 3), HEADER)
-    assert [p.position.x for p in few.poses] == pytest.approx(poses(3)[:, 0, 3])
-
-
 def test_cloud_holds_all_particles_with_weights():
     p, weights = poses(4), np.array([0.4, 0.3, 0.2, 0.1])
     cloud = markers.particle_cloud(p, weights, HEADER)
@@ -75,10 +69,6 @@ def test_ellipsoid_points_along_its_covariance():
     rotation = se3.from_xyzquat(np.array([0, 0, 0, q.x, q.y, q.z, q.w]))[:3, :3]
     longest = rotation[:, int(np.argmax([ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z]))]
     assert abs(longest @ direction) == pytest.approx(1.0)
-
-
-def test_no_modes_draw_nothing():
-    assert markers.hypotheses([], HEADER, 1.0).markers == []
 
 
 def test_mesh_replaces_what_was_shown():

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import FakeFilter, StubGrowth, code_msg, pose_msg
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from filter_fakes import FakeFilter, StubGrowth, code_msg
 from tf2_msgs.msg import TFMessage
-from tf_messages import tf_msg, translation
+from tf_messages import translation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
@@ -23,7 +20,6 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
-from midastouch_perception import sensor_model
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
@@ -121,14 +117,6 @@ def test_a_codebook_of_another_sensor_is_refused_with_the_fix(graph):
     assert bench.set_object("real").success
 
 
-def test_of_sensor_models_of_the_users_own_the_files_are_named(graph, tmp_path):
-    shipped, file = Path(sensor_model.__file__).parent / "sensor_models" / "digit_real.yaml", tmp_path / "my gel.yaml"
-    shutil.copy(shipped, file)
-    theirs = dataclasses.replace(SensorModel.load("digit_tacto"), name="theirs").for_maps
-    answer = ObjectBench(graph, sensors={"cup": theirs}, sensor_model=str(file)).set_object("cup")
-    assert answer.message.endswith(f"--sensor '{file}', or use the sensor model theirs.yaml")
-
-
 @pytest.mark.usefixtures("brisk_health")
 def test_without_a_codebook_a_coarse_one_is_built_and_reported(graph):
     asked, growth = [], StubGrowth()
@@ -215,24 +203,3 @@ def test_a_codebook_of_another_network_than_the_codes_is_refused(graph):
     assert bench.frame(2 * SECOND).state == "ambiguous"
     assert len(bench.of["mug"].measurements) == 2
     assert bench.set_object("jug").success
-
-
-def test_before_codes_any_network_passes_and_wrong_codes_do_not(graph):
-    bench = ObjectBench(graph, networks={"cup": "other"})
-    assert bench.set_object("cup").success
-    bench.codes.publish(code_msg(SECOND, network_id="other"))
-    bench.tf.publish(tf_msg(SECOND, T_BASE_OBJ))
-    graph.spin_until(lambda: bench.answers(SECOND), "an answer")
-    # the fake filter knows the network "fake" only, as a real one knows that of its codebook
-    assert bench.answers(SECOND)[0].state == "stale"
-    assert "network other" in bench.answers(SECOND)[0].reason
-
-
-def test_a_prior_for_the_old_object_is_forgotten(graph):
-    bench = ObjectBench(graph, init_mode="wait")
-    priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
-    for frame in ("base_link", ""):  # the second, which is refused, tells that the first was read
-        priors.publish(pose_msg(frame, T_BASE_OBJ))
-    graph.spin_until(lambda: bench.node.diagnostics.counts.get("bad_object_pose_prior"), "the priors")
-    assert bench.set_object("cup").success
-    assert bench.frame(SECOND).state == "uninitialised"
