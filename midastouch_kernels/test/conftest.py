@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import pytest
 
@@ -24,3 +26,10 @@ def grid(corners) -> kernels.TriangleGrid:
 def scene(grid) -> kernels.Scene:
     gel_depth = np.full((HEIGHT, WIDTH), GEL_DISTANCE, np.float32)
     return kernels.Scene(grid, gel_depth, FOCAL, GEL_DISTANCE, 0.0)
+
+
+@pytest.fixture
+def threads() -> Iterator[Callable[[int], None]]:
+    """Sets the number of threads for the test."""
+    yield kernels.set_threads
+    kernels.set_threads(0)

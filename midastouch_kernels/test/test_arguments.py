@@ -51,13 +51,6 @@ def test_render_into_maps_of_another_size(scene, shape):
         kernels.render(scene, POSES, maps(), maps(np.int32, shape))
 
 
-def test_scene_without_focal_length(grid):
-    with pytest.raises(ValueError, match="focal length"):
-        kernels.Scene(grid, np.ones((3, 3), np.float32), 0.0, GEL_DISTANCE, 0.0)
-    with pytest.raises(TypeError):
-        kernels.Scene(None, np.ones((3, 3), np.float32), FOCAL, GEL_DISTANCE, 0.0)
-
-
 def test_normals_of_faces_that_are_not_there(scene, corners):
     faces = np.full((2, HEIGHT, WIDTH), len(corners), np.int32)
     tangent = np.zeros((HEIGHT, WIDTH))
@@ -67,81 +60,46 @@ def test_normals_of_faces_that_are_not_there(scene, corners):
         kernels.interpolate_normals(scene, POSES, faces, corners[1:], tangent, tangent)
 
 
+def ones(*shape: int) -> np.ndarray:
+    return np.ones(shape, np.float32)
+
+
+ODD = np.full((1, 3, 3), np.inf)
+DEPTH, LIGHTS, MATERIAL = ones(4, 5), ones(2, 3), (1.0, 0.1, 0.1, 0.8)
+FACE = np.int32([[0, 0, 1]]), np.ones((1, 3)), np.ones((1, 3))
+HEIGHTS, START = np.zeros((6, 8)), np.array([0, 1], np.int64)
+DISCS, TRIANGLE = (np.zeros((2, 2)), np.zeros(3), np.zeros((2, 3))), (np.zeros((1, 3, 2)), np.zeros((1, 3)), ODD)
+
+
 @pytest.mark.parametrize(
-    ("corners", "cell", "message"),
+    ("call", "message"),
     [
-        (np.empty((0, 3, 3)), 1e-3, "at least one"),
-        (np.eye(3)[None], 0.0, "size"),
-        (np.eye(3)[None], np.nan, "size"),
-        (np.eye(3)[None], 1e-9, "too small"),
-        (np.full((1, 3, 3), np.inf), 1e-3, "non-finite"),
+        (lambda grid: kernels.Scene(grid, ones(3, 3), 0.0, GEL_DISTANCE, 0.0), "focal length"),
+        (lambda _: kernels.Scene(None, ones(3, 3), FOCAL, GEL_DISTANCE, 0.0), "incompatible"),
+        (lambda _: kernels.TriangleGrid(np.empty((0, 3, 3)), 1e-3), "at least one"),
+        (lambda _: kernels.TriangleGrid(np.eye(3)[None], 0.0), "size"),
+        (lambda _: kernels.TriangleGrid(np.eye(3)[None], np.nan), "size"),
+        (lambda _: kernels.TriangleGrid(np.eye(3)[None], 1e-9), "too small"),
+        (lambda _: kernels.TriangleGrid(ODD, 1e-3), "non-finite"),
+        (lambda _: kernels.farthest_points(np.array([[0.0, np.nan]]), 1), "not finite"),
+        (lambda _: kernels.farthest_points(np.zeros((3, 2)), -1), "incompatible"),
+        (lambda _: kernels.neighbours(np.array([2, 1]), 5, 25, 1), "sorted"),
+        (lambda _: kernels.neighbours(np.array([1, 2]), 5, 25, -1), "kernel"),
+        (lambda _: kernels.look_up_colours(ones(1, 8, 6, 3), DEPTH, DEPTH, 0, False), "two slopes"),
+        (lambda _: kernels.look_up_colours(ones(9, 8, 6, 3), DEPTH, DEPTH[1:], 0, False), "different sizes"),
+        (lambda _: kernels.shade(DEPTH, ones(3, 5, 3), DEPTH, DEPTH, LIGHTS, LIGHTS, *MATERIAL), "different sizes"),
+        (lambda _: kernels.shade(DEPTH, ones(4, 5, 3), DEPTH, DEPTH, LIGHTS, LIGHTS[:1], *MATERIAL), "colour"),
+        (lambda _: kernels.draw_discs(*DISCS, 1.0, 1.0, 1.0, HEIGHTS, np.zeros((6, 8, 3))), "different sizes"),
+        (lambda _: kernels.draw_triangles(*TRIANGLE, HEIGHTS[1:], np.zeros((6, 8, 3))), "maps"),
+        (lambda _: kernels.corner_normals(*FACE, START[:1], START, 0.7), "no vertex"),
+        (lambda _: kernels.halve_image(np.zeros((4, 5, 3), np.uint8)), "odd"),
+        *((lambda _, by=by: kernels.block_means(DEPTH, *by), "multiples") for by in ((3, 1), (1, 3), (0, 1), (1, 0))),
+        (lambda _: kernels.change_beside_gain(ones(8, 6, 3), ones(8, 5, 3), ones(2, 2, 3), 4, 0.1), "different sizes"),
+        (lambda _: kernels.change_beside_gain(ones(8, 6, 3), ones(8, 6, 3), ones(2, 2, 3), 0, 0.1), "every so many"),
+        (lambda _: kernels.change_beside_gain(ones(8, 6, 3), ones(8, 6, 3), ones(2, 2, 3), 3, 0.1), "every so many"),
+        (lambda _: kernels.set_threads(-1), "negative"),
     ],
 )
-def test_grid(corners, cell, message):
-    with pytest.raises(ValueError, match=message):
-        kernels.TriangleGrid(corners, cell)
-
-
-def test_farthest_points_of_what_is_not_finite():
-    with pytest.raises(ValueError, match="not finite"):
-        kernels.farthest_points(np.array([[0.0, np.nan]]), 1)
-    with pytest.raises(TypeError):
-        kernels.farthest_points(np.zeros((3, 2)), -1)
-
-
-def test_neighbours_of_keys_out_of_order():
-    with pytest.raises(ValueError, match="sorted"):
-        kernels.neighbours(np.array([2, 1]), 5, 25, 1)
-    with pytest.raises(ValueError, match="kernel"):
-        kernels.neighbours(np.array([1, 2]), 5, 25, -1)
-
-
-def test_colour_table_without_two_slopes():
-    flat = np.zeros((4, 5), np.float32)
-    with pytest.raises(ValueError, match="two slopes"):
-        kernels.look_up_colours(np.zeros((1, 8, 6, 3), np.float32), flat, flat, 0, False)
-    with pytest.raises(ValueError, match="different sizes"):
-        kernels.look_up_colours(np.zeros((9, 8, 6, 3), np.float32), flat, flat[1:], 0, False)
-
-
-def test_shade_of_different_sizes():
-    depth, normals, lights = np.ones((4, 5), np.float32), np.ones((4, 5, 3), np.float32), np.ones((2, 3), np.float32)
-    material = 1.0, 0.1, 0.1, 0.8
-    assert kernels.shade(depth, normals, depth, depth, lights, lights, *material).shape == (4, 5, 3)
-    with pytest.raises(ValueError, match="different sizes"):
-        kernels.shade(depth, normals[:3], depth, depth, lights, lights, *material)
-    with pytest.raises(ValueError, match="colour"):
-        kernels.shade(depth, normals, depth, depth, lights, lights[:1], *material)
-
-
-def test_canvas_of_different_sizes():
-    heights, colours = np.zeros((6, 8)), np.zeros((6, 8, 3))
-    with pytest.raises(ValueError, match="different sizes"):
-        kernels.draw_discs(np.zeros((2, 2)), np.zeros(3), np.zeros((2, 3)), 1.0, 1.0, 1.0, heights, colours)
-    with pytest.raises(ValueError, match="maps"):
-        kernels.draw_triangles(np.zeros((1, 3, 2)), np.zeros((1, 3)), np.zeros((1, 3, 3)), heights[1:], colours)
-    start = np.array([0, 1], np.int64)
-    with pytest.raises(ValueError, match="no vertex"):
-        kernels.corner_normals(np.int32([[0, 0, 1]]), np.ones((1, 3)), np.ones((1, 3)), start[:1], start, 0.7)
-
-
-def test_means_over_blocks_that_do_not_fit():
-    with pytest.raises(ValueError, match="odd"):
-        kernels.halve_image(np.zeros((4, 5, 3), np.uint8))
-    for rows, columns in ((3, 1), (1, 3), (0, 1), (1, 0)):
-        with pytest.raises(ValueError, match="multiples"):
-            kernels.block_means(np.zeros((4, 5), np.float32), rows, columns)
-
-
-def test_background_and_sparse_pixels_of_another_size():
-    image, background, sparse = (np.ones(shape, np.float32) for shape in ((8, 6, 3), (8, 5, 3), (2, 2, 3)))
-    with pytest.raises(ValueError, match="different sizes"):
-        kernels.change_beside_gain(image, background, sparse, 4, 0.1)
-    for every in (0, 3):
-        with pytest.raises(ValueError, match="every so many"):
-            kernels.change_beside_gain(image, image, sparse, every, 0.1)
-
-
-def test_threads():
-    with pytest.raises(ValueError, match="negative"):
-        kernels.set_threads(-1)
+def test_what_does_not_fit_is_refused(grid, call, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        call(grid)

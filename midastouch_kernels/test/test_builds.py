@@ -17,13 +17,6 @@ from .sheet import assert_same, results
 FOLDER = Path(kernels.__file__).parent
 
 
-@pytest.fixture
-def threads():
-    """Sets the number of threads for the test."""
-    yield kernels.set_threads
-    kernels.set_threads(0)
-
-
 def test_any_number_of_threads_gives_the_same_bits(threads):
     threads(1)
     expected = results(kernels)

@@ -65,15 +65,9 @@ def test_a_pose_within_half_of_the_shortest_link_stays(graph, positions):
     np.testing.assert_array_equal(entries, np.arange(COUNT))
 
 
-@pytest.mark.parametrize(
-    ("entries", "reason"),
-    [(np.array([COUNT], np.int32), "not there"), (np.array([-1], np.int32), "not there")],
-)
-def test_entries_beyond_the_book_are_refused(graph, positions, entries, reason):
-    with pytest.raises(ValueError, match=reason):
-        walked(graph, positions[:1], entries)
-
-
-def test_ranges_beyond_the_particles_are_refused(graph, positions):
+def test_what_is_beyond_the_book_or_the_particles_is_refused(graph, positions):
+    for entry in (COUNT, -1):
+        with pytest.raises(ValueError, match="not there"):
+            walked(graph, positions[:1], np.array([entry]))
     with pytest.raises(ValueError, match="range"):
         graph.walk(0, 2, positions[:1], TURN[None], np.zeros(1, np.int32), np.zeros(1, np.float32))

@@ -24,15 +24,6 @@ def test_the_shipped_file_is_read_entry_by_entry():
     np.testing.assert_allclose(mount[1][2][:3, :3], np.diag([1.0, -1.0, -1.0]), atol=1e-15)
 
 
-def test_prefixes_and_tool_as_in_the_xacro():
-    mount = read_mount(SHIPPED, sensor_prefix="left_", tool_frame="tool0_controller", tf_prefix="a_")
-    assert [(parent, child) for parent, child, _ in mount] == [
-        ("a_tool0_controller", "left_digit_link"),
-        ("left_digit_link", "left_digit_gel_frame"),
-        ("left_digit_link", "left_digit_optical_frame"),
-    ]
-
-
 def test_angles_turn_about_the_fixed_axes_of_the_parent(tmp_path):
     entries = yaml.safe_load(SHIPPED.read_text())
     entries["hand_eye"]["rpy"] = [np.pi / 2, 0.0, np.pi / 2]

@@ -67,7 +67,10 @@ def test_no_two_that_are_left_have_met_and_no_weight_is_lost(seed, count):
 
 def test_a_covariance_moves_with_its_frame():
     motion, rng = se3.exp([0.05, -0.02, 0.08, 0.4, -1.0, 2.0]), np.random.default_rng(0)
-    moved = Hypotheses.at(np.eye(4)[None], COVARIANCE, np.zeros(1), 0, 0.0).moved(motion)
+    hypotheses = Hypotheses.at(np.tile(np.eye(4), (3, 1, 1)), COVARIANCE, np.zeros(3), 0, 0.0)
+    hypotheses.covariances[1] *= 4.0
+    moved = hypotheses.moved(motion)
+    np.testing.assert_allclose(moved.covariances[1:], moved.covariances[[0, 0]] * [[[4.0]], [[1.0]]])
     np.testing.assert_allclose(moved.poses[0], motion)
     samples = se3.exp(rng.multivariate_normal(np.zeros(6), COVARIANCE, 20_000)) @ motion
     empirical = np.cov(se3.log(se3.inverse(motion) @ samples).T)

@@ -189,11 +189,6 @@ def test_while_it_is_held_it_begins_no_further_motion():
     assert exploration.verdict is None
 
 
-def test_without_a_suggestion_it_goes_somewhere(world, exploration):
-    assert followed(world, exploration.decide(None, seen(world))[1])[0]
-    assert exploration.verdict is None
-
-
 class TestReach:
     def test_what_the_arm_does_not_reach_is_left_out(self, world):
         heights = world.base_from_object[2, 3] + np.array([-0.1, 0.03 * np.cos(np.radians(60))])
@@ -239,11 +234,6 @@ class TestAskedReach:
         places = acts[0].poses[:, :3, 3]
         assert places[[0, -2, -1]] == pytest.approx(np.array([[0, 0, 0.012], [0.03, 0, 0.012], [0.03, 0, 0]]))
         assert [type(act) for act in acts if not isinstance(act, CheckReach)] == [Lift, Approach, Touch]
-
-    def test_what_it_does_not_reach_is_left_out_and_the_reason_said(self):
-        exploration, acts = self.follow(Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True), reaches=False)
-        assert {type(act) for act in acts} == {CheckReach}
-        assert exploration.verdict.words.endswith("nor touch elsewhere: joint 3")
 
 
 def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
@@ -302,14 +292,6 @@ def test_it_gives_up_after_the_longest_way(world, exploration):
     exploration.judge("lost", "these touches are not of this mesh", measured=True)
     assert exploration.verdict.words.startswith("still lost after 0.5")
     assert exploration.verdict.words.endswith("these touches are not of this mesh")
-
-
-def test_an_arm_that_does_not_move_is_stuck_for_its_own_reason():
-    arm, exploration = Scripted(refusing), Exploration(np.random.default_rng(0), 1.0)
-    exploration.motions.touching = True
-    arm.follow(exploration.go([Motion(0.0, 0.1)], Surroundings(np.eye(4))))
-    assert "stuck" in exploration.verdict.words
-    assert exploration.verdict.words.endswith("not enabled")
 
 
 def test_where_nothing_is_below_it_touches_beside_that(world):

@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
-from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from ros_graph import RosGraph
 from rosgraph_msgs.msg import Clock
@@ -19,6 +18,8 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
 from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.msg import TactileContact
+
+from .goals import Asked
 
 _PERIOD = 0.03  # s
 PATIENT = {"hold": 10.0, "stale_after": 10.0}
@@ -83,34 +84,19 @@ class Rig:
 
         self.graph.spin_until(step, what)
 
-    def ask(self, kind: type, **goal) -> Asked:
+    def ask(self, kind: type, **goal) -> Motion:
         """Send a goal."""
-        client = ActionClient(self.graph.companion, kind, kind.__name__.lower())
-        self.until(client.server_is_ready, f"the action {kind.__name__}")
         if self.node.active and self.enabled and self.forces:  # sensor, arm and operator were there before
             self.until(lambda: self.node.describe()[2]["in_the_way"] == "nothing", "all to be seen")
-        asked = Asked(self)
-        client.send_goal_async(kind.Goal(**goal), asked.feedback.append).add_done_callback(asked.on_accepted)
-        return asked
+        return Motion(self, kind, **goal)
 
 
-class Asked:
-    """A goal. Attributes: handle, once it is accepted; result, once there is one; feedback, so far."""
+class Motion(Asked):
+    """A goal while which the rig goes on sending."""
 
-    def __init__(self, rig: Rig):
-        self._rig, self.handle, self.result, self.feedback = rig, None, None, []
-
-    def on_accepted(self, future) -> None:
-        self.handle = future.result()
-        self.handle.get_result_async().add_done_callback(self._on_result)
-
-    def _on_result(self, future) -> None:
-        self.result = future.result().result
-
-    def ended(self):
-        """Its result, once it has one."""
-        self._rig.until(lambda: self.result is not None, "the end of the motion")
-        return self.result
+    def __init__(self, rig: Rig, kind: type, **goal):
+        super().__init__(rig.graph.companion, rig.until, kind, **goal)
+        self._rig = rig
 
     def moves(self) -> None:
         """Once the arm is told to move."""

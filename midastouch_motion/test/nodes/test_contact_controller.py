@@ -8,7 +8,6 @@ from geometry_msgs.msg import (
     TwistStamped,
     Vector3,
 )
-from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header
@@ -19,6 +18,7 @@ from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 from midastouch_msgs.msg import TactileContact
 
+from .goals import Asked
 from .rig import Rig, moving
 
 pytestmark = pytest.mark.dds
@@ -60,23 +60,18 @@ def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
     result = asked.ended()
     assert result.success, result.message
     assert result.depth == pytest.approx(5e-4, abs=2e-4)
-    assert asked.feedback[-1].feedback.area == pytest.approx(2e-5)
+    assert asked.feedback[-1].area == pytest.approx(2e-5)
     rig.until(lambda: len(rig.twists) > 1 and not any(map(moving, rig.twists[-2:])), "two stops")
 
 
-def test_nothing_moves_before_it_is_enabled(graph):
-    rig = Rig(graph)
-    rig.enabled = False
-    result = rig.ask(Lift, height=0.01).ended()
-    assert "not enabled" in result.message
-    assert not any(map(moving, rig.twists))
-
-
-def test_nothing_moves_while_the_force_cannot_be_watched(graph):
-    rig = Rig(graph, max_force=10.0)
-    rig.forces = False
-    result = rig.ask(Lift, height=0.01).ended()
-    assert "no force on the topic wrench (needed by max_force) came yet" in result.message
+@pytest.mark.parametrize(
+    ("missing", "reason", "parameters"),
+    [("enabled", "not enabled", {}), ("forces", "no force on the topic wrench", {"max_force": 10.0})],
+)
+def test_nothing_moves_before_it_is_enabled_and_watched(graph, missing, reason, parameters):
+    rig = Rig(graph, **parameters)
+    setattr(rig, missing, False)
+    assert reason in rig.ask(Lift, height=0.01).ended().message
     assert not any(map(moving, rig.twists))
 
 
@@ -163,13 +158,7 @@ def test_a_deactivated_node_stops_and_refuses(graph):
 
 def test_a_node_that_is_not_configured_refuses(graph):
     graph.add(ContactController, {"autostart": False})
-    client, results = ActionClient(graph.companion, Lift, "lift"), []
-    graph.spin_until(client.server_is_ready, "the action")
-    client.send_goal_async(Lift.Goal(height=0.01)).add_done_callback(
-        lambda accepted: accepted.result().get_result_async().add_done_callback(results.append)
-    )
-    graph.spin_until(lambda: results, "the end")
-    assert "not active" in results[0].result().result.message
+    assert "not active" in Asked(graph.companion, graph.spin_until, Lift, height=0.01).ended().message
 
 
 def test_what_a_deactivated_node_touches_is_in_its_result(graph):
@@ -219,6 +208,7 @@ def test_a_direction_is_one_of_any_length(graph, size):
         (Slide, {"length": -1.0}, "length -1 is not between"),
         (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
         (Lift, {"height": float("nan")}, "height nan is not between"),
+        (Slide, {"length": 0.05}, "touch first"),
         (Approach, {"pose": posed("map")}, "it is in 'map'; give it in 'base_link'"),
         (Approach, {"pose": posed(x=float("nan"))}, "non-finite"),
         (Approach, {"pose": posed(w=0.0)}, "zero quaternion"),
@@ -230,10 +220,6 @@ def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):
     rig = Rig(graph, max_tilt=1.4)
     assert reason in rig.ask(kind, **goal).ended().message
     assert not any(map(moving, rig.twists))
-
-
-def test_a_slide_without_contact_is_refused(graph):
-    assert "touch first" in Rig(graph).ask(Slide, length=0.05).ended().message
 
 
 @pytest.mark.parametrize(

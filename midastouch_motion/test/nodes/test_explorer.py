@@ -106,27 +106,6 @@ def test_modes_that_are_no_poses_are_none(rig):
     rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides + 1, "two slides")
 
 
-def test_places_that_nothing_tells_apart_end_it(rig):
-    def hopeless(response):
-        response.success = response.indistinguishable = True
-        response.message = "four sides are alike"
-
-    rig.advise(hopeless)
-    status = rig.until("gave_up", "four sides are alike")
-    assert status.lifts >= 3  # it went to look elsewhere
-
-
-def test_what_tells_much_is_done_though_it_settles_nothing(rig):
-    def hardly(response):
-        response.success = response.indistinguishable = True
-        response.suggestions = [Suggestion(heading=0.0, length=0.02, information=0.4, reason="a recess may be there")]
-
-    rig.advise(hardly)
-    rig.until("exploring", "a recess may be there")
-    rig.graph.spin_until(lambda: len(rig.asked) > 3, "it to ask more often than the hopeless do")
-    assert not rig.ended
-
-
 def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):
     rig = Rig(graph, give_up_after=1.0)
     rig.silent = True

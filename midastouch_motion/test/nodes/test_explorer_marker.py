@@ -119,14 +119,6 @@ def test_where_it_is_dropped_the_finger_slides(held):
     held.until("known")
 
 
-def test_to_a_place_that_no_slide_leads_to_it_lifts(held):
-    lifts, place = held.statuses[-1].lifts, elsewhere(held, 170)
-    held.viewer.drag(in_base(held, place))
-    held.graph.spin_until(lambda: held.statuses[-1].lifts > lifts, "the lift")
-    rest(held)
-    assert distance_to(held, place) < NEAR
-
-
 def test_it_goes_near_what_it_cannot_touch_and_says_so(graph):
     # it begins far from the centre: the filter there is one of a ball
     rig = hold(looked_at(graph, mesh=TOOL, seed=3))

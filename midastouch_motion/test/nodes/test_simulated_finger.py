@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from explorer_rig import BALL, TOOL, TOUCHING
 from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3
-from rclpy.action import ActionClient
+from goals import Asked
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -30,7 +30,7 @@ def default(parameters, name):
 
 class Rig:
     """Attributes: gels T_base_gel and objects T_base_obj, of each image; stamps [ns]; silent, whether the filter is;
-    state, which it says, by default that of where the finger is; handle of the newest goal, once it is accepted."""
+    state, which it says, by default that of where the finger is."""
 
     def __init__(self, graph, **parameters):
         self.graph, self.silent, self.state = graph, False, ""
@@ -55,24 +55,11 @@ class Rig:
         return np.linalg.norm(on_object[:3, 3]) < TOUCHING
 
     def ask(self, kind, **goal):
-        """The results of a goal, one once it has ended, and the feedback so far."""
-        client, feedback, results = ActionClient(self.graph.companion, kind, kind.__name__.lower()), [], []
-        self.graph.spin_until(client.server_is_ready, f"the action {kind.__name__}")
-
-        self.handle = None
-
-        def on_accepted(future):
-            self.handle = future.result()
-            self.handle.get_result_async().add_done_callback(lambda done: results.append(done.result().result))
-
-        client.send_goal_async(kind.Goal(**goal), feedback.append).add_done_callback(on_accepted)
-        return results, feedback
+        return Asked(self.graph.companion, self.graph.spin_until, kind, **goal)
 
     def do(self, kind, **goal):
         """The result of a goal."""
-        results, _ = self.ask(kind, **goal)
-        self.graph.spin_until(lambda: results, f"the end of {kind.__name__}")
-        return results[0]
+        return self.ask(kind, **goal).ended()
 
 
 @pytest.fixture
@@ -115,27 +102,27 @@ def test_it_moves_only_once_tdn_has_enough_untouched_images(graph):
 
 def test_while_the_filter_lags_behind_it_does_not_begin(rig):
     rig.state = "stale"
-    results, _ = rig.ask(Touch, distance=0.05)
+    touch = rig.ask(Touch, distance=0.05)
     seen = len(rig.gels)
     rig.graph.spin_until(lambda: len(rig.gels) > seen + 5, "images at rest")
-    assert not results
+    assert touch.result is None
     assert np.ptp([gel[:3, 3] for gel in rig.gels], axis=0).max() == 0
     rig.state = ""
-    rig.graph.spin_until(lambda: results, "the end")
+    touch.ended()
 
 
 def test_a_goal_ends_only_once_its_images_are_answered(rig):
     rig.do(Touch, distance=0.05)
-    results, feedback = rig.ask(Slide, heading=0.0, length=3e-3)
+    slide = rig.ask(Slide, heading=0.0, length=3e-3)
     rig.silent = True
-    rig.graph.spin_until(lambda: feedback, "feedback")
+    rig.graph.spin_until(lambda: slide.feedback, "feedback")
     seen = len(rig.gels)
     rig.graph.spin_until(lambda: len(rig.gels) > seen + 3, "more images while no answer comes")
-    assert not results
+    assert slide.result is None
     rig.silent = False
-    rig.graph.spin_until(lambda: results, "the end")
-    assert stamp_ns(feedback[-1].feedback.header.stamp) in rig.stamps
-    assert feedback[-1].feedback.path == pytest.approx(results[0].path)
+    ended = slide.ended()
+    assert stamp_ns(slide.feedback[-1].header.stamp) in rig.stamps
+    assert slide.feedback[-1].path == pytest.approx(ended.path)
 
 
 def test_stamps_are_evenly_spaced_and_no_step_is_too_fast(rig):
@@ -149,15 +136,13 @@ def test_stamps_are_evenly_spaced_and_no_step_is_too_fast(rig):
 
 def test_one_motion_at_a_time_and_a_cancelled_one_ends(rig):
     rig.do(Touch, distance=0.05)
-    results, feedback = rig.ask(Slide, heading=0.0, length=2.0)
-    rig.graph.spin_until(lambda: feedback and rig.handle, "a motion, and its handle")
+    slide = rig.ask(Slide, heading=0.0, length=2.0)
+    rig.graph.spin_until(lambda: slide.feedback and slide.handle, "a motion, and its handle")
     rig.silent = True  # so that it does not come to its end
-    slide = rig.handle
     assert rig.do(Lift, height=0.01).message == "the finger is carrying out a slide; cancel it first"
-    slide.cancel_goal_async()
-    rig.graph.spin_until(lambda: results, "the end")
-    assert results[0].message == "cancelled"
-    assert results[0].path > 0
+    slide.handle.cancel_goal_async()
+    assert slide.ended().message == "cancelled"
+    assert slide.result.path > 0
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from rclpy.action import ActionClient
+from goals import Asked
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.nodes.contact_controller import ContactController
@@ -44,18 +44,7 @@ def arm(graph, tmp_path):
     graph.spin_until(lambda: len(seen) > 3, "contacts")
     graph.spin_until(lambda: contact_controller.describe()[2]["in_the_way"] == "nothing", "all that a motion needs")
 
-    def ask(kind, **goal):
-        client = ActionClient(graph.companion, kind, kind.__name__.lower())
-        graph.spin_until(client.server_is_ready, "the action")
-        results = []
-        client.send_goal_async(kind.Goal(**goal)).add_done_callback(
-            lambda accepted: accepted.result().get_result_async().add_done_callback(results.append)
-        )
-
-        graph.spin_until(lambda: results, f"the end of {kind.__name__}")
-        return results[0].result().result
-
-    return ask
+    return lambda kind, **goal: Asked(graph.companion, graph.spin_until, kind, **goal).ended()
 
 
 def test_it_touches_slides_and_lifts_on_an_unknown_surface(graph, arm):

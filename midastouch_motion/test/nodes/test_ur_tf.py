@@ -1,15 +1,12 @@
 """The node against a fake receiver; RTDE itself is tested in test_rtde_protocol.py."""
 
+import functools
 import threading
 import time
 
 import numpy as np
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -65,61 +62,26 @@ class Arms:
 
 
 class Bench:
-    """The node and a listener in one executor of their own context."""
+    """The node and what it says."""
 
-    def __init__(self, **parameters):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.arms = Arms()
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.listener = rclpy.create_node("listener", context=self.context)
-        self.tf, self.static, self.joints, self.diagnostics = [], [], [], []
-        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        for kind, topic, received, profile in (
-            (TFMessage, "/tf", self.tf, 100),
-            (TFMessage, "/tf_static", self.static, latched),
-            (JointState, "joint_states", self.joints, 100),
-            (DiagnosticArray, "/diagnostics", self.diagnostics, 10),
-        ):
-            self.listener.create_subscription(kind, topic, received.append, profile)
+    def __init__(self, graph, **parameters):
+        self.graph, self.arms, self.until = graph, Arms(), graph.spin_until
         settings = {"robot_ip": "the.arm", "timeout": 0.2, "reconnect_period": 0.1, **parameters}
-        overrides = [Parameter(name, value=value) for name, value in settings.items()]
-        self.node = UrTf(self.arms, context=self.context, parameter_overrides=overrides)
-        self.executor.add_node(self.listener)
-        self.executor.add_node(self.node)
-        moving = [p for p in self.node.publishers if p.topic_name in ("/tf", "/joint_states")]
+        self.node = graph.add(lambda **options: UrTf(self.arms, **options), settings)
         try:
-            self.until(lambda: all(publisher.get_subscription_count() for publisher in moving))
+            self.tf, self.joints = graph.listen(TFMessage, "/tf"), graph.listen(JointState, "joint_states")
+            self.static = graph.listen(TFMessage, "/tf_static", latched=True)
+            self.diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
         finally:
             self.arms.heard.set()
-
-    def until(self, condition):
-        end = time.monotonic() + 120.0  # bounds a failing test only
-        while not condition():
-            assert time.monotonic() < end, "the awaited event did not come"
-            self.executor.spin_once(timeout_sec=0.05)
 
     def status(self, text):
         return any(text in status.message for array in self.diagnostics for status in array.status)
 
-    def close(self):
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.listener.destroy_node()
-        self.context.shutdown()
-
 
 @pytest.fixture
-def bench():
-    benches = []
-
-    def make(**parameters):
-        benches.append(Bench(**parameters))
-        return benches[-1]
-
-    yield make
-    for made in benches:
-        made.close()
+def bench(graph):
+    return functools.partial(Bench, graph)
 
 
 def test_publishes_tool_base_and_joints(bench):
@@ -136,15 +98,6 @@ def test_publishes_tool_base_and_joints(bench):
     assert list(b.joints[0].name) == ["left_" + name for name in JOINT_NAMES]
     assert list(b.joints[0].position) == list(range(6))
     assert list(b.joints[0].velocity) == [-v for v in range(6)]
-
-
-def test_stamps_advance_with_the_arm_and_lie_in_the_past(bench):
-    b = bench()
-    b.until(lambda: len(b.tf) > 20)
-    stamps = np.array([stamp_ns(m.transforms[0].header.stamp) for m in b.tf])
-    # the fake arm's clock runs at 8 ms a read, slower or faster than ours: stamps need only be ordered
-    assert (np.diff(stamps) > 0).all()
-    assert stamps[-1] <= b.node.get_clock().now().nanoseconds
 
 
 def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):
@@ -222,21 +175,16 @@ def test_a_sample_that_is_not_finite_is_not_published(bench):
     ("settings", "reason"),
     [({"use_sim_time": True, "robot_ip": "the.arm"}, "use_sim_time"), ({}, "parameter 'robot_ip' is empty")],
 )
-def test_refuses_simulated_time_and_an_arm_without_address(settings, reason):
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    overrides = [Parameter(name, value=value) for name, value in settings.items()]
+def test_refuses_simulated_time_and_an_arm_without_address(graph, settings, reason):
     arms = Arms()
     with pytest.raises(InputError, match=reason):
-        UrTf(arms, context=context, parameter_overrides=overrides)
+        graph.add(lambda **options: UrTf(arms, **options), settings)
     assert arms.attempts == 0
-    context.shutdown()
 
 
-def test_destroying_the_node_ends_its_thread(bench):
+def test_destroying_the_node_ends_its_thread(graph, bench):
     b = bench()
     b.until(lambda: b.tf)
-    b.executor.remove_node(b.node)
-    b.node.destroy_node()
+    graph.remove(b.node)
     assert not any(thread.name == "rtde" for thread in threading.enumerate())
     assert b.arms.made[0].closed

@@ -214,23 +214,13 @@ def test_text_messages_in_between_are_passed_over(listen):
     ask(listen(treat))
 
 
-def test_nobody_there():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    with pytest.raises(ConnectionError, match=f"no RTDE at 127.0.0.1:{port}: .*refused"):
-        ask(port)
-
-
-def test_rotation_vector_is_axis_times_angle():
-    transform = transform_from_rtde([0.1, -0.2, 0.3, 0.0, 0.0, np.pi / 2])
-    expected = np.array([[0, -1, 0, 0.1], [1, 0, 0, -0.2], [0, 0, 1, 0.3], [0, 0, 0, 1.0]])
-    np.testing.assert_allclose(transform, expected, atol=1e-15)
-
-
-def test_tool_pointing_down_as_the_teach_pendant_shows_it():
-    # rx = pi: z of the tool points to the floor, x stays
-    transform = transform_from_rtde([0.4, 0.0, 0.2, np.pi, 0.0, 0.0])
-    np.testing.assert_allclose(transform[:3, :3], np.diag([1.0, -1.0, -1.0]), atol=1e-15)
+def test_a_pose_is_a_position_and_axis_times_angle():
+    poses = [[0.1, -0.2, 0.3, 0.0, 0.0, np.pi / 2], [0.4, 0.0, 0.2, np.pi, 0.0, 0.0]]
+    upright, down = transform_from_rtde(poses)
+    np.testing.assert_allclose(upright[:3], [[0, -1, 0, 0.1], [1, 0, 0, -0.2], [0, 0, 1, 0.3]], atol=1e-15)
+    # rx = pi, as the teach pendant shows it: z of the tool points to the floor, x stays
+    np.testing.assert_allclose(down[:3, :3], np.diag([1.0, -1.0, -1.0]), atol=1e-15)
+    np.testing.assert_allclose(BASE_LINK_FROM_BASE, np.diag([-1.0, -1.0, 1.0, 1.0]), atol=1e-15)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-4, 1.0, np.pi - 1e-9, np.pi, 1.5 * np.pi])
@@ -241,28 +231,12 @@ def test_any_angle_gives_a_rotation_of_that_angle(angle):
     assert se3.rotation_angle(rotation) == pytest.approx(expected, abs=1e-8)
 
 
-def test_batches_keep_their_shape():
-    poses = np.random.default_rng(0).uniform(-1, 1, (3, 2, 6))
-    batch = transform_from_rtde(poses)
-    assert batch.shape == (3, 2, 4, 4)
-    np.testing.assert_array_equal(batch[2, 1], transform_from_rtde(poses[2, 1]))
-
-
 def test_tcp_offset_is_taken_off():
     rng = np.random.default_rng(1)
     tool, offset = rng.uniform(-1, 1, 6), np.array([0.0, 0.01, 0.12, 0.0, 0.3, 0.0])
     tcp = transform_from_rtde(tool) @ transform_from_rtde(offset)
     recovered = tool_from_tcp(np.concatenate([tcp[:3, 3], se3.log(tcp)[3:]]), offset)
     np.testing.assert_allclose(recovered, transform_from_rtde(tool), atol=1e-12)
-
-
-def test_without_an_offset_the_tcp_is_tool0():
-    pose = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-    np.testing.assert_allclose(tool_from_tcp(pose, np.zeros(6)), transform_from_rtde(pose), atol=1e-15)
-
-
-def test_base_is_base_link_turned_by_half_a_turn():
-    np.testing.assert_allclose(BASE_LINK_FROM_BASE, transform_from_rtde([0, 0, 0, 0, 0, np.pi]), atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -284,19 +258,12 @@ def test_polling_delay_is_taken_out():
         robot = 100.0 + k * 0.002
         measured = START + k * 2_000_000
         arrival = measured + 300_000 + round(rng.exponential(3e6))  # 0.3 ms transport, then jitter
-        errors.append(clock.stamp(robot, arrival) - measured)
+        errors.append((stamp := clock.stamp(robot, arrival)) - measured)
+        assert stamp <= arrival
     settled = np.array(errors[200:])
     # what stays is the least delay; the jitter (3 ms) is gone
     assert settled.min() >= 300_000
     assert settled.max() < 400_000
-
-
-def test_stamps_never_lie_in_the_future():
-    rng = np.random.default_rng(1)
-    clock = RobotClock()
-    for k in range(500):
-        arrival = START + k * 8_000_000 + round(rng.uniform(0, 5e6))
-        assert clock.stamp(k * 0.008, arrival) <= arrival
 
 
 def test_drift_is_followed():

@@ -18,17 +18,6 @@ def test_the_gel_moves_as_asked():
     np.testing.assert_allclose(gel, twist, atol=1e-5)
 
 
-def test_a_turn_about_the_apex_swings_the_tcp():
-    tcp_from_gel = se3.translation([0.0, 0.0, 0.1])
-    np.testing.assert_allclose(twist_of_tcp(np.array([0, 0, 0, 1.0, 0, 0]), tcp_from_gel), [0, 0.1, 0, 1, 0, 0])
-
-
-def test_a_straight_motion_is_turned_only():
-    half_turn = np.diag([-1.0, -1.0, 1.0])
-    twist = twist_of_tcp(np.array([0.1, 0.2, 0.3, 0, 0, 0]), se3.make(half_turn, [0.1, 0.2, 0.3]))
-    np.testing.assert_allclose(twist, [-0.1, -0.2, 0.3, 0, 0, 0])
-
-
 @pytest.mark.parametrize(
     ("frame", "twist", "reason"),
     [
