@@ -46,9 +46,6 @@ def settled(filter_, mapped_slide):
     return filter_
 
 
-# --------------------------------------------------------------------------- starts
-
-
 def test_from_nothing_known_it_converges_in_some_centimetres(filter_, mapped_slide):
     first = play(filter_, mapped_slide, slice(0, 1), FRAME)
     assert first.status.state == state.SEARCHING
@@ -145,9 +142,6 @@ def test_free_space_counts_more_against_a_pose_known_well(filter_, mapped_slide)
     assert sharp - outside > floor - 1e-6
 
 
-# --------------------------------------------------------------------------- the same input, the same answer
-
-
 def bits(filter_, slide, frames=12, deferred=False):
     """Digest of all estimates, of a start from nothing known."""
     filter_.initialise_uniform()
@@ -181,9 +175,6 @@ def test_another_seed_draws_other_poses_from_the_same_answer(mapped_slide):
         draws.append(filter_.poses)
     np.testing.assert_array_equal(estimates[0].pose, estimates[1].pose)
     assert not np.array_equal(*draws)
-
-
-# --------------------------------------------------------------------------- work
 
 
 def test_what_is_done_in_a_frame_is_bounded_by_its_time(mapped_slide):
@@ -256,9 +247,6 @@ def test_in_the_air_hypotheses_only_move_with_the_arm(filter_, mapped_slide):
     np.testing.assert_allclose(filter_.poses, before @ lift, atol=1e-6)
     assert estimate.status.state == state.NO_CONTACT
     assert skipped(estimate, "no_contact") == 1
-
-
-# --------------------------------------------------------------------------- changes
 
 
 def test_lifted_and_set_down_again_it_is_still_known(settled, mapped_slide):
@@ -354,9 +342,6 @@ def test_ten_metres_of_odometry_start_it_again(settled, mapped_slide):
     converged(play(settled, mapped_slide, slice(1, 50)), mapped_slide.poses[49])
 
 
-# --------------------------------------------------------------------------- what cannot be told apart, or is another
-
-
 def test_on_another_object_it_is_not_sure(filter_, shelf):
     """Of a slide over one that it has no mesh of."""
     _, frames = shelf.touches(1, 60)
@@ -366,9 +351,6 @@ def test_on_another_object_it_is_not_sure(filter_, shelf):
         estimate = filter_.step(motion, Measurement(True, code, penetration=touch.penetration), elapsed=FRAME)
         assert estimate.status.state != state.CONVERGED
     assert_defined(filter_, estimate)
-
-
-# --------------------------------------------------------------------------- refused input
 
 
 def refused(filter_, slide, motion, touch, kind, reason):

@@ -20,9 +20,6 @@ EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(threads=1)
 
 
-# --------------------------------------------------------------------------- the thread
-
-
 @pytest.fixture
 def grown():
     """Function (codebooks, prepare) -> a growth that has begun."""
@@ -76,9 +73,6 @@ def test_why_there_is_no_denser_one_is_kept(grown):
     assert (growth.failure, growth.take()) == ("MemoryError: no room", None)
 
 
-# --------------------------------------------------------------------------- the filter
-
-
 def coarse_book(world, **meta):
     codebook = world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500]), world.of_surface)
     codebook.meta |= meta
@@ -109,9 +103,6 @@ def test_before_a_touch_it_starts_over_on_the_denser_codebook(world, started):
     if not started:
         running.initialise_uniform()
     assert len(running.belief) == 8000
-
-
-# --------------------------------------------------------------------------- a mesh alone
 
 
 @pytest.fixture

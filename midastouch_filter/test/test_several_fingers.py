@@ -149,17 +149,3 @@ def test_refused_fingers_change_nothing_but_the_count(filter_, gripper, hand):
     counts = [refused.status.skipped[kind] for kind in ("bad_relief", "bad_code", "bad_finger_pose")]
     assert counts == [8, 8, 8]
     assert "finger" in refused.status.reason
-
-
-def test_where_another_finger_touches_nothing_there_is_no_object(filter_, gripper, hand):
-    """It is 8 mm above the surface, at the true pose."""
-    above, _ = hand
-    free = gripper.above[0] @ gripper.between[0] @ se3.translation([0, 0, 8e-3])
-    T_gel_finger = se3.inverse(gripper.above[0]) @ free
-    inside = []
-    for others in ({}, {"free": Measurement(False, T_gel_finger=T_gel_finger)}):
-        filter_.initialise_uniform()
-        filter_.step(None, above[0], others, elapsed=FRAME)
-        there = (filter_.poses @ T_gel_finger)[:, :3, 3]
-        inside.append((filter_.object.surface.distance(there) < -3e-3).mean())
-    assert inside[1] < 0.7 * inside[0]

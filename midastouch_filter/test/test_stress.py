@@ -44,9 +44,6 @@ def filter_(world):
     return ParticleFilter(world.mesh, book, FilterConfig(threads=1))
 
 
-# --------------------------------------------------------------------------- starts and half turns
-
-
 @given(
     arrays(float, 3, elements=st.floats(-1e300, 1e300) | st.floats(-1, 1)),
     st.floats(0, allow_infinity=False) | st.floats(0, 1),
@@ -67,9 +64,6 @@ def test_absurd_priors_are_refused_and_all_others_are_a_start(filter_, world, wh
             assert_defined(filter_, filter_.step(None, touch))
 
 
-# --------------------------------------------------------------------------- codes and maps
-
-
 @pytest.mark.parametrize("dtype", [np.float64, np.float16])
 def test_maps_of_any_precision_and_order_are_taken(mapped_slide, dtype):
     poses = []
@@ -80,9 +74,6 @@ def test_maps_of_any_precision_and_order_are_taken(mapped_slide, dtype):
             estimate = filter_.step(motion, replace(touch, penetration=spoil(touch.penetration)))
         poses.append(estimate.pose)
     np.testing.assert_allclose(*poses, atol=1e-3)
-
-
-# --------------------------------------------------------------------------- beliefs
 
 
 def test_where_all_poses_weigh_the_same_it_says_so(world, mapped_slide):
@@ -155,9 +146,6 @@ def test_any_settings_end_in_a_defined_state(mapped_slide, extremes):
     assert_defined(filter_, play(filter_, mapped_slide, slice(0, 1), FRAME))
 
 
-# --------------------------------------------------------------------------- sizes
-
-
 def run_on(mesh, world, step):
     """A filter after a slide of 40 steps over another mesh, and the truth."""
     rng = np.random.default_rng(0)
@@ -209,9 +197,6 @@ def test_a_codebook_of_two_hundred_thousand_poses(world, mapped_slide):
     assert error(estimate, mapped_slide.poses[59])[0] < 2e-3
 
 
-# --------------------------------------------------------------------------- length
-
-
 def to_and_fro(slide):
     """Steps (motion, touch) from the last frame of a slide to the first one and back."""
     count = len(slide.poses)
@@ -254,8 +239,6 @@ def test_any_time_between_frames_ends_in_a_defined_state(mapped_slide, elapsed):
     for k in range(15):
         assert_defined(filter_, play(filter_, mapped_slide, slice(k, k + 1), elapsed))
 
-
-# --------------------------------------------------------------------------- all in turn
 
 actions = st.lists(
     st.tuples(
@@ -301,9 +284,6 @@ def test_nothing_makes_it_say_something_that_is_no_number(filter_, world, mapped
             penetration = np.full(MAP_SHAPE, 1e30, np.float32)
         estimate = filter_.step(motions[motion], Measurement(touch != "air", touches[touch], penetration=penetration))
         assert_defined(filter_, estimate)
-
-
-# --------------------------------------------------------------------------- float32
 
 
 @given(

@@ -158,13 +158,6 @@ def test_the_rest_of_the_belief_is_drawn_where_the_gel_is_now(world, handed):
     assert not any(each.narrow for each in others)
 
 
-def test_before_a_hypothesis_was_tested_all_are_draws(handed):
-    others = hypotheses_of(believing([handed], untested=1.0))
-    assert len(others) == MOST
-    assert sum(each.probability for each in others) == pytest.approx(1.0)
-    assert not any(each.narrow for each in others)
-
-
 def test_a_filter_is_advised_from_its_first_touch_on(mapped_slide):
     running = mapped_slide.make_filter()
     running.initialise_uniform()

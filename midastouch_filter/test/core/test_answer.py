@@ -45,9 +45,6 @@ def moment_about(pose, poses, weights):
     return (weights[:, None] * offset).T @ offset
 
 
-# --------------------------------------------------------------------------- modes
-
-
 def test_near_hypotheses_make_one_mode_and_no_weight_is_lost(model):
     belief = belief_of(model, [at(0.03), at(0.0), at(4e-3), at(0.0, 0.6)], [0.3, 0.4, 0.1, 0.2])
     found = modes(belief)
@@ -108,9 +105,6 @@ def test_a_mode_is_published_where_it_is_seen(model):
     assert worse.spread_translation > here.spread_translation, "the less is explained, the wider"
 
 
-# --------------------------------------------------------------------------- covariances
-
-
 def test_a_covariance_is_about_fixed_axes_of_the_object(model):
     """REP-103: x, y, z, then rotations about the object's own X, Y, Z, not about the moving gel frame's."""
     pose, rng = se3.exp([0.03, 0.01, 0.02, 0.7, -1.2, 0.4]), np.random.default_rng(0)
@@ -162,9 +156,6 @@ def test_a_half_turn_counts_as_one(model):
     belief = belief_of(model, [at(0.0), at(0.0, np.pi - 1e-3)], [0.5, 0.5])
     found = covariance_of(belief, 0, modes(belief))
     assert found[5, 5] == pytest.approx(0.5 * (np.pi - 1e-3) ** 2, rel=1e-2)
-
-
-# --------------------------------------------------------------------------- draws
 
 
 def test_draws_follow_the_mixture(model):

@@ -16,9 +16,6 @@ def along_x(*metres):
     return np.stack([se3.translation([x, 0.0, 0.0]) for x in metres])
 
 
-# --------------------------------------------------------------------------- hypotheses that have met
-
-
 def test_merging_keeps_the_heaviest_with_the_weight_of_all():
     merged = hypotheses_at(along_x(1e-3, 0.0, 0.03), np.log([0.3, 0.5, 0.2])).merged(Symmetry())
     np.testing.assert_allclose(merged.poses, along_x(0.0, 0.03))
@@ -62,9 +59,6 @@ def test_no_two_that_are_left_have_met_and_no_weight_is_lost(seed, count):
     assert (apart + 2 * np.eye(len(merged)) > 0.999).all()
 
 
-# --------------------------------------------------------------------------- motion
-
-
 def test_a_covariance_moves_with_its_frame():
     motion, rng = se3.exp([0.05, -0.02, 0.08, 0.4, -1.0, 2.0]), np.random.default_rng(0)
     hypotheses = Hypotheses.at(np.tile(np.eye(4), (3, 1, 1)), COVARIANCE, np.zeros(3), 0, 0.0)
@@ -84,9 +78,6 @@ def test_the_way_since_the_last_alignment_widens_once():
     there = hypotheses.drifted(2.0, drift)
     np.testing.assert_allclose(there.covariances[0] - hypotheses.covariances[0], 2 * drift)
     np.testing.assert_allclose(there.drifted(2.0, drift).covariances, there.covariances)
-
-
-# --------------------------------------------------------------------------- a belief
 
 
 @pytest.fixture

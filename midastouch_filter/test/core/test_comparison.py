@@ -60,9 +60,6 @@ class Run:
         return near @ weights
 
 
-# --------------------------------------------------------------------------- codes
-
-
 @pytest.mark.parametrize("weight", [1.0, 0.25])
 def test_codes_count_at_once_and_in_proportion(belief, model, touch, weight):
     before = belief.untested[0].log_weights
@@ -105,9 +102,6 @@ def test_a_finger_that_sees_the_same_again_does_not_count_again(belief, mapped_s
         Run(belief, first, further, weight=weight, most=0).to_the_end()
         gains.append(np.diff(belief.hypotheses.log_weights)[0])
     assert gains[2] == pytest.approx(gains[0] + gains[1])
-
-
-# --------------------------------------------------------------------------- order and slices
 
 
 def test_the_heaviest_then_the_likeliest_untested_are_aligned(belief, model, touch):
@@ -182,9 +176,6 @@ def test_it_ends_once_untested_poses_weigh_little(belief, touch):
     assert few.comparison.work(100) == 0
 
 
-# --------------------------------------------------------------------------- maps
-
-
 def test_maps_decide_between_hypotheses_and_sharpen_them(belief, mapped_slide):
     truth = mapped_slide.poses[0]
     belief.hypotheses = before = hypotheses_at(np.stack([truth @ OFF, truth @ FAR]), np.zeros(2), 2e-3, 0.05)
@@ -195,21 +186,6 @@ def test_maps_decide_between_hypotheses_and_sharpen_them(belief, mapped_slide):
     off = [np.linalg.norm(se3.log(se3.inverse(truth) @ each.poses[0])[:3]) for each in (before, now)]
     assert off[1] < 0.5 * off[0]
     assert np.linalg.det(now.covariances[0]) < np.linalg.det(before.covariances[0])
-
-
-def test_a_touch_that_says_nothing_new_weighs_nothing(belief, mapped_slide):
-    truth = mapped_slide.poses[0]
-    belief.hypotheses = hypotheses_at(np.stack([truth, truth @ FAR]), np.log([0.5, 0.5]))
-    Run(belief, mapped_slide.touches[0], weight=0.0, most=0).to_the_end(1)
-    assert np.ptp(belief.hypotheses.log_weights) == 0
-
-
-def test_from_nothing_known_the_right_pose_is_tested_early(belief, mapped_slide):
-    Run(belief, mapped_slide.touches[0], most=300).to_the_end(32)
-    off = np.abs(se3.log(se3.inverse(mapped_slide.poses[0]) @ belief.hypotheses.poses))
-    right = (off[:, :3].max(axis=1) < 2e-3) & (off[:, 3:].max(axis=1) < 0.1)
-    assert right.any()
-    assert belief.hypotheses.fit[right].max() > 0.9
 
 
 def test_touches_support_the_object_that_they_are_on(shelf):
@@ -223,9 +199,6 @@ def test_touches_support_the_object_that_they_are_on(shelf):
     assert support[False][1] == support[True][1] > support[False][0] + 1
     # after a change it contradicts nothing that the touches are not where the object was
     assert support[True][0] == pytest.approx(support[False][0] + NOISE.contradiction)
-
-
-# --------------------------------------------------------------------------- without maps
 
 
 def test_without_maps_codes_are_the_evidence(world, touch, mapped_slide):

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.core.lookup import PoseLookup, space_filling_order
+from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 
@@ -23,13 +23,6 @@ def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
     queries = world.random_poses(world.mesh, 50, np.random.default_rng(2))
     brute = [distance(np.repeat(q[None], len(world.poses), axis=0), world.poses).argmin() for q in queries]
     np.testing.assert_array_equal(lookup.exact(queries), brute)
-
-
-def test_continuous_where_the_log_map_jumps(world):
-    half_turn = se3.exp([[0, 0, 0, 0, 0, np.pi - 0.01], [0, 0, 0, 0, 0, 0.5]])
-    lookup = PoseLookup(half_turn, Workers(1))
-    beyond = se3.exp([[0, 0, 0, 0, 0, np.pi + 0.01]])
-    assert lookup.exact(beyond)[0] == 0
 
 
 def test_following_agrees_with_the_exact_search(world, lookup):
@@ -72,10 +65,3 @@ def test_repeated_poses_are_no_trouble():
 def test_a_book_of_one_pose_is_refused():
     with pytest.raises(InputError, match="1 poses"):
         PoseLookup(np.eye(4)[None], Workers(1))
-
-
-def test_order_along_the_curve_brings_neighbours_together(world):
-    order = space_filling_order(world.poses)
-    np.testing.assert_array_equal(np.sort(order), np.arange(len(world.poses)))
-    jump = np.linalg.norm(np.diff(world.poses[order, :3, 3], axis=0), axis=1)
-    assert np.median(jump) < 0.2 * np.median(np.linalg.norm(np.diff(world.poses[:, :3, 3], axis=0), axis=1))

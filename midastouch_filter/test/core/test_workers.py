@@ -31,11 +31,6 @@ def test_map_keeps_the_order(threads):
     assert Workers(threads).map(str, []) == []
 
 
-def test_map_works_side_by_side():
-    both = threading.Barrier(2, timeout=120)
-    assert sorted(Workers(2).map(lambda _: both.wait(), [0, 1])) == [0, 1]
-
-
 def test_a_thread_held_up_holds_up_no_other_item():
     others, done = threading.Event(), []
 

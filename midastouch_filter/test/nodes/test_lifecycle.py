@@ -137,9 +137,6 @@ def test_services_say_that_it_is_not_active(graph):
     assert len(filters) == 2
 
 
-# --- the executable
-
-
 @pytest.mark.slow
 def test_the_process_ends_with_the_reason_unless_it_is_managed(graph, tmp_path):
     missing = f"mesh:={tmp_path / 'missing.ply'}", f"codebook:={tmp_path / 'missing.npz'}"

@@ -7,21 +7,19 @@ import time
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, is_answer, skipped
+from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, skipped
 from filter_fakes import FakeFilter, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from tf2_msgs.msg import TFMessage
-from tf_messages import tf_msg, translation
+from tf_messages import translation
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS
-from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
 from midastouch_filter.nodes.filter_parameters import PARAMETERS, config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_msgs.msg import PoseModes
 
 pytestmark = pytest.mark.dds
 
@@ -88,20 +86,6 @@ def test_code_of_another_network_is_refused_with_a_reason(graph):
     assert status.state == "stale"
     assert "network other" in status.reason
     assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous"
-
-
-def test_code_handed_over_in_one_process(graph):
-    bench_filters = []
-    node = graph.add(
-        lambda **options: ParticleFilterNode(load=loader_of(bench_filters), subscribe=False, **options),
-        {**REPLAY, **OBJECT},
-    )
-    statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
-    tf = graph.publisher(TFMessage, "/tf")
-    tf.publish(tf_msg(SECOND, T_BASE_OBJ))
-    node.on_code(SECOND, Measurement(False, None, 0.0, "fake"))
-    graph.spin_until(lambda: any(stamp_ns(s.header.stamp) == SECOND for s in statuses))
-    assert not bench_filters[0].measurements[0].in_contact
 
 
 @pytest.mark.parametrize(

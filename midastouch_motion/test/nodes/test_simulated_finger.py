@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from explorer_rig import BALL, TOOL, TOUCHING
-from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3
+from geometry_msgs.msg import PoseStamped, Vector3
 from goals import Asked
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -145,21 +145,9 @@ def test_one_motion_at_a_time_and_a_cancelled_one_ends(rig):
     assert slide.result.path > 0
 
 
-@pytest.mark.parametrize(
-    ("kind", "goal", "reason"),
-    [
-        (Touch, {"distance": 0.0}, "distance 0 is not between"),
-        (Touch, {"distance": 0.01, "direction": Vector3(x=float("nan"))}, "direction: not finite"),
-        (Slide, {"length": -1.0}, "length -1 is not between"),
-        (Slide, {"length": 0.1, "heading": float("inf")}, "heading: not finite"),
-        (Lift, {"height": float("nan")}, "height nan is not between"),
-        (Approach, {"pose": posed(np.eye(4), "map")}, "it is in 'map'; give it in 'base_link'"),
-        (Approach, {"pose": PoseStamped(header=Header(frame_id=BASE_FRAME), pose=Pose(position=Point(x=float("nan"))))},
-         "non-finite"),
-    ],
-)  # fmt: skip
-def test_a_goal_that_makes_no_sense_is_refused(rig, kind, goal, reason):
-    assert reason in rig.do(kind, **goal).message
+def test_a_goal_that_makes_no_sense_is_refused(rig):
+    assert "distance 0 is not between" in rig.do(Touch, distance=0.0).message
+    assert "give it in 'base_link'" in rig.do(Approach, pose=posed(np.eye(4), "map")).message
 
 
 def test_it_touches_in_another_direction_if_it_is_told_one(rig):

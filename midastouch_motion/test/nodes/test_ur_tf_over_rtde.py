@@ -1,10 +1,5 @@
 """The node over ur-rtde and a real connection, to a controller with each fault that a network or an arm can show."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,32 +8,11 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_motion.nodes.ur_tf import UrTf
-from midastouch_motion.ur.rtde import RTDE_PORT, rtde_connector
+from midastouch_motion.ur.rtde import rtde_connector
 
-pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
+from ..ur.controller_process import ADDRESS
+
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
-# of this run of the tests, as its domain is: the port is the controller's own
-ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
-SERVER = Path(__file__).parents[3] / "midastouch_motion" / "test" / "ur" / "rtde_server.py"
-
-
-@pytest.fixture
-def controller():
-    """Starts a server with a fault."""
-    running = []
-
-    def start(fault: str = "") -> subprocess.Popen:
-        command = [sys.executable, SERVER, ADDRESS, str(RTDE_PORT), fault]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        running.append(process)
-        if process.stdout.readline() != "ready\n":
-            pytest.skip(f"port {RTDE_PORT} is taken: {process.communicate()[1].splitlines()[-1]}")
-        return process
-
-    yield start
-    for process in running:
-        process.kill()
-        process.communicate()
 
 
 class Arm:
@@ -65,8 +39,8 @@ class Arm:
 
 
 @pytest.mark.parametrize("fault", ["drop", "cut", "stall"])
-def test_a_connection_that_fails_is_made_again(graph, controller, fault):
-    controller(fault)
+def test_a_connection_that_fails_is_made_again(graph, ur_controller, fault):
+    ur_controller(fault)
     arm = Arm(graph)
     graph.spin_until(lambda: arm.connections() >= 2, "the second connection")
     seen = len(arm.tf)
@@ -75,21 +49,20 @@ def test_a_connection_that_fails_is_made_again(graph, controller, fault):
     assert arm.stamps()[-1] <= arm.node.get_clock().now().nanoseconds
 
 
-def test_a_controller_that_is_switched_off_and_on(graph, controller):
-    first = controller()
+def test_a_controller_that_is_switched_off_and_on(graph, ur_controller):
+    first = ur_controller()
     arm = Arm(graph)
     graph.spin_until(lambda: arm.tf, "transforms")
-    first.kill()
-    first.wait()
+    first.end()
     graph.spin_until(lambda: arm.said(f"no RTDE at {ADDRESS}"), "the error")
-    controller()
+    ur_controller()
     arm.tf.clear()
     graph.spin_until(lambda: arm.tf, "transforms again")
 
 
-def test_late_packages_have_the_time_of_their_measurement(graph, controller):
+def test_late_packages_have_the_time_of_their_measurement(graph, ur_controller):
     """The network holds some back for 200 ms and delivers them at once; their stamps do not show it."""
-    controller("bursts")
+    ur_controller("bursts")
     arm = Arm(graph, timeout=10.0)
     graph.spin_until(lambda: len(arm.joints) > 150, "some bursts")
     stamps = np.array([stamp_ns(joint.header.stamp) for joint in arm.joints])
@@ -102,8 +75,8 @@ def test_late_packages_have_the_time_of_their_measurement(graph, controller):
 
 
 @pytest.mark.parametrize("fault", ["old protocol", "unknown output", "refused start"])
-def test_a_controller_that_does_not_speak_this_rtde_is_an_error(graph, controller, fault):
-    controller(fault)
+def test_a_controller_that_does_not_speak_this_rtde_is_an_error(graph, ur_controller, fault):
+    ur_controller(fault)
     arm = Arm(graph)
     graph.spin_until(lambda: arm.said("no RTDE at") or arm.said("no new sample"), "the error")
     assert arm.tf == []

@@ -48,9 +48,10 @@ class ControllerProcess:
         self._process.communicate()
 
 
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for it; AssertionError if it does not come."""
+def until(condition: Callable[[], object]):
+    """Wait for it and return it; AssertionError if it does not come."""
     end = time.monotonic() + 120.0  # bounds a failing test only
-    while not condition():
+    while not (value := condition()):
         assert time.monotonic() < end, "the awaited event did not come"
         time.sleep(0.01)
+    return value

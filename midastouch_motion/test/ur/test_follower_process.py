@@ -93,9 +93,11 @@ def test_orders_reach_the_controller_as_velocities_in_base(ur_controller, follow
     np.testing.assert_allclose(controller.said("speed")[0], VELOCITY, atol=1e-12)
     assert controller.said("acceleration")[0] == 0.5
     assert set(controller.said("watchdog")) == {0.1}
+    process.send(np.zeros(6))
+    until(lambda: controller.said("speed_stop"))
     process.close()
     until(lambda: controller.said("stopped"))
-    assert (controller.said("speed_stop"), controller.said("stopped")) == ([5.0], ["asked"])
+    assert (set(controller.said("speed_stop")), controller.said("stopped")) == ({5.0}, ["asked"])
 
 
 def test_an_arm_stops_once_orders_stop_coming(ur_controller, followed):
@@ -134,20 +136,6 @@ def test_the_watchdog_stops_an_arm_whose_program_is_killed(ur_controller, follow
     os.kill(int(pid.read_text()), signal.SIGKILL)
     until(lambda: controller.said("stopped"))
     assert controller.said("stopped") == ["watchdog"]
-
-
-def test_a_controller_that_is_switched_off_and_on(ur_controller, followed, monkeypatch):
-    monkeypatch.setattr(follower_process, "SILENT_S", 60.0)  # for which no machine stands still
-    first = ur_controller()
-    process = followed(real())
-    until(lambda: not process.trouble)
-    first.end()
-    until(lambda: f"no RTDE at {ADDRESS}" in process.trouble)
-    assert "connection lost" in process.said[process.said.index("") + 1]
-    second = ur_controller()
-    until(lambda: not process.trouble)
-    process.send(TWIST)
-    until(lambda: second.said("speed"))
 
 
 def test_a_motion_that_was_broken_off_does_not_go_on(ur_controller, followed, monkeypatch):

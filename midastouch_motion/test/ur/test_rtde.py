@@ -3,7 +3,6 @@ import socket
 import sys
 import threading
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +20,7 @@ from midastouch_motion.ur.rtde import (
 )
 from midastouch_motion.ur.rtde_handshake import require_outputs
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from rtde_server import serve
+from .ur_controller import Controller, serve_rtde
 
 
 class FakeInterface:
@@ -57,6 +54,10 @@ def ur_rtde(monkeypatch):
     module.RTDEReceiveInterface = FakeInterface
     monkeypatch.setitem(sys.modules, "rtde_receive", module)
     return module
+
+
+def serve(client, fault):
+    serve_rtde(client, Controller(fault))
 
 
 def serve_next(server):

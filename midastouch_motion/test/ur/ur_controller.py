@@ -8,6 +8,7 @@ to the script port.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import socket
 import struct
@@ -22,6 +23,8 @@ READY, DONE = 1, 2  # what the program writes into output_int_register_0
 SPEED_L, SPEED_STOP, SET_WATCHDOG, STOP_SCRIPT = 10, 15, 35, 255  # what it finds in input_int_register_0
 FORMATS = {"INT32": "i", "UINT32": "I", "DOUBLE": "d", "VECTOR6D": "6d"}
 POSE = [0.3, -0.2, 0.4, 0.1, 2.6, -0.2]
+# packages. ur-rtde returns from its constructor up to 0.55 s after the start; a shorter connection is never seen alive
+FAULTY_AFTER = 125
 
 
 def kind_of(name: str) -> str:
@@ -34,7 +37,10 @@ def kind_of(name: str) -> str:
 
 
 class Controller:
-    """Its registers, and the program that runs on it."""
+    """Its registers, and the program that runs on it.
+
+    The first joint's angle is the time of the state, so that a reader can tell when each one was measured.
+    """
 
     def __init__(self, fault: str):
         self.fault, self._lock = fault, threading.RLock()
@@ -97,11 +103,13 @@ class Controller:
     def state(self, names: list[str]) -> bytes:
         """The outputs of these names, packed."""
         with self._lock:
-            known = self.values | {"timestamp": 1000.0 + time.monotonic() - self._start}
+            now = 1000.0 + time.monotonic() - self._start
+            arm = {"actual_TCP_pose": POSE, "actual_q": [now] + [0.1] * 5, "actual_qd": [0.2] * 6}
+            known = self.values | arm | {"timestamp": now}
             out = b""
             for name in names:
                 kind = kind_of(name)
-                value = POSE if name == "actual_TCP_pose" else known.get(name, 0)
+                value = known.get(name, 0)
                 numbers = value if isinstance(value, list) else [value] * (6 if kind == "VECTOR6D" else 1)
                 out += struct.pack(">" + FORMATS[kind], *numbers)
             return out
@@ -113,6 +121,7 @@ class RtdeClient:
     def __init__(self, connection: socket.socket, controller: Controller):
         self._connection, self._controller = connection, controller
         self._outputs: list[str] = []
+        self._period = PERIOD
         self._inputs: list[list[str]] = []
 
     def serve(self) -> None:
@@ -124,24 +133,27 @@ class RtdeClient:
                 self._take(payload)
             else:
                 self._send(letter, self._answer(letter, payload))
-            if letter == b"S":
+            if letter == b"S" and self._controller.fault != "refused start":
                 threading.Thread(target=self._stream, daemon=True).start()
 
     def _answer(self, letter: bytes, payload: bytes) -> bytes:
         fault = self._controller.fault
         if letter == b"V":
-            return bytes([fault != "old protocol"])
+            return bytes([payload == struct.pack(">H", 2) and fault != "old protocol"])
         if letter == b"v":
             return struct.pack(">4I", 5, 12, 0, 1101)
         if letter == b"O":
-            self._outputs = payload[8:].decode().strip(",").split(",")
-            return bytes([1]) + ",".join(map(kind_of, self._outputs)).encode()
+            (frequency,) = struct.unpack(">d", payload[:8])
+            self._controller.say(frequency=frequency)
+            self._period, self._outputs = 1.0 / frequency, payload[8:].decode().strip(",").split(",")
+            kinds = ["NOT_FOUND" if fault == "unknown output" else kind_of(name) for name in self._outputs]
+            return bytes([1]) + ",".join(kinds).encode()
         if letter == b"I":
             names = payload.decode().strip(",").split(",")
             self._inputs.append(names)
             kinds = ["IN_USE" if fault == "inputs in use" else kind_of(name) for name in names]
             return bytes([0 if fault == "inputs in use" else len(self._inputs)]) + ",".join(kinds).encode()
-        return bytes([1])
+        return bytes([fault != "refused start"])
 
     def _take(self, payload: bytes) -> None:
         names = self._inputs[payload[0] - 1]
@@ -150,12 +162,31 @@ class RtdeClient:
 
     def _stream(self) -> None:
         with contextlib.suppress(OSError):
-            while True:
-                time.sleep(PERIOD)
-                self._send(b"U", bytes([1]) + self._controller.state(self._outputs))
+            self._stream_until_the_fault(self._controller.fault)
+
+    def _stream_until_the_fault(self, fault: str) -> None:
+        held = b""
+        for number in itertools.count():
+            time.sleep(self._period)
+            held += package(b"U", bytes([1]) + self._controller.state(self._outputs))
+            if fault == "bursts" and number % 40 < 25:
+                continue  # on its way for 200 ms, then all at once
+            if number == FAULTY_AFTER and fault in ("drop", "cut"):
+                self._connection.sendall(held[: len(held) // 2] if fault == "cut" else b"")
+                self._connection.shutdown(socket.SHUT_RDWR)
+                return
+            if number > FAULTY_AFTER and fault == "stall":
+                return
+            self._connection.sendall(held)
+            held = b""
 
     def _send(self, letter: bytes, payload: bytes) -> None:
-        self._connection.sendall(struct.pack(">Hc", 3 + len(payload), letter) + payload)
+        self._connection.sendall(package(letter, payload))
+
+
+def package(letter: bytes, payload: bytes) -> bytes:
+    """A package of RTDE."""
+    return struct.pack(">Hc", 3 + len(payload), letter) + payload
 
 
 def read(connection: socket.socket, size: int) -> bytes:
