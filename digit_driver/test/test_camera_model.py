@@ -19,6 +19,11 @@ OWN = {
 }
 
 
+def with_mode(**changes) -> dict:
+    """A change of the modes to one."""
+    return {"modes": {"a": {"width": 640, "height": 480, "fps": [30], **changes}}}
+
+
 def written(tmp_path: Path, content) -> Path:
     path = tmp_path / "my_touch.yaml"
     path.write_text(yaml.safe_dump(content))
@@ -84,16 +89,12 @@ def test_images_are_cropped_then_turned_then_scaled(tmp_path, rotation, corner, 
         ({"modes": {"a": {"width": 640, "height": 480}}}, "fps"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": []}}}, "fps"),
         ({"modes": {"a": {"width": "wide", "height": 480, "fps": [30]}}}, "width.*'wide'"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "format": "H264"}}}, "format.*YUYV, MJPG.*H264"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [300, 0, 400, 480]}}}, r"crop.*640x480"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [240]}}}, r"output.*\[240\]"),
-        (
-            {"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [320, 320]}}},
-            r"output.*crop or output",
-        ),
+        (with_mode(format="H264"), "format.*YUYV, MJPG.*H264"),
+        (with_mode(crop=[300, 0, 400, 480]), r"crop.*640x480"),
+        (with_mode(output=[240]), r"output.*\[240\]"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": 30}}}, r"fps.*write \[30\]"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 640]}}}, r"crop.*\[0, 0, 640\]"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 64.5, 48]}}}, "crop.*64.5"),
+        (with_mode(crop=[0, 0, 640]), r"crop.*\[0, 0, 640\]"),
+        (with_mode(crop=[0, 0, 64.5, 48]), "crop.*64.5"),
         ({"leds": "false"}, "leds.*'false'.*true"),
         (dict.fromkeys(OWN), "my_touch.yaml"),
     ],

@@ -13,6 +13,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
+from midastouch_perception.codebook import FORMAT
 
 
 def model_of(world, codebook=None, **settings):
@@ -55,6 +56,12 @@ def codes_along(world, n):
     """Motions and codes along a slide of n frames."""
     truth = world.make_slide(world.mesh, n, np.random.default_rng(3))
     return list(zip(se3.odometry(truth), world.encode(truth), strict=True))
+
+
+def meta_of(mesh, **other):
+    """Meta data of a codebook file of a mesh from a file."""
+    out = {"format": FORMAT, "mesh_name": mesh.name, "mesh_sha256": mesh.sha256, "mesh_path": str(mesh.path or "")}
+    return out | {"sensor": "digit_tacto", "sensor_id": "", "temperature": 0.1, "outlier": 0.05} | other
 
 
 def some_book(world, mesh, n=300, **changes):

@@ -29,7 +29,7 @@ NOTHING_MEASURED = np.empty((0, 4, 4))
 
 
 def model_of(world, mesh) -> ObjectModel:
-    poses = world.random_poses(mesh, 6000, np.random.default_rng(0))
+    poses = world.random_poses(mesh, 4000, np.random.default_rng(0))
     codebook = world.make_codebook(poses, world.encode(poses))
     codebook.meta["sensor"] = "digit_tacto"
     return ObjectModel(mesh, codebook, CONFIG, NOISE, Workers(1))

@@ -25,25 +25,6 @@ def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
     np.testing.assert_array_equal(lookup.exact(queries), brute)
 
 
-def test_following_agrees_with_the_exact_search(world, lookup):
-    rng = np.random.default_rng(4)
-    entries = rng.integers(0, len(world.poses), 20_000)
-    particles = Particles.from_poses(world.poses[entries], entries)
-    # a cloud that has drifted away from the codebook's own poses, in steps of a slide
-    for _ in range(10):
-        step = se3.exp([1e-3, 1e-3, 0, 0, 0, 0.02]) @ se3.exp(
-            rng.normal(size=(20_000, 6)) * np.repeat([5e-4, 0.0175], 3)
-        )
-        particles = Particles.from_poses(particles.poses @ step, particles.entries)
-        found = lookup.follow(particles)
-    poses = particles.poses
-    exact = lookup.exact(poses)
-    nearest = distance(poses, world.poses[exact])
-    agrees = (particles.entries == exact) | (found <= 1.01 * nearest + 1e-6)
-    assert agrees.mean() >= 0.99
-    np.testing.assert_allclose(found, distance(poses, world.poses[particles.entries]), atol=1e-5)
-
-
 def test_threads_change_nothing(world):
     rng = np.random.default_rng(8)
     entries = rng.integers(0, len(world.poses), 20_000)

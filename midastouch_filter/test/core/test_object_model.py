@@ -3,18 +3,17 @@
 import numpy as np
 import pytest
 import trimesh
-from filter_runs import assert_defined, codes_along, model_of, some_book
+from filter_runs import assert_defined, meta_of, model_of, some_book
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.object_model import of_surface
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.codebook import FORMAT, Codebook
+from midastouch_perception.codebook import Codebook
 
 SMALL = FilterConfig(max_particles=300, threads=1)
 
@@ -89,24 +88,6 @@ def test_degenerate_meshes_work(world, name):
         assert_defined(filter_, estimate)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "make",
-    [
-        pytest.param(lambda poses: np.repeat(poses[:200], 2, axis=0), id="every pose twice"),
-        pytest.param(lambda poses: se3.make(poses[:, :3, :3], 1e3 * poses[:, :3, 3]), id="in millimetres"),
-    ],
-)
-def test_odd_books_give_an_answer_that_is_not_trusted(world, make):
-    poses = make(world.random_poses(world.mesh, 300, np.random.default_rng(2)))
-    filter_ = ParticleFilter(world.mesh, world.make_codebook(poses, world.encode(poses), world.of_surface), SMALL)
-    filter_.initialise_uniform()
-    for motion, code in codes_along(world, 4):
-        estimate = filter_.step(motion, Measurement(True, code))
-        assert_defined(filter_, estimate)
-        assert estimate.status.state != state.CONVERGED
-
-
 def followed(model) -> tuple[bytes, bytes]:
     entries = np.roll(np.arange(len(model.lookup)), 1)
     particles = Particles.from_poses(model.lookup.poses, entries)
@@ -163,8 +144,9 @@ def test_a_model_takes_the_entries_of_a_denser_codebook(world):
 def test_broken_arrays_are_refused_naming_the_file(world, name, change, tmp_path):
     whole = world.codebook
     key = next(key for key in whole.derived if key.endswith(name))
-    meta = dict.fromkeys(("mesh_name", "mesh_sha256", "sensor_id"), "") | {"format": FORMAT, "sensor": ""}
     derived = whole.derived | {key: change(whole.derived[key])}
-    Codebook(whole.poses, whole.codes, whole.meta | meta, derived).save(tmp_path / "broken.npz")
+    Codebook(whole.poses, whole.codes, meta_of(world.mesh, sensor="", tcn="fourier-test"), derived).save(
+        tmp_path / "broken.npz"
+    )
     with pytest.raises(InputError, match=r"broken\.npz: .*build-codebook"):
         model_of(world, Codebook.load(tmp_path / "broken.npz"))

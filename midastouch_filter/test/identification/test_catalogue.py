@@ -2,6 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 import trimesh
+from filter_runs import meta_of
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -17,18 +18,7 @@ OTHER_GEL = SensorModel.load(SENSOR).at_scale(15e3).as_json()
 
 
 def described(mesh, poses, codes, derived=None, **other):
-    meta = {
-        "format": 1,
-        "mesh_name": mesh.name,
-        "mesh_sha256": mesh.sha256,
-        "mesh_path": str(mesh.path or ""),
-        "sensor": "digit_tacto",
-        "sensor_id": "",
-        "tcn": "fourier-test",
-        "temperature": 0.1,
-        "outlier": 0.05,
-        "symmetry": ObjectSymmetry().as_json(),
-    }
+    meta = meta_of(mesh, tcn="fourier-test", symmetry=ObjectSymmetry().as_json())
     return Codebook(poses, codes, meta | other, derived)
 
 

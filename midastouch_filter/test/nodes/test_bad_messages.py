@@ -84,7 +84,7 @@ def test_every_code_is_answered_and_all_published_is_finite(graph):
             "queue_depth": 200,
             "reliable": True,
             "view_rate": 0.0,
-            "transform_timeout": 0.2,  # for each of some 25 that cannot be used; a good one may be read late
+            "transform_timeout": 0.2,  # for each of some 12 that cannot be used; a good one may be read late
             "input_timeout": 1000.0,
             "mesh": "/a.ply",
             "codebook": "/a.npz",
@@ -104,7 +104,7 @@ def test_every_code_is_answered_and_all_published_is_finite(graph):
         outputs.append(graph.listen(kind, topic))
     codes, tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
     priors = [graph.publisher(PoseWithCovarianceStamped, t) for t in ("initialpose", "object_pose_prior")]
-    for i in range(1, 61):
+    for i in range(1, 31):
         stamp = i * SECOND // 10
         tf.publish(bad_transform(rng, stamp))
         if rng.random() < 0.3:
@@ -116,10 +116,10 @@ def test_every_code_is_answered_and_all_published_is_finite(graph):
     assert {s.state for s in statuses} <= set(STATES)
     assert len({s.state for s in statuses}) > 1
     assert all(s.reason for s in statuses)
-    assert len(poses) > 12, "good messages between the bad ones still count"
+    assert len(poses) > 5, "good messages between the bad ones still count"
     for received in outputs:
         assert all(map(all_finite, received))
-    assert node.diagnostics.counts["bad_transforms"] > 6
+    assert node.diagnostics.counts["bad_transforms"] > 2
 
 
 def test_the_check_itself_sees_what_is_not_finite():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filter_bench import REPLAY, is_answer
+from filter_runs import meta_of
 from tf2_msgs.msg import TFMessage
 from tf_messages import tf_msg
 from vision_msgs.msg import Detection3DArray
@@ -18,7 +19,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.codebook import FORMAT, Codebook
+from midastouch_perception.codebook import Codebook
 
 pytestmark = pytest.mark.dds
 
@@ -32,16 +33,8 @@ def folder(shelf, tmp_path_factory):
     for entry in shelf.catalogue.entries:
         path = folder / f"{entry.name}.ply"
         entry.mesh.save(path)
-        mesh = ObjectMesh.load(path)
-        meta = {
-            "format": FORMAT,
-            "mesh_name": mesh.name,
-            "mesh_sha256": mesh.sha256,
-            "mesh_path": str(path),
-            "sensor_id": "",
-        }
-        model = entry.model
-        Codebook(model.lookup.poses, model.measurement.codes, entry.meta | meta).save(path.with_suffix(".npz"))
+        meta, model = entry.meta | meta_of(ObjectMesh.load(path), **entry.meta), entry.model
+        Codebook(model.lookup.poses, model.measurement.codes, meta).save(path.with_suffix(".npz"))
     return folder
 
 
@@ -72,7 +65,7 @@ class CatalogueBench:
 def test_the_object_is_named_with_its_pose(graph, shelf, folder):
     bench = CatalogueBench(graph, folder)
     graph.spin_until(lambda: bench.statuses, "the status at start")
-    truth, frames = shelf.touches(2, steps=60)
+    truth, frames = shelf.touches(2, steps=40)
     bench.slide(truth[:1], frames[:1])
     assert bench.statuses[-1].state == "uninitialised"
     assert "which of 3 objects it is" in bench.statuses[-1].reason

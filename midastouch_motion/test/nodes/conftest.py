@@ -30,3 +30,11 @@ def patience_clock(monkeypatch):
     for module in (arm_client, explorer, explorer_filter):
         monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: clock.now))
     return clock
+
+
+@pytest.fixture
+def rig(graph):
+    """An explorer over the ball."""
+    from explorer_rig import Rig
+
+    return Rig(graph)

@@ -15,11 +15,6 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, PoseMode, PoseMode
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
 
-@pytest.fixture
-def rig(graph):
-    return Rig(graph)
-
-
 def test_it_explores_until_the_filter_knows(rig):
     rig.until("exploring", "somewhere")
     rig.state, rig.reason = "converged", "one mode is left, modulo symmetry: 6 poses alike"

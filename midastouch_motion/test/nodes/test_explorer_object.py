@@ -3,18 +3,13 @@
 import time
 
 import pytest
-from explorer_rig import TOOL, Rig
+from explorer_rig import TOOL
 
 from midastouch_motion.nodes import explorer_services
 from midastouch_msgs.srv import SetObject
 from midastouch_simulation.nodes import simulated_finger
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
-
-
-@pytest.fixture
-def rig(graph):
-    return Rig(graph)
 
 
 def offer(rig, name, message=""):

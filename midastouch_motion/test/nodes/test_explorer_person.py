@@ -13,11 +13,6 @@ from midastouch_msgs.srv import SuggestMotion
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
 
-@pytest.fixture
-def rig(graph):
-    return Rig(graph)
-
-
 def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
     rig = Rig(graph, start_paused=True)
     rig.until("paused", "~/resume")
