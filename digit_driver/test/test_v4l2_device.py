@@ -74,6 +74,14 @@ def test_a_gelsight_mini_gives_portrait_images_of_its_gel(kernel, device) -> Non
     assert mini.led_values == [], "its lights cannot be set"
 
 
+def test_vga(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit())
+    camera.picture = bytes(2 * 640 * 480)
+    digit = device(resolution="VGA", fps=30)
+    assert digit.open().height == 640
+    assert digit.read(1.0).image.shape == (640, 480, 3)
+
+
 def test_metadata_node_is_skipped_even_if_it_comes_first(kernel, device) -> None:
     kernel.plug(FakeDigit(number=4), metadata_first=True)
     assert device().open().name == "/dev/video5"

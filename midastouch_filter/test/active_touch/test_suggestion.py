@@ -215,6 +215,22 @@ def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
     assert (evidence.min() > 2.0) == told
 
 
+def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
+    here, there = copies(world, handed)
+    hopeless = {}
+    for fraction in (0.5, 0.9):
+        belief = [replace(here, probability=fraction), replace(there, probability=1 - fraction)]
+        advices = [advise(belief, NOTHING_MEASURED, Wanted(length), NOISE) for length in np.arange(0.012, 0.032, 0.002)]
+        hopeless[fraction] = [advice.indistinguishable for advice in advices]
+    assert sum(hopeless[0.9]) < sum(hopeless[0.5]) < len(hopeless[0.5])
+
+
+def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
+    many = advise(copies(world, handed), NOTHING_MEASURED, Wanted(count=8), NOISE).suggestions
+    assert many
+    assert all(each.length >= NOISE.touch_correlation for each in many)
+
+
 def test_who_wants_certainty_gets_advice_too(world, handed):
     certain = copy.copy(handed)
     certain.config = replace(CONFIG, converged_probability=1.0)

@@ -134,6 +134,18 @@ def test_a_finger_that_is_not_explained_moves_nothing(tool, hand):
     assert distance(right.poses[0], poses[0]) < distance(start[0], poses[0])
 
 
+def test_only_part_of_an_innovation_stays_where_the_arm_errs(tool, hand):
+    poses, touches = hand
+    start = poses[:1] @ se3.exp(0.5 * OFF)
+    exact, rough = (align_each(tool, start, touches, jitter_translation=sigma, jitter_rotation=40 * sigma)
+                    for sigma in (1e-6, 3e-3))  # fmt: skip
+    (seen,) = rough.sightings()
+    assert distance(seen.pose, poses[0]) < 5e-4
+    assert distance(rough.poses[0], start[0]) < 0.7 * distance(exact.poses[0], start[0])
+    np.testing.assert_allclose(exact.poses[0], exact.seen[0], atol=1e-4)
+    assert seen.fit == rough.fits.min()
+
+
 def test_a_finger_whose_pose_is_not_known_says_little(tool, hand):
     poses, touches = hand
     start = poses[:1] @ se3.exp(OFF)

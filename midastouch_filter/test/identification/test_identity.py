@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,7 +8,7 @@ from midastouch_filter.core.alignment import transform_covariance
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.identification.identity import CandidateObject, Identity
+from midastouch_filter.identification.identity import UNKNOWN, CandidateObject, Identity
 
 CONFIG = FilterConfig(threads=1)
 
@@ -31,6 +33,14 @@ def slid(shelf):
     for moved, touch in shelf.touches(0, steps=60)[1]:
         out.filter.step(moved, touch)
     return out
+
+
+def test_before_any_touch_it_is_what_was_assumed(shelf):
+    now = Identified(shelf.catalogue, replace(CONFIG, unknown_prior=0.4)).now
+    assert [each.probability for each in now.objects] == pytest.approx([0.2] * 3)
+    assert [each.hypotheses for each in now.objects] == [[], [], []]
+    assert now.answer == UNKNOWN
+    assert now.in_words() == "unknown 40%, bumpy_1 20%, bumpy_2 20%, bumpy_3 20%"
 
 
 def test_objects_add_up_to_one_and_hypotheses_to_their_object(slid):

@@ -80,6 +80,14 @@ def test_who_asks_too_early_hears_why(graph):
     assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
 
 
+def test_convergence_is_reported_however_slow_the_answers(graph):
+    bench = touched(graph, suggestion_rate=0.001)
+    follower = Follower(graph)
+    bench.filter.state = "converged"
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.02))
+    assert follower.result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
 def test_before_a_touch_there_is_no_advice(graph):
     bench = Bench(graph, **OBJECT)
     assert "nothing was measured" in ask(graph).message

@@ -164,6 +164,17 @@ def test_a_finger_that_gets_nowhere_is_stuck_after_three_times():
     assert exploration.verdict.words.endswith("nor touch elsewhere: in the way")
 
 
+def test_a_pause_on_the_way_back_is_no_verdict():
+    held = []
+    arm = Scripted(lambda act: (held.append(act) or True, "", 0.0, False, np.eye(4)))
+    exploration = Exploration(np.random.default_rng(0), 1.0, held=lambda: bool(held))
+    Scripted(lambda act: (True, "", 0.0, True, np.eye(4))).follow(exploration.touch())
+    exploration.motions.touching = False
+    arm.follow(exploration.go([], Surroundings(np.eye(4))))
+    assert arm.acts
+    assert exploration.verdict is None
+
+
 def test_while_it_is_held_it_begins_no_further_motion():
     """A motion that came to nothing, because nobody enables it any more, is not followed by others."""
     held = []

@@ -30,6 +30,12 @@ class Air(Scripted):
         return [type(act) for act in self.acts]
 
 
+def test_where_it_cannot_be_lifted_it_touches_on():
+    arm = Air(lambda act: isinstance(act, Lift))
+    assert not arm.follow(leap([THERE, BEYOND]))
+    assert arm.kinds == [Lift, Touch]
+
+
 def test_where_something_is_in_the_way_it_goes_higher():
     arm = Air(lambda act: isinstance(act, Approach) and act.pose[0, 3] > 0 and act.pose[2, 3] < 0.02)
     assert arm.follow(leap([THERE, BEYOND]))

@@ -122,6 +122,16 @@ def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph, patience
     assert rig.ended
 
 
+def test_places_that_nothing_tells_apart_end_it(rig):
+    def hopeless(response):
+        response.success = response.indistinguishable = True
+        response.message = "four sides are alike"
+
+    rig.advise(hopeless)
+    status = rig.until("gave_up", "four sides are alike")
+    assert status.lifts >= 3  # it went to look elsewhere
+
+
 def test_an_answer_that_is_lost_is_asked_for_again(rig):
     rig.until("exploring", "somewhere")
     rig.silent = True

@@ -76,6 +76,14 @@ def test_one_that_does_not_answer_is_given_up(graph, monkeypatch):
     mute.destroy_node()
 
 
+def test_one_that_goes_is_missed(graph):
+    asked, service = offer(graph, everything)
+    rig = Rig(graph, reach_service="what_it_reaches")
+    graph.spin_until(lambda: asked, "a question")
+    graph.companion.destroy_service(service)
+    assert "reach_service what_it_reaches: nobody offers it" in rig.until("gave_up").reason
+
+
 def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
     rig = Rig(graph, give_up_after=1.0, reach_service="what_it_reaches")
 
