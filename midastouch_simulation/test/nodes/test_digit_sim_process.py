@@ -1,8 +1,5 @@
 """The simulated sensor as a process of its own."""
 
-import subprocess
-import sys
-
 import cv2
 import numpy as np
 import pytest
