@@ -13,6 +13,12 @@ from midastouch_benchmark.tables.table import UNMEASURED
 from midastouch_tools.ros.parameter_tables import markdown
 
 
+@pytest.fixture(scope="module")
+def old() -> list[str]:
+    """Reports of the headline pages that earlier code made."""
+    return stale(tables.headline())
+
+
 @pytest.mark.parametrize("document", tables.DOCUMENTS)
 def test_figures_are_those_of_the_reports(document):
     assert DOCUMENTS[document].count("<!-- table ") == DOCUMENTS[document].count("<!-- end -->") > 0
@@ -29,9 +35,8 @@ def test_the_figures_of_the_evaluation_stand_in_its_tables():
     assert numbered == [number for number, *_ in figures]
 
 
-def test_headline_pages_have_figures_of_one_fingerprint():
+def test_headline_pages_have_figures_of_one_fingerprint(old):
     """A row that names a report of other code than today's has no figure, or those of another report beside it."""
-    old = stale(tables.headline())
     for document in tables.HEADLINE:
         assert tables.MARK not in DOCUMENTS[document], f"{document}; run: python -m {tables.__name__}"
         for line in DOCUMENTS[document].splitlines():
@@ -39,8 +44,7 @@ def test_headline_pages_have_figures_of_one_fingerprint():
                 assert UNMEASURED in line, f"{document}: {line}; run: python -m {tables.__name__}"
 
 
-def test_the_archive_marks_figures_of_earlier_code():
-    old = stale(tables.headline())
+def test_the_archive_marks_figures_of_earlier_code(old):
     rows = [line for line in DOCUMENTS[tables.ARCHIVE].splitlines() if line.startswith("|")]
     marked = [line for line in rows if any(f"[{name}](" in line for name in old)]
     assert [line for line in marked if tables.MARK not in line] == []

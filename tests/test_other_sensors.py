@@ -1,20 +1,16 @@
 """The page on other sensors, against the code: its examples are read, its commands exist."""
 
-import shlex
 from pathlib import Path
 
 import pytest
 import yaml
-from documents import DOCUMENTS, blocks, lines
+from documents import DOCUMENTS, blocks
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.nodes.parameters import PARAMETERS
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_tools.cli import build_parser
-from midastouch_tools.ros.launch_file import declared
 
 PAGE = DOCUMENTS["docs/other_sensors.md"]
-LINES = lines(PAGE)
 
 
 @pytest.fixture
@@ -40,15 +36,3 @@ def test_both_examples_are_what_they_say(examples):
 def test_the_parameters_of_the_overlay_exist(examples):
     overlay = yaml.safe_load(examples["mini.yaml"].read_text())
     assert overlay["digit_driver"]["ros__parameters"].keys() <= {parameter.name for parameter in PARAMETERS}
-
-
-def test_its_commands_exist():
-    assert len(LINES) > 2
-    for program, *words in (shlex.split(line) for line in LINES):
-        if program == "midastouch":
-            build_parser().parse_args(words)
-        else:
-            assert program == "ros2"
-            given = dict(word.split(":=") for word in words if ":=" in word)
-            assert given.keys() <= declared("live_ur").keys()
-            assert SensorModel.load(given["sensor_model"]).name == "gelsight_mini"

@@ -14,30 +14,26 @@ import pytest
 def workspace(load_tool, tmp_path, monkeypatch):
     """The set-up script on an empty folder; its steps only note that they ran."""
     tool = load_tool("setup_workspace")
-    monkeypatch.setattr(tool, "ROOT", tmp_path)
-    monkeypatch.setattr(tool, "VENV", tmp_path / ".venv")
-    monkeypatch.setattr(tool, "PYTHON", tmp_path / ".venv" / "bin" / "python")
-    monkeypatch.setattr(tool, "STAMPS", tmp_path / ".venv" / ".setup")
-    monkeypatch.setattr(tool, "LOGS", tmp_path / ".venv" / "setup")
-    monkeypatch.setattr(tool, "LOCK", tmp_path / "lock.txt")
-    monkeypatch.setattr(tool, "FIX_EXPORTS", tmp_path / "fix.py")
-    monkeypatch.setattr(tool, "INTERFACES", [tmp_path / "msgs"])
-    monkeypatch.setattr(tool, "PYTHON_ONLY", tmp_path / "only.cmake")
-    monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
-    monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
-    monkeypatch.setattr(tool, "SHIMS", [tmp_path / "tf2_ros"])
-    (tmp_path / "lock.txt").write_text("numpy==1\n")
-    (tmp_path / "fix.py").touch()
-    (tmp_path / "only.cmake").touch()
-    (tmp_path / "msgs").mkdir()
-    (tmp_path / "msgs" / "A.msg").write_text("bool a\n")
-    (tmp_path / "tf2_ros").mkdir()
-    (tmp_path / "tf2_ros" / "pyproject.toml").touch()
-    (tmp_path / "kernels").mkdir()
-    (tmp_path / "kernels" / "a.cpp").touch()
-    (tmp_path / "package").mkdir()
-    for name in ("setup.py", "setup.cfg", "package.xml"):
-        (tmp_path / "package" / name).touch()
+    places = {
+        "ROOT": tmp_path,
+        "VENV": tmp_path / ".venv",
+        "PYTHON": tmp_path / ".venv" / "bin" / "python",
+        "STAMPS": tmp_path / ".venv" / ".setup",
+        "LOGS": tmp_path / ".venv" / "setup",
+        "LOCK": tmp_path / "lock.txt",
+        "FIX_EXPORTS": tmp_path / "fix.py",
+        "INTERFACES": [tmp_path / "msgs"],
+        "PYTHON_ONLY": tmp_path / "only.cmake",
+        "KERNELS": tmp_path / "kernels",
+        "PACKAGES": [tmp_path / "package"],
+        "SHIMS": [tmp_path / "tf2_ros"],
+    }
+    for name, place in places.items():
+        monkeypatch.setattr(tool, name, place)
+    inputs = ("lock.txt", "fix.py", "only.cmake", "msgs/A.msg", "tf2_ros/pyproject.toml", "kernels/a.cpp")
+    for name in (*inputs, "package/setup.py", "package/setup.cfg", "package/package.xml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("numpy==1\n")
     tool.ran = []
 
     def step(name):
@@ -50,11 +46,9 @@ def workspace(load_tool, tmp_path, monkeypatch):
 
         return action
 
-    monkeypatch.setattr(tool, "make_environment", step("environment"))
-    monkeypatch.setattr(tool, "install_dependencies", step("dependencies"))
-    monkeypatch.setattr(tool, "build_interfaces", step("interfaces"))
-    monkeypatch.setattr(tool, "build_kernels", step("kernels"))
-    monkeypatch.setattr(tool, "install_packages", step("packages"))
+    actions = ("make_environment", "install_dependencies", "build_interfaces", "build_kernels", "install_packages")
+    for action in actions:
+        monkeypatch.setattr(tool, action, step(action.partition("_")[2]))
     return tool
 
 
@@ -148,17 +142,13 @@ def test_a_ros_without_wheels_is_named_with_those_that_have_some(load_tool, monk
         tool.set_up(lock=None)
 
 
-def test_unsupported_python_is_named(load_tool, monkeypatch):
-    tool = load_tool("setup_workspace")
-    monkeypatch.setattr(tool.sys, "version_info", (3, 9, 1))
-    with pytest.raises(tool.SetupError, match=r"3\.10 to 3\.13"):
-        tool.check_machine()
-
-
-def test_missing_cmake_is_named(load_tool, monkeypatch):
+def test_a_machine_that_lacks_something_is_told_what(load_tool, monkeypatch):
     tool = load_tool("setup_workspace")
     monkeypatch.setenv("PATH", "")
     with pytest.raises(tool.SetupError, match="apt install cmake"):
+        tool.check_machine()
+    monkeypatch.setattr(tool.sys, "version_info", (3, 9, 1))
+    with pytest.raises(tool.SetupError, match=r"3\.10 to 3\.13"):
         tool.check_machine()
 
 

@@ -139,7 +139,7 @@ def listening(graph, monkeypatch):
 
 
 @pytest.mark.dds
-def test_no_transform_waits_for_the_next_while_the_executor_is_busy(graph, listening):
+def test_transforms_come_at_once_while_the_executor_is_busy(graph, listening):
     buffer, publisher = listening
     graph.companion.create_subscription(String, "busy", lambda message: None, 10)
     other = graph.companion.create_publisher(String, "busy", 10)

@@ -75,14 +75,6 @@ def test_what_cannot_be_loaded_is_as_if_it_were_not_there(monkeypatch):
         load_backend(TDN, 1, "cuda")
 
 
-def test_only_the_backend_that_is_named_loads_the_network(with_others, monkeypatch):
-    with_others(openvino=(0.0,))
-    wanted = backends.installed()["openvino"](TDN, 1)
-    monkeypatch.setattr(backends, "installed", lambda: {"openvino": lambda *_: wanted})
-    monkeypatch.setattr(backends, "OnnxRuntime", lambda *_: pytest.fail("loaded"))
-    assert load_backend(TDN, 1, "openvino") is wanted
-
-
 def test_a_file_that_is_no_network_is_named_by_every_backend(monkeypatch, tmp_path):
     def refuses(path, threads):
         raise RuntimeError("cannot parse it")

@@ -1,3 +1,4 @@
+import io
 import json
 
 import numpy as np
@@ -13,7 +14,6 @@ from midastouch_perception.codebook import FORMAT, PRESS, YAWS, Codebook, codebo
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import Reachability
-from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")
@@ -100,19 +100,24 @@ def test_broken_files_are_refused(book, tmp_path, change, said):
         Codebook.load(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 truncated"])
-def test_foreign_files_are_refused(tmp_path, content):
+def npy() -> bytes:
+    np.save(stream := io.BytesIO(), np.zeros(3))
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("first", [None, 5])
+@pytest.mark.parametrize(
+    "content", [None, b"", b"not a zip", b"PK\x03\x04 cut", b"PK\x05\x06 and no more", npy(), "half"]
+)
+def test_foreign_and_cut_files_are_refused(book, tmp_path, content, first):
     path = tmp_path / "foreign.npz"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="build-codebook"):
-        Codebook.load(path)
-
-
-def test_a_single_array_is_refused(tmp_path):
-    with (tmp_path / "array.npz").open("wb") as stream:
-        np.save(stream, np.zeros(3))
-    with pytest.raises(InputError, match=r"array\.npz: .*build-codebook"):
-        Codebook.load(tmp_path / "array.npz")
+    if content == "half":
+        book.save(path)
+        content = path.read_bytes()[: path.stat().st_size // 2]
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"foreign\.npz: .*build-codebook"):
+        Codebook.load(path, first=first)
 
 
 def test_a_damaged_archive_is_refused(tmp_path):
@@ -125,28 +130,6 @@ def test_a_damaged_archive_is_refused(tmp_path):
         Codebook.load(path)
 
 
-def test_half_a_file_is_refused(book, tmp_path):
-    path = tmp_path / "half.npz"
-    book.save(path)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(InputError, match=r"half\.npz: .*build-codebook"):
-        Codebook.load(path)
-
-
-@pytest.mark.parametrize("length", [1, 16, 256])
-def test_codes_may_have_any_length(book, tmp_path, length):
-    codes = np.random.default_rng(0).standard_normal((len(book.poses), length))
-    codes /= np.linalg.norm(codes, axis=1, keepdims=True)
-    Codebook(book.poses, codes, book.meta).save(tmp_path / "book.npz")
-    loaded = Codebook.load(tmp_path / "book.npz").codes
-    np.testing.assert_allclose(loaded, codes, atol=1e-3)
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(InputError, match="build-codebook"):
-        Codebook.load(tmp_path / "gone.npz")
-
-
 def test_the_first_poses_are_read_alone(book, tmp_path):
     book.save(path := tmp_path / "book.npz")
     whole, head = Codebook.load(path), Codebook.load(path, first=5)
@@ -154,12 +137,6 @@ def test_the_first_poses_are_read_alone(book, tmp_path):
     assert np.array_equal(head.codes, whole.codes[:5])
     assert head.meta == whole.meta
     assert head.derived == {}
-
-
-def test_the_first_poses_of_a_broken_file_are_refused(tmp_path):
-    (tmp_path / "book.npz").write_bytes(b"PK\x05\x06 and no more")
-    with pytest.raises(InputError, match=r"book\.npz: .*build-codebook"):
-        Codebook.load(tmp_path / "book.npz", first=5)
 
 
 def test_arrays_are_those_of_the_file_and_lie_on_the_disk(tmp_path):
@@ -261,12 +238,6 @@ def test_yaw_is_even(poses):
         here = poses[site.reshape(-1) == index]
         turns = np.arctan2(here[:, :3, 0] @ here[0, :3, 1], here[:, :3, 0] @ here[0, :3, 0])
         np.testing.assert_allclose(np.diff(np.sort(turns)), 2 * np.pi / YAWS, atol=1e-6)
-
-
-def test_entries_touch(poses, tool, sensor):
-    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
-    assert (deepest > 2e-4).mean() > 0.97
-    assert deepest.max() < 2.2e-3
 
 
 def test_sizes_are_exact(tool, sensor):

@@ -24,12 +24,6 @@ def test_tacto_gel_has_the_known_depths(sensor):
     assert depth[0, 0] == pytest.approx(0.01911, abs=1e-5)
 
 
-def test_gel_depth_lies_on_the_dome(sensor):
-    tangent_x, tangent_y = sensor.rays
-    depth = sensor.gel_depth
-    np.testing.assert_allclose(sensor.gel_distance - sensor.sag(tangent_x * depth, tangent_y * depth), depth, atol=1e-9)
-
-
 def test_real_digit_sees_a_smaller_patch():
     real = SensorModel.load("digit_real")
     assert 1e-3 / (real.gel_distance / real.focal) == pytest.approx(18.5, abs=0.1)
@@ -89,17 +83,6 @@ def test_scaled_keeps_the_view(sensor):
     np.testing.assert_allclose(half.gel_depth.mean(), sensor.gel_depth.mean(), rtol=1e-4)
     assert half.pixel_area == pytest.approx(4 * sensor.pixel_area)
     assert half.content_id != sensor.content_id
-
-
-def test_own_model_by_path(tmp_path, sensor):
-    path = tmp_path / "mine.yaml"
-    path.write_text(
-        "width: 240\nheight: 320\nfocal: 300\ngel_distance: 0.022\n"
-        "dome: {radius_x: 0.03, radius_y: 0.04, semi_axis_z: 0.03}\n"
-    )
-    model = SensorModel.load(path)
-    assert model.name == "mine"
-    assert model.content_id != sensor.content_id
 
 
 BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03, radius_y: 0.04, semi_axis_z: 0.03}\n"

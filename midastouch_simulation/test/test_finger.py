@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
@@ -141,11 +140,3 @@ def test_it_yields_to_an_object_that_is_moved(sensor):
     assert way[0, 3] == pytest.approx(-2e-3, abs=3e-4)
     finger.stay_in_place(se3.translation([0, 0, 0.2]))
     assert np.linalg.norm(finger.pose[:3, 3]) < 0.04  # it follows the surface
-
-
-def test_an_object_that_nothing_can_touch_is_named(sensor):
-    corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
-    plate = ObjectMesh.from_arrays(corners, np.array([[0, 1, 2], [0, 2, 3]]), "plate")
-    plate.face_normals = -plate.face_normals
-    with pytest.raises(InputError, match="plate: no reachable"):
-        SimulatedFinger(plate, sensor, np.random.default_rng(0), STEP)

@@ -74,22 +74,6 @@ def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
     assert ["already" in collector.refusals[0], collector.refusals[1:]] == [True, ["two contacts"]]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda digit: digit.image([(3, 160, 1.5e-3)]), "cut off|not one ball"),
-        (lambda digit: np.full_like(digit.background, 255), "saturated"),
-        (lambda digit: np.zeros_like(digit.background), "black"),
-        (lambda digit: np.roll(digit.background, 60, axis=1), "differs everywhere, by"),
-    ],
-)
-def test_unusable_presses_are_thrown_away_with_the_reason(collector, digit, spoil, said):
-    held(collector, spoil(digit))
-    (reason,) = collector.refusals
-    assert any(each in reason for each in said.split("|")), reason
-    assert collector.images == {}
-
-
 def test_images_of_another_size_are_refused(collector, digit):
     with pytest.raises(InputError, match="tactile image"):
         collector.observe(digit.background[::2])

@@ -46,12 +46,6 @@ def test_what_it_was_made_of_is_written_down(result, real):
     made.check_sensor(real, "D20123")
 
 
-def test_another_sensor(real, another_digit):
-    digit = another_digit(10)
-    figures = calibrate(digit.presses(6), digit.background, DIAMETER, real).figures
-    assert figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.2)
-
-
 def test_without_a_no_contact_image_one_is_made(digit, presses, real):
     made = calibrate(presses, None, DIAMETER, real)
     found, true = (np.maximum(background.astype(float), 1) for background in (made.background, digit.background))
@@ -141,12 +135,6 @@ def test_under_other_lamps_than_a_digits_doubts_are_warnings(digit, five, real, 
     assert "about 3 mm; images are turned" in made.warnings[0]
 
 
-def test_under_lamps_that_nobody_knows_nothing_is_doubted(digit, five, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
-    made = calibrate(five, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
-    assert not made.doubt
-
-
 def test_presses_not_of_the_no_contact_image_s_gel_are_refused(digit, real):
     rng = np.random.default_rng(0)
     grains = [3 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240)), (0, 0), 1.5)[..., None] for _ in range(2)]
@@ -176,19 +164,17 @@ def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, 
         calibrate(presses, digit.background, diameter, real)
 
 
-def test_a_touch_in_the_no_contact_image_is_named_as_a_cause(digit, presses, real):
-    with pytest.raises(InputError, match="lift the finger"):
-        calibrate(presses, digit.image([(120, 160, 2e-3)]), DIAMETER, real)
-
-
-def test_a_no_contact_image_without_light_is_named_as_a_cause(digit, presses, real):
-    with pytest.raises(InputError, match="lights"):
-        calibrate(presses, np.zeros_like(digit.background), DIAMETER, real)
-
-
-def test_a_no_contact_image_of_another_place_is_named_as_a_cause(another_digit, presses, real):
-    with pytest.raises(InputError, match=rf"of {PRESSES} .*capture it anew"):
-        calibrate(presses, np.roll(another_digit(6).background, 60, axis=1), DIAMETER, real)
+@pytest.mark.parametrize(
+    ("spoil", "cause"),
+    [
+        (lambda digit: digit.image([(120, 160, 2e-3)]), "lift the finger"),
+        (lambda digit: np.zeros_like(digit.background), "lights"),
+        (lambda digit: np.roll(digit.background, 60, axis=1), rf"of {PRESSES} .*capture it anew"),
+    ],
+)
+def test_what_is_wrong_with_the_no_contact_image_is_named(digit, presses, real, spoil, cause):
+    with pytest.raises(InputError, match=cause):
+        calibrate(presses, spoil(digit), DIAMETER, real)
 
 
 def test_presses_that_leave_no_gel_free_need_a_no_contact_image(digit, real):

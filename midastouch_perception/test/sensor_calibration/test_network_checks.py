@@ -60,6 +60,7 @@ def result(digit, presses, real):
 
 def test_depth_of_presses_that_were_left_out_is_measured_better(result):
     assert not result.warnings
+    assert result.figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.2)
     assert 0 < result.figures["felt_error_after"] < result.figures["felt_error_before"]
 
 

@@ -29,11 +29,6 @@ def test_near_touches_score_higher_than_far_ones(tcn, tool):
     assert near_score.mean() > far_score.mean() + 0.3
 
 
-def test_calibration_is_usable(tcn):
-    assert 0 < tcn.calibration["temperature"] < 1
-    assert 0 <= tcn.calibration["outlier"] < 0.5
-
-
 @pytest.fixture(params=["tcn", "minkloc"])
 def network(request):
     return request.getfixturevalue(request.param)

@@ -39,39 +39,32 @@ def test_a_codebook_is_built_and_found_again(minkloc, tool, sensor, tmp_path):
         Codebook.load(tmp_path / "book.npz", tcn=load_tcn("fast").network_id)
 
 
-def test_the_voxel_size_belongs_to_the_identity(minkloc, minkloc_state, tmp_path):
-    other = load_tcn(save_minkloc3d(minkloc_state, {"network": "tcn_minkloc3d"}, tmp_path, voxel_size=0.02))
-    assert other.network_id != minkloc.network_id
+@pytest.mark.parametrize(("voxel_size", "same"), [(0.01, True), (0.02, False)])
+def test_weights_and_voxel_size_are_the_identity(minkloc, minkloc_state, tmp_path, voxel_size, same):
+    other = load_tcn(save_minkloc3d(minkloc_state, {"network": "tcn_minkloc3d"}, tmp_path, voxel_size=voxel_size))
+    assert (other.network_id == minkloc.network_id) == same
 
 
-def test_same_weights_same_identity(minkloc, minkloc_state, tmp_path):
-    again = load_tcn(save_minkloc3d(minkloc_state, {"network": "tcn_minkloc3d"}, tmp_path, voxel_size=0.01))
-    assert again.network_id == minkloc.network_id
-
-
-def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(InputError, match=r"no/net.npz: no such tcn network file"):
-        load_tcn("no/net.npz")
+@pytest.mark.parametrize(
+    ("name", "kept", "said"),
+    [
+        ("none", None, r"none\.npz: no such tcn network file"),
+        ("cut", 100_000, r"cut\.npz: .*import-weights"),
+        ("alone", 10**9, r"alone\.json: "),
+    ],
+)
+def test_unusable_files_are_named(minkloc_file, tmp_path, name, kept, said):
+    path = tmp_path / f"{name}.npz"
+    if kept:
+        path.write_bytes(minkloc_file.read_bytes()[:kept])
+    with pytest.raises(InputError, match=said):
+        load_tcn(path)
 
 
 def test_other_archives_are_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(InputError, match=r"other.npz: .*midastouch import-weights"):
+    with pytest.raises(InputError, match=r"other\.npz: .*midastouch import-weights"):
         load_tcn(tmp_path / "other.npz")
-
-
-def test_a_cut_file_is_refused(minkloc_file, tmp_path):
-    path = tmp_path / "cut.npz"
-    path.write_bytes(minkloc_file.read_bytes()[:100_000])
-    with pytest.raises(InputError, match=r"cut.npz: .*import-weights"):
-        load_tcn(path)
-
-
-def test_a_missing_card_is_named(minkloc_file, tmp_path):
-    path = tmp_path / "alone.npz"
-    path.write_bytes(minkloc_file.read_bytes())
-    with pytest.raises(InputError, match=r"alone.json: "):
-        load_tcn(path)
 
 
 POINTS = 4096

@@ -10,7 +10,6 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import estimate_background, load_tdn
 from midastouch_perception.tdn.background import (
-    BackgroundCapture,
     RunningBackground,
     TouchedBackground,
     doubtful_fraction,
@@ -34,14 +33,10 @@ def test_contacts_that_move_on_vanish():
     np.testing.assert_array_equal(estimate_background(frames), background)
 
 
-def test_nothing_to_estimate_from():
-    with pytest.raises(InputError, match="no frames"):
-        estimate_background([])
-
-
-def test_frames_of_different_sensors():
-    with pytest.raises(InputError, match="different size"):
-        estimate_background([np.zeros((320, 240, 3), np.uint8), np.zeros((240, 320, 3), np.uint8)])
+@pytest.mark.parametrize(("shapes", "said"), [([], "no frames"), ([(320, 240, 3), (240, 320, 3)], "different size")])
+def test_frames_that_make_no_background_are_refused(shapes, said):
+    with pytest.raises(InputError, match=said):
+        estimate_background([np.zeros(shape, np.uint8) for shape in shapes])
 
 
 def slide(step: int) -> list[np.ndarray]:
@@ -79,14 +74,9 @@ def presses(tool, sensor):
     return images, optics.image(nothing, plain, rng), optics.image(nothing, plain, rng)
 
 
-def test_a_touch_is_no_background(tdn, presses):
+def test_a_free_sensor_may_replace_its_background(tdn, presses):
     images, free, other = presses
-    assert np.mean([shows_contact(tdn, image, free) for image in images]) >= 0.8
     assert not shows_contact(tdn, other, free)
-
-
-def test_a_free_sensor_replaces_a_background_taken_in_contact(tdn, presses):
-    images, free, _ = presses
     assert not any(shows_contact(tdn, free, image) for image in images)
 
 
@@ -97,8 +87,8 @@ def test_another_sensor_s_image_is_not_taken_for_a_touch(tdn, presses):
     assert not shows_contact(tdn, np.clip(tinted, 0, 255).astype(np.uint8), free)
 
 
-@pytest.mark.parametrize("gain", [0.85, 1.15])
-def test_a_touch_is_one_at_another_brightness_too(tdn, presses, gain):
+@pytest.mark.parametrize("gain", [0.85, 1.0, 1.15])
+def test_a_touch_is_no_background_at_any_brightness(tdn, presses, gain):
     images, free, _ = presses
     changed = [np.clip(image * gain, 0, 255).astype(np.uint8) for image in images]
     assert np.mean([shows_contact(tdn, image, free) for image in changed]) >= 0.8
@@ -131,25 +121,6 @@ def test_change_is_blind_to_noise_and_sees_a_small_contact_move():
     rng = np.random.default_rng(0)
     assert largest_change([noisy(rng) for _ in range(10)]) < 1.5
     assert largest_change(moving(3)) > 10
-
-
-def test_capture_of_still_images_is_their_median():
-    rng = np.random.default_rng(1)
-    capture = BackgroundCapture(frames=15, still_threshold=2.0)
-    for _ in range(15):
-        assert not capture.done
-        capture.add(noisy(rng))
-    assert capture.done
-    assert not capture.refusal
-    assert np.abs(capture.image.astype(float) - GREY).mean() < 0.6
-
-
-def test_capture_refuses_a_moving_contact():
-    capture = BackgroundCapture(frames=10, still_threshold=2.0)
-    for image in moving(10):
-        capture.add(image)
-    assert capture.image is None
-    assert "not still" in capture.refusal
 
 
 def test_running_background_comes_at_once_and_forgets_contacts():

@@ -32,13 +32,6 @@ def test_each_sensor_gets_its_own_image_back_bit_by_bit(tmp_path, image):
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["D20001.png", "D20002.png"]
 
 
-def test_the_last_one_counts(tmp_path, image):
-    store = BackgroundStore(tmp_path, "D20001")
-    store.save(image)
-    store.save(255 - image)
-    np.testing.assert_array_equal(store.load(320, 240), 255 - image)
-
-
 @pytest.mark.parametrize("serial", ["", "..", "../D1", "a/b", "/D1", ".hidden", "D1\n", "D" * 65])
 def test_serials_that_would_leave_the_folder_are_refused(tmp_path, serial):
     with pytest.raises(InputError, match="not a serial number"):

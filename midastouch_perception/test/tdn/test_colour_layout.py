@@ -7,7 +7,6 @@ from midastouch_perception.tdn.colour_layout import (
     colour_layout,
     exposure_problem,
     image_problem,
-    mean_layout,
     misorientation,
     shipped_layout,
     turned_since,
@@ -69,10 +68,6 @@ def test_glints_are_no_overexposure():
     image[:80] = 255
     assert exposure_problem(image, most=0.5) == ""
     assert "saturated (2" in exposure_problem(image, most=0.2)
-
-
-def test_the_mean_of_equal_layouts_is_that_layout():
-    np.testing.assert_allclose(mean_layout([digit(), digit(0.5)]), colour_layout(digit()), atol=5e-3)
 
 
 def test_a_real_digit_that_is_not_in_the_mean(shared):

@@ -62,13 +62,13 @@ def _ball():
 def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, options, tmp_path, monkeypatch):
     pytest.importorskip("torch", reason="training needs PyTorch: pip install -r tools/requirements/train.txt")
     if network == "tdn":
-        from midastouch_perception.tdn import train as module
         from midastouch_perception.tdn.inference import load_tdn as load
+        from midastouch_simulation.training import tdn as module
 
         sizes = {"_BATCH": 4, "_RESERVOIR": 8, "_CHECKS": 1}
     else:
-        from midastouch_perception.tcn import train as module
         from midastouch_perception.tcn.inference import load_tcn as load
+        from midastouch_simulation.training import tcn as module
 
         sizes = {"_GROUP": 30, "_QUERIES": 20, "_BOOK": 64, "_SENSORS": 2}
     for name, value in sizes.items():
