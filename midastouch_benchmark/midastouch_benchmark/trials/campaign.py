@@ -27,7 +27,6 @@ from midastouch_perception.objects import bundled_objects
 
 from ..baselines import registration
 from ..evidence import fingerprint
-from ..statistics.comparison import compare_variants, decided
 from ..statistics.coverage import LEVELS
 from .cache import Cache
 from .disturbances import Disturbed, UndisturbedSlide
@@ -35,7 +34,7 @@ from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
-from .variants import DEFAULT, VARIANTS, AnyConfig
+from .variants import VARIANTS, AnyConfig
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
@@ -118,26 +117,6 @@ def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce:
             trials[plan.key(mesh, other, digest, labels)] = labels
         units.append(((plan, mesh.path, other and other.path, variant, code), trials))
     return run_open(_run_unit, units, log, workforce)
-
-
-def run_in_looks(
-    plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce, looks: int
-) -> tuple[list[dict], int]:
-    """Run as `run_campaign`, then again with as many new slides for the undecided variants, at most `looks` times.
-
-    This is group-sequential with equal looks; the error probability is divided evenly (Bonferroni, conservative).
-    """
-    count, open_, trials = len(plan.slides), plan.variants, []
-    for look in range(looks):
-        slides = tuple(range(look * count, (look + 1) * count))
-        found, missing = run_campaign(dataclasses.replace(plan, slides=slides, variants=open_), meshes, log, workforce)
-        trials += found
-        rows = compare_variants(trials, looks)
-        left = {row["variant"] for row in rows if row["variant"] in open_ and not decided(row)} - {DEFAULT}
-        if missing or not left:
-            break
-        open_ = tuple(name for name in plan.variants if name in left | {DEFAULT})
-    return trials, missing
 
 
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
