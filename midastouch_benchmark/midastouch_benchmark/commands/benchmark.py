@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.accuracy import compact_trials, summarise_accuracy
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..trials.campaign import Plan, likelihood_levels, run_campaign
+    from ..trials.campaign import Plan, run_campaign
     from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
     from ..trials.setup import load_filter_config
@@ -100,7 +100,6 @@ def run(args: argparse.Namespace) -> int:
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
                 "symmetry": plan.cache.symmetry(mesh).exact.describe(),
-                "likelihood_levels": None if missing else likelihood_levels(plan, mesh, log),
             }
             for mesh in meshes
         ],
