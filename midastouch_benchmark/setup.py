@@ -31,7 +31,6 @@ setup(
         "opencv-contrib-python-headless",
         "pandas",
         "pillow",
-        "scikit-learn",
         "scipy",
         "tabulate",
     ],

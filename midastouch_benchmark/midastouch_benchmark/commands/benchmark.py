@@ -49,13 +49,6 @@ def add_parser(subparsers) -> None:
         "--variant", nargs="+", default=[], metavar="NAME", help="compared with the default, on the same slides"
     )
     parser.add_argument(
-        "--looks",
-        type=arguments.positive_int,
-        default=1,
-        metavar="N",
-        help="compare up to so many times, each with --slides more for the variants that are not decided (default 1)",
-    )
-    parser.add_argument(
         "--protocol",
         default="plain",
         metavar="NAME",
@@ -72,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.accuracy import compact_trials, summarise_accuracy
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..trials.campaign import Plan, likelihood_levels, run_in_looks
+    from ..trials.campaign import Plan, run_campaign
     from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
     from ..trials.setup import load_filter_config
@@ -98,16 +91,15 @@ def run(args: argparse.Namespace) -> int:
     meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
     log, machine = TrialLog(folder / "trials.jsonl"), machine_info()
     with options.campaign(args, "trial") as workforce:
-        trials, missing = run_in_looks(plan, meshes, log, workforce, args.looks)
+        trials, missing = run_campaign(plan, meshes, log, workforce)
     result = {
-        "config": plan.describe() | {"looks": args.looks, "jobs": args.jobs, "cluster": args.cluster},
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
                 "symmetry": plan.cache.symmetry(mesh).exact.describe(),
-                "likelihood_levels": None if missing else likelihood_levels(plan, mesh, log),
             }
             for mesh in meshes
         ],
@@ -117,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
         "levels": LEVELS,
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),
-        "comparison": compare_variants(trials, args.looks),
+        "comparison": compare_variants(trials),
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]

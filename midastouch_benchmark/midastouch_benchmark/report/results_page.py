@@ -21,7 +21,6 @@ from midastouch_tools.drawing.object_view import ObjectView
 from midastouch_tools.drawing.page import Page
 
 from ..speed.scaling import USUAL
-from ..statistics.coverage import observed_fractions
 from ..tables.experiments import EXPERIMENTS, written
 from ..tables.table import on_page
 from ..trials.variants import DEFAULT
@@ -151,16 +150,6 @@ def _benchmark(content: dict) -> Pictures:
     if len(content["variants"]) > 1 and content["comparison"]:
         caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
         yield Picture("_front", caption, front_figure(content["comparison"], content["variants"]))
-    counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
-    if counts:
-        thin: dict[str, float] = {"lw": 1, "alpha": 0.7}
-        touches: dict[str, tuple] = {key: (observed_fractions(one), thin) for key, one in counts.items()}
-        total = np.sum(list(counts.values()), axis=0)
-        touches[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
-        figure = reliability_figure(
-            content["levels"], touches, "mass of the codebook's likeliest poses given one touch"
-        )
-        yield Picture("_likelihood", "Calibration of the likelihood: how often the true pose is among them", figure)
 
 
 def _presses(content: dict) -> Pictures:

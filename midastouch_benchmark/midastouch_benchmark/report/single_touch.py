@@ -1,4 +1,4 @@
-"""Pictures of single-touch results: the paper's figures 3, 4 and 14."""
+"""Pictures of single-touch results: the paper's figures 4 and 14."""
 
 from __future__ import annotations
 
@@ -8,68 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-import cv2
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
-from sklearn.manifold import TSNE
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook import Codebook
 from midastouch_tools.drawing.figures import PARTICLE_COLOUR
 from midastouch_tools.drawing.object_view import ObjectView
 
 from ..single_touch.per_object import BASELINES, OURS
-
-_CELL = 3e-3  # m
-_MAPPED = 1000  # codes; t-SNE takes some 3 s for them
-_FEWEST_MAPPED = 100  # t-SNE needs more codes than its perplexity of 30
-_LIGHTNESS, _CHROMA = 70.0, 75.0
-
-
-def codebook_places(codebook: Codebook) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return places (C, 3) m of a codebook with their mean outward normals (C, 3) and mean codes (C, D).
-
-    A place is 3 mm of the surface on one side of a thin part. Its entries differ in yaw, so their mean depends on the
-    surface and not on how a finger lies on it.
-    """
-    position, outward = codebook.poses[:, :3, 3], codebook.poses[:, :3, 2]
-    keys = np.hstack([np.rint(position / _CELL), np.rint(outward)])
-    _, place, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    place = place.ravel()
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.bincount(place, column) for column in values.T], axis=1) / count[:, None]
-
-    return mean(position), mean(outward), mean(codebook.codes)
-
-
-def code_colours(codes: np.ndarray) -> np.ndarray:
-    """Return RGB (C, 3) in [0, 1] of codes (C, D): their t-SNE map (the paper's figure 3) laid over a plane of CIELAB.
-
-    The map's axes are replaced by ranks, so that the colours are used evenly. If there are many codes, only some are
-    mapped, and each of the others has the colour of the nearest mapped one.
-    """
-    chosen = np.unique(np.linspace(0, len(codes) - 1, _MAPPED).round().astype(int))
-    ranks = _plane(codes[chosen]).argsort(axis=0).argsort(axis=0)
-    a, b = (2 * ranks / max(len(chosen) - 1, 1) - 1).T
-    lab = np.stack([np.full(len(chosen), _LIGHTNESS), _CHROMA * a, _CHROMA * b], axis=1).astype(np.float32)
-    colours = np.clip(cv2.cvtColor(lab[None], cv2.COLOR_Lab2RGB)[0], 0, 1).astype(float)
-    return colours[cKDTree(codes[chosen]).query(codes)[1]]
-
-
-def _plane(codes: np.ndarray) -> np.ndarray:
-    """Return codes (C, D) as points (C, 2) of a plane, similar codes near each other."""
-    if len(codes) < _FEWEST_MAPPED:
-        plane = np.zeros((len(codes), 2))
-        plane[:, : codes.shape[1]] = codes[:, :2]
-        return plane
-    return TSNE(init="pca", random_state=0).fit_transform(codes.astype(np.float32))
-
 
 ERROR_COLOURS = colormaps["RdYlBu_r"]
 _WAYS = {OURS: ("tactile codes", "#1f77b4"), "image_embedding": ("image embedding", "#e08a3c")}
@@ -87,7 +36,7 @@ def pictures(content: dict) -> Iterator[tuple[str, str, Figure] | str]:
     if len(compared) > 1:
         caption = f"The same on a book of {objects[0]['baselines']['book_size']} poses"
         yield "_methods", caption, violin_figure(compared)
-    errors, books = {}, {}
+    errors = {}
     for one in objects:
         if not (one["mesh"] and Path(one["mesh"]).is_file()):
             yield f"{one['object']}: no pictures, the mesh {one['mesh']} is not there"
@@ -95,19 +44,9 @@ def pictures(content: dict) -> Iterator[tuple[str, str, Figure] | str]:
         view = overview(ObjectMesh.load(one["mesh"]), _VIEW_WIDTH)
         title = f"{one['object']}   {one['summary']['normalised_top25_error']:.2f}"
         errors[title] = partial(error_picture, view, np.array(one["cells"], float))
-        try:
-            books[one["object"]] = partial(codebook_picture, view, Codebook.load(one["codebook_file"]))
-        except InputError as error:
-            yield f"{one['object']}: no picture of the codebook ({error})"
     if errors:
         caption = "Where a touch tells the place (blue) and where it does not (red), means over 5 mm"
-        yield "_errors", caption, grid_figure(errors, "error / random touches")
-    if books:
-        yield (
-            "_codebooks",
-            "Codebooks: places of like colour have like codes (mean over yaw, t-SNE)",
-            grid_figure(books),
-        )
+        yield "_errors", caption, grid_figure(errors)
 
 
 def _compared(objects: list[dict]) -> dict[str, list[dict]]:
@@ -136,27 +75,20 @@ def error_picture(view: ObjectView, cells: np.ndarray) -> np.ndarray:
     return view.painted(1e-3 * cells[:, :3], cells[:, 3:6], np.stack([error * touches, touches], axis=1), colours)
 
 
-def codebook_picture(view: ObjectView, codebook: Codebook) -> np.ndarray:
-    """Paint the codebook's codes as colours on the object; (H, W, 3) uint8."""
-    places, outward, codes = codebook_places(codebook)
-    return view.painted(places, outward, code_colours(codes), lambda colours: colours)
-
-
-def grid_figure(pictures: Mapping[str, Callable[[], np.ndarray]], bar: str | None = None) -> Figure:
-    """Draw pictures with their titles, five a row; bar: label of a colour bar of the errors' colours."""
+def grid_figure(pictures: Mapping[str, Callable[[], np.ndarray]]) -> Figure:
+    """Draw pictures of errors with their titles, five a row, and a colour bar."""
     columns = min(_COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
-    figure = Figure(figsize=(2.6 * columns + (0.7 if bar else 0), 2.2 * rows), layout="constrained")
+    figure = Figure(figsize=(2.6 * columns + 0.7, 2.2 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for one in axes:
         one.set_axis_off()
     for one, (title, picture) in zip(axes, pictures.items(), strict=False):
         one.imshow(_framed(picture()))
         one.set_title(title, fontsize=8)
-    if bar:
-        colours = figure.colorbar(ScalarMappable(cmap=ERROR_COLOURS), ax=list(axes), fraction=0.02, pad=0.01)
-        colours.set_label(bar, fontsize=8)
-        colours.ax.tick_params(labelsize=8)
+    colours = figure.colorbar(ScalarMappable(cmap=ERROR_COLOURS), ax=list(axes), fraction=0.02, pad=0.01)
+    colours.set_label("error / random touches", fontsize=8)
+    colours.ax.tick_params(labelsize=8)
     return figure
 
 

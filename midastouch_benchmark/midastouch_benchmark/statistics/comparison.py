@@ -12,10 +12,10 @@ from midastouch_tools.text_table import number
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
 from .accuracy import final_errors, is_right, wrong_converged
-from .intervals import ENOUGH, LEVEL, bootstrap_interval, identity
+from .intervals import ENOUGH, bootstrap_interval, identity
 
 
-def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
+def compare_variants(trials: list[dict]) -> list[dict]:
     """Return one row per init and variant; all rows of an init are over the trials that every variant has run.
 
     Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
@@ -24,12 +24,7 @@ def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
     with a single slide): `difference_mm`, of the mean final particle error; `right_difference`, of the fraction right
     at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`, of
     the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
-
-    looks: how often variants are compared, as trials come in, until `decided`. If there are several, a variant is
-    compared on the trials that it has in common with the default, and the 5 % of its intervals are divided among the
-    looks: by the union bound all of them hold together in 95 % of cases, whenever a variant is stopped.
     """
-    level = 1 - (1 - LEVEL) / looks
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
         group = by_variant.setdefault((trial["init"], trial["variant"]), {})
@@ -40,30 +35,13 @@ def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
         if DEFAULT not in groups:
             continue
         everywhere = set.intersection(*map(set, groups.values()))
-        for variant, group in groups.items():
-            common = sorted(everywhere if looks == 1 else group.keys() & groups[DEFAULT].keys())
-            if common:
-                one, default = ([each[key] for key in common] for each in (group, groups[DEFAULT]))
-                rows.append({"init": init, "variant": variant} | _row(one, default, level))
+        for variant, group in groups.items() if everywhere else ():
+            one, default = ([each[key] for key in sorted(everywhere)] for each in (group, groups[DEFAULT]))
+            rows.append({"init": init, "variant": variant} | _row(one, default))
     return rows
 
 
-def decided(row: dict) -> bool:
-    """Return whether more trials would hardly change the verdict: an interval of a row of `compare_variants` shows
-    which of the two is better in error, right poses or wrong frames, or all intervals lie within `NO_DIFFERENCE`."""
-    intervals = [row[f"{name}_interval"] for name in NO_DIFFERENCE]
-    if row["trials"] < ENOUGH or None in intervals:
-        return False
-    shown = any(low > 0 or high < 0 for low, high in intervals)
-    limits = zip(intervals, NO_DIFFERENCE.values(), strict=True)
-    return shown or all(-limit <= low and high <= limit for (low, high), limit in limits)
-
-
-NO_DIFFERENCE = {"difference_mm": 0.5, "right_difference": 0.05, "wrong_converged_difference": 0.005}
-"""Largest differences to the default that do not matter: mm, and fractions of trials and of frames."""
-
-
-def _row(trials: list[dict], default: list[dict], level: float) -> dict:
+def _row(trials: list[dict], default: list[dict]) -> dict:
     one, base = _figures(trials), _figures(default)
     ratios = {
         name: one[key] / base[key] if base[key] else None
@@ -81,7 +59,7 @@ def _row(trials: list[dict], default: list[dict], level: float) -> dict:
         of_trials = figure(trials) - figure(default)
         known = of_trials[np.isfinite(of_trials)]
         differences[name] = float(known.mean()) if len(known) else None
-        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups, level=level)
+        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups)
     row = one | ratios | differences
     return row | {"verdict": verdict(row)}
 

@@ -49,12 +49,10 @@ def bootstrap_interval(
     values: npt.ArrayLike,
     groups: Sequence[Hashable],
     statistic: Callable[..., np.ndarray] = np.mean,
-    level: float = LEVEL,
 ) -> list[float] | None:
     """Return the interval [low, high] of the mean (`np.mean`) or median (`np.median`) of values (N,), nan left out.
 
-    groups: as of `fraction_interval`; with fewer than two, None is returned. level: probability of the interval.
-    Medians allow infinite values.
+    groups: as of `fraction_interval`; with fewer than two, None is returned. Medians allow infinite values.
     """
     values = np.asarray(values, float)
     known = ~np.isnan(values)
@@ -64,7 +62,7 @@ def bootstrap_interval(
     rng = np.random.default_rng(0)
     times_drawn = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=_RESAMPLES)
     drawn = _STATISTICS[statistic](values[known], times_drawn[:, index])
-    return np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2], method="nearest").tolist()
+    return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], method="nearest").tolist()
 
 
 def _means(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

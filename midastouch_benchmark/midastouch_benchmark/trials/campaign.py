@@ -1,7 +1,4 @@
-"""Campaign on accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster.
-
-It also judges the likelihood of single touches, and thereby a codebook's likelihood temperature.
-"""
+"""Campaign on accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster."""
 
 from __future__ import annotations
 
@@ -19,23 +16,17 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import paper_filter
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.measurement_model import MeasurementModel, log_ratios
-from midastouch_filter.core.workers import Workers
-from midastouch_perception.codebook import Codebook
 from midastouch_perception.objects import bundled_objects
 
 from ..baselines import registration
 from ..evidence import fingerprint
-from ..statistics.comparison import compare_variants, decided
-from ..statistics.coverage import LEVELS
 from .cache import Cache
 from .disturbances import Disturbed, UndisturbedSlide
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
-from .variants import DEFAULT, VARIANTS, AnyConfig
+from .variants import VARIANTS, AnyConfig
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
@@ -120,26 +111,6 @@ def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce:
     return run_open(_run_unit, units, log, workforce)
 
 
-def run_in_looks(
-    plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce, looks: int
-) -> tuple[list[dict], int]:
-    """Run as `run_campaign`, then again with as many new slides for the undecided variants, at most `looks` times.
-
-    This is group-sequential with equal looks; the error probability is divided evenly (Bonferroni, conservative).
-    """
-    count, open_, trials = len(plan.slides), plan.variants, []
-    for look in range(looks):
-        slides = tuple(range(look * count, (look + 1) * count))
-        found, missing = run_campaign(dataclasses.replace(plan, slides=slides, variants=open_), meshes, log, workforce)
-        trials += found
-        rows = compare_variants(trials, looks)
-        left = {row["variant"] for row in rows if row["variant"] in open_ and not decided(row)} - {DEFAULT}
-        if missing or not left:
-            break
-        open_ = tuple(name for name in plan.variants if name in left | {DEFAULT})
-    return trials, missing
-
-
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
     """Return for each object the other one that is touched, None if the protocol has none."""
     if protocol.foreign == NEXT:
@@ -198,43 +169,3 @@ def _unlike_defaults(config: AnyConfig) -> dict:
     """Return the settings that differ from the defaults, by name; the defaults are part of the fingerprint."""
     usual = type(config)()
     return {name: value for name, value in dataclasses.asdict(config).items() if value != getattr(usual, name)}
-
-
-def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
-    """Count the levels at which the likelihoods of single touches put their true poses, over the plan's slides."""
-    networks = plan.cache.describe()
-    digest = plan.cache.codebook_digest(mesh)
-    content = [mesh.sha256, networks, digest, plan.cache.slides.name, plan.slides, fingerprint.of_estimates()]
-    key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
-    if (entry := log.get(key)) is None:
-        codes, poses = [], []
-        for slide in plan.slides:
-            for frame in plan.cache.frames(mesh, slide, stride=5):
-                if frame.measurement.in_contact:
-                    codes.append(frame.measurement.code)
-                    poses.append(frame.truth)
-        entry = {"counts": likelihood_counts(plan.cache.codebook(mesh), codes, np.array(poses), plan.config)}
-        log.add(key, entry)
-    return entry["counts"]
-
-
-def likelihood_counts(
-    codebook: Codebook, codes: list[np.ndarray], poses: np.ndarray, config: FilterConfig
-) -> list[int]:
-    """Count the levels of the true poses (N, 4, 4) in the likelihoods of their codes, in the bins of `LEVELS`.
-
-    The likelihood of one touch over the codebook is a distribution; the level of the truth is the mass of all entries
-    that it ranks above the entry nearest to the true pose, plus half of the entry's own.
-    """
-    workers = Workers(config.threads)
-    lookup = PoseLookup(codebook.poses, workers)
-    model = MeasurementModel(codebook.codes, codebook.meta, config, workers)
-    counts = np.zeros(len(LEVELS) + 1, int)
-    for code, entry in zip(codes, lookup.exact(poses), strict=True):
-        (log_ratio,) = log_ratios([model], model.unit_code(code))
-        likelihood = np.exp(log_ratio, dtype=float)
-        own = likelihood[entry]
-        # entries as likely as the truth's own share the rank
-        level = (likelihood[likelihood > own].sum() + 0.5 * likelihood[likelihood == own].sum()) / likelihood.sum()
-        counts[np.searchsorted(LEVELS, level)] += 1
-    return counts.tolist()

@@ -43,8 +43,8 @@ def result(make_trial) -> dict:
             },
             "machine": {"cpu": "a cpu"},
             "objects": [
-                {"object": "can", "symmetry": "axis", "likelihood_levels": [3] * (len(LEVELS) + 1)},
-                {"object": "mug", "symmetry": "none", "likelihood_levels": [2] * (len(LEVELS) + 1)},
+                {"object": "can", "symmetry": "axis"},
+                {"object": "mug", "symmetry": "none"},
             ],
             "variants": {name: VARIANTS[name].describe() for name in ("default", "paper", "5k")},
             "levels": LEVELS,
@@ -62,7 +62,6 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     for words in (
         "Accuracy over 2 objects",
         "start: uniform",
-        "Calibration of the likelihood",
         "axis",
         "7.4 mm",
     ):
@@ -75,7 +74,6 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     assert pictures == {
         *(f"benchmark_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
         "benchmark_0_front.png",
-        "benchmark_0_likelihood.png",
     }
     assert all(f"]({picture})" in markdown for picture in pictures)
 

@@ -4,9 +4,8 @@ import trimesh
 from PIL import Image
 
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.report.single_touch import code_colours, codebook_places, error_picture, overview
+from midastouch_benchmark.report.single_touch import error_picture, overview
 from midastouch_benchmark.single_touch.per_object import summarise_objects
-from midastouch_perception.codebook import FORMAT, Codebook
 
 FIGURES = (
     "normalised_top25_error", "median", "random_error", "geodesic_normalised_top25_error", "nearest_entry",
@@ -15,12 +14,9 @@ FIGURES = (
 
 
 @pytest.fixture
-def touch(ball, book, tmp_path) -> dict:
-    """A result for two balls, of one of which mesh and codebook are still there; they differ in error."""
+def touch(ball, tmp_path) -> dict:
+    """A result for two balls, of one of which the mesh is still there; they differ in error."""
     trimesh.Trimesh(ball.vertices, ball.faces, process=False).export(tmp_path / "ball.ply")
-    meta = book.meta | {"format": FORMAT, "mesh_name": "ball", "mesh_sha256": "", "tcn": "c-1"}
-    meta |= {"sensor": "digit_tacto", "sensor_id": "id-1"}
-    Codebook(book.poses, book.codes, meta).save(tmp_path / "ball.npz")
     rng = np.random.default_rng(0)
 
     def entry(name: str, error: float, folder: str) -> dict:
@@ -30,7 +26,6 @@ def touch(ball, book, tmp_path) -> dict:
         return {
             "object": name,
             "mesh": f"{folder}/ball.ply",
-            "codebook_file": f"{folder}/ball.npz",
             "queries": 50,
             "missed": 1,
             "summary": values,
@@ -54,7 +49,7 @@ def test_the_section_with_its_pictures(touch, tmp_path):
     page = write_results_page([("s.json", touch)], tmp_path / "out").read_text()
     for text in ("0.234", "0.789", "mean of 2 objects", "no weights given", "random lighting"):
         assert text in page
-    for name in (f"single_touch_0{kind}.png" for kind in ("", "_methods", "_errors", "_codebooks")):
+    for name in (f"single_touch_0{kind}.png" for kind in ("", "_methods", "_errors")):
         assert f'src="{name}"' in page
         with Image.open(tmp_path / "out" / name) as picture:
             assert len(picture.convert("RGB").getcolors(1 << 24)) > 100
@@ -80,31 +75,3 @@ def test_places_are_red_where_the_error_is_large(ball):
     large, small = (picture[int(row), int(column)] for row, column in zip(rows, columns, strict=True))
     assert large[0] > large[2] + 50
     assert small[2] > small[0] + 50
-
-
-@pytest.mark.slow
-def test_like_codes_have_like_colours():
-    rng = np.random.default_rng(0)
-    kinds = np.repeat(rng.standard_normal((3, 16)), 50, axis=0)
-    colours = code_colours(kinds + 0.02 * rng.standard_normal(kinds.shape)).reshape(3, 50, 3)
-    assert colours.min() >= 0
-    assert colours.max() <= 1
-    within = np.abs(colours - colours.mean(axis=1, keepdims=True)).mean()
-    apart = np.abs(colours.mean(axis=1) - colours.mean(axis=(0, 1))).mean()
-    assert apart > 1.5 * within
-
-
-@pytest.mark.parametrize("shape", [(1, 8), (2, 8), (5, 2)])
-def test_few_codes_and_short_ones_have_colours_too(shape):
-    colours = code_colours(np.random.default_rng(0).standard_normal(shape))
-    assert colours.shape == (shape[0], 3)
-    assert np.isfinite(colours).all()
-
-
-def test_a_place_is_the_mean_of_its_entries(book):
-    twice = Codebook(np.concatenate([book.poses, book.poses]), np.concatenate([book.codes, -book.codes]), {})
-    places, outward, codes = codebook_places(twice)
-    assert len(places) < len(book.poses)
-    assert np.linalg.norm(places, axis=1) == pytest.approx(0.03, abs=2e-4)
-    assert np.linalg.norm(outward, axis=1) == pytest.approx(1, abs=0.01)
-    assert codes == pytest.approx(0)

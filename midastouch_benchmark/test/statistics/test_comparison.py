@@ -1,9 +1,7 @@
-import numpy as np
 import pytest
 
 from midastouch_benchmark.statistics.comparison import (
     compare_variants,
-    decided,
     difference_text,
     front_text,
     pareto_front,
@@ -92,41 +90,3 @@ def test_what_beats_the_default_is_named(rows):
     differing = {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_mm_interval": [-1.5, -0.5]}
     text = front_text([rows["default"], rows["paper"], rows["5k"] | differing | {"filter_ratio": 0.125}])
     assert text == "faster than the default and more exact: 5k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
-
-
-ROW = {
-    "trials": 100,
-    "difference_mm_interval": [-0.2, 0.3],
-    "right_difference_interval": [-0.02, 0.04],
-    "wrong_converged_difference_interval": [-0.001, 0.004],
-}
-
-
-@pytest.mark.parametrize(
-    ("changed", "is_decided"),
-    [
-        ({}, True),
-        ({"difference_mm_interval": [-0.2, 0.6]}, False),
-        ({"difference_mm_interval": [0.1, 9.0]}, True),
-        ({"right_difference_interval": [-0.5, -0.1]}, True),
-        ({"wrong_converged_difference_interval": None}, False),
-        ({"trials": 99}, False),
-    ],
-)
-def test_a_comparison_is_decided_by_whole_intervals(changed, is_decided):
-    assert decided(ROW | changed) is is_decided
-
-
-def test_more_looks_share_the_error_out_and_compare_each_variant_on_its_own_trials(trials):
-    def trial(slide: int, variant: str, error: float) -> dict:
-        one = trials[0]
-        return one | {"slide": slide, "variant": variant, "final": one["final"] | {"e_trans_mm": error}}
-
-    errors = np.random.default_rng(0).normal(5, 1, 40)
-    run = [trial(k, "default", 4.0) for k in range(40)] + [trial(k, "5k", errors[k]) for k in range(40)]
-    run += [trial(k, "paper", errors[k]) for k in range(20)]
-    once, thrice = ({row["variant"]: row for row in compare_variants(run, looks)} for looks in (1, 3))
-    assert [once[name]["trials"] for name in ("5k", "paper")] == [20, 20]
-    assert [thrice[name]["trials"] for name in ("5k", "paper")] == [40, 20]
-    (low, high), (lower, higher) = (each["paper"]["difference_mm_interval"] for each in (once, thrice))
-    assert lower < low < high < higher

@@ -6,18 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from scipy.stats import vonmises_fisher
 
-from midastouch_benchmark.statistics.coverage import LEVELS, observed_fractions
-from midastouch_benchmark.trials import campaign
-from midastouch_benchmark.trials.cache import Cache, SlideKind, Touches
-from midastouch_benchmark.trials.campaign import Plan, likelihood_counts, likelihood_levels, run_campaign
+from midastouch_benchmark.trials.cache import SlideKind, Touches
+from midastouch_benchmark.trials.campaign import Plan, run_campaign
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
-from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_perception.codebook import Codebook
 from midastouch_perception.symmetry.search import ObjectSymmetry
 from midastouch_tools.cluster import open_cluster
 
@@ -151,66 +146,3 @@ def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
     assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10
     assert plain[0]["event_at"] is None
     assert lifted[0]["event_at"] in (12, 13, 14)
-
-
-def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
-    counts = likelihood_levels(plan, saved_mesh, log)
-    assert sum(counts) == 6
-    monkeypatch.setattr(StubCache, "touches", lambda *_: pytest.fail("judged again"))
-    assert likelihood_levels(plan, saved_mesh, log) == counts
-
-
-@pytest.mark.parametrize(("temperature", "calibrated"), [(0.1, True), (0.02, False)])
-def test_the_likelihood_is_judged_by_the_rank_of_the_true_entry(temperature, calibrated):
-    rng = np.random.default_rng(1)
-    poses = se3.translation(np.stack([np.linspace(0, 1, 400), np.zeros(400), np.zeros(400)], axis=1))
-    codes = rng.standard_normal((400, 16)).astype(np.float32)
-    codes /= np.linalg.norm(codes, axis=1, keepdims=True)
-    book = Codebook(poses, codes, {"temperature": temperature, "outlier": 0.02})
-    # codes as a temperature of 0.1 means them: density exp(s / 0.1) around the true entry's
-    true = rng.integers(0, 400, 600)
-    measured = [vonmises_fisher(codes[k] / np.linalg.norm(codes[k]), 10).rvs(1, rng)[0] for k in true.tolist()]
-    counts = likelihood_counts(book, measured, poses[true], FilterConfig(threads=1))
-    assert sum(counts) == 600
-    fractions = observed_fractions(counts)
-    if calibrated:
-        assert fractions == pytest.approx(LEVELS, abs=0.08)
-    else:
-        assert fractions[9] < LEVELS[9] - 0.1  # half of the mass, but not half of the truths
-
-
-@pytest.fixture
-def asked(monkeypatch, trials, tmp_path):
-    """Runs looks over a campaign in which `clear` differs from the default, and `unclear` does not tell; what was asked
-    for, and the trials."""
-
-    def of(variant: str, slide: int) -> dict:
-        error = {"default": 3.0, "clear": 8.0, "unclear": 3.0 + 20 * (-1) ** slide}[variant]
-        one = trials[0]
-        return one | {"variant": variant, "slide": slide, "final": one["final"] | {"e_trans_mm": error}}
-
-    def run(count: int, missing: int = 0) -> tuple[list, list]:
-        calls = []
-
-        def run_campaign(plan, *_):
-            calls.append((plan.slides[0], plan.variants))
-            return [of(variant, slide) for variant in plan.variants for slide in plan.slides], missing
-
-        monkeypatch.setattr(campaign, "run_campaign", run_campaign)
-        plan = Plan(Cache(tmp_path), FilterConfig(), ("default", "clear", "unclear"), slides=tuple(range(100)))
-        found, _ = campaign.run_in_looks(plan, [], None, None, count)
-        return calls, found
-
-    return run
-
-
-def test_only_what_is_undecided_gets_more_slides(asked):
-    calls, found = asked(3)
-    undecided = ("default", "unclear")
-    assert calls == [(0, ("default", "clear", "unclear")), (100, undecided), (200, undecided)]
-    assert sum(trial["variant"] == "clear" for trial in found) == 100
-
-
-def test_one_look_is_a_campaign_and_a_deadline_ends_it(asked):
-    assert len(asked(1)[0]) == 1
-    assert len(asked(3, missing=5)[0]) == 1
