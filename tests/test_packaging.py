@@ -99,6 +99,17 @@ def imported_modules(package: str) -> set[str]:
     return names - set(sys.stdlib_module_names) - {package}
 
 
+def launched_packages(package: str) -> set[str]:
+    """Packages of ours that the launch files of a package name, except those that a robot does without."""
+    constants = {
+        node.value
+        for path in (ROOT / package).glob("launch/*.py")
+        for node in ast.walk(ast.parse(path.read_text(), str(path)))
+        if isinstance(node, ast.Constant)
+    }
+    return constants & {*PACKAGES} - {package, "midastouch_simulation", "midastouch_tools"}
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_manifest_is_complete(package):
     root = manifest(package)
@@ -168,7 +179,7 @@ def test_every_package_comes_with_its_licence(package):
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_every_import_is_declared_and_every_declaration_used(package):
     declared = set(texts(manifest(package), "exec_depend")) - SYSTEM_KEYS
-    imported = imported_modules(package) - PIP_ONLY - OPTIONAL
+    imported = (imported_modules(package) | launched_packages(package)) - PIP_ONLY - OPTIONAL
     assert {ROSDEP_KEYS.get(name, name) for name in imported} == declared
 
 
