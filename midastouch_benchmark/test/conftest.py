@@ -16,7 +16,7 @@ from midastouch_benchmark.trials.trial import ERROR_KEYS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.contact import Contact
+from midastouch_perception.contact import Contact, ContactState
 from midastouch_perception.pipeline import TouchReading
 
 NETWORK = "pose-code"
@@ -58,7 +58,7 @@ class PosePipeline:
 
     def process(self, image: np.ndarray, background: np.ndarray) -> TouchReading:
         code = self._codes[int(image[0, 0, 0])]
-        return TouchReading(Contact(np.zeros((160, 120), np.float32), 1e-4, 0.0), code, NETWORK)
+        return TouchReading(Contact(np.zeros((160, 120), np.float32), 1e-4, 0.0, ContactState.CONTACT), code, NETWORK)
 
 
 class StubSequence(SimpleNamespace):

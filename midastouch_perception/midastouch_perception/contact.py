@@ -8,6 +8,7 @@ untouched gel, which an arm was commanded to press. It is larger, because soft g
 from __future__ import annotations
 
 import dataclasses
+import enum
 
 import numpy as np
 
@@ -27,20 +28,33 @@ def in_steps(penetration: np.ndarray) -> np.ndarray:
     return np.rint(penetration / _STEP) * _STEP
 
 
+class ContactState(str, enum.Enum):
+    """What a frame shows: an untouched gel; a contact; a contact that covers the view, so that its depth is only known
+    to be at least that; a change that is neither understood as light nor as contact. Values as in `TactileContact`."""
+
+    FREE = "free"
+    CONTACT = "contact"
+    SATURATED = "saturated"
+    UNKNOWN = "unknown"
+
+
 @dataclasses.dataclass(frozen=True)
 class Contact:
     """Contact in one frame. Attributes: penetration (H, W) float32 m in steps of 1 um, 0 outside of the contact;
-    area_m2 of the touched gel, and depth_m of its deepest point below the untouched gel, both 0 without contact."""
+    area_m2 of the touched gel, and depth_m of its deepest point below the untouched gel, both 0 without contact;
+    state."""
 
     penetration: np.ndarray
     area_m2: float
     depth_m: float
+    state: ContactState
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
         """Return the contact with this penetration map (H, W) m, for gel that does not sink in around it; sensor: at
         the map's resolution."""
-        return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area), float(penetration.max()))
+        area = float(np.count_nonzero(penetration) * sensor.pixel_area)
+        return cls(penetration, area, float(penetration.max()), ContactState.CONTACT if area else ContactState.FREE)
 
     @property
     def in_contact(self) -> bool:
@@ -65,12 +79,9 @@ class ContactDetector:
         touched = np.where(penetration > TOUCHED, penetration, np.float32(0))
         contact = Contact.of(in_steps(touched), self._sensor)
         self._touching = contact.area_m2 >= (self._end if self._touching else self._begin)
-        return contact if self._touching else self._nothing()
+        return contact if self._touching else self.no_contact()
 
-    def free(self) -> Contact:
-        """Return no contact, for a frame that other means have found to be free of it."""
+    def no_contact(self, state: ContactState = ContactState.FREE) -> Contact:
+        """Return no contact, for a frame that other means have found to be free of it, or not understood (`state`)."""
         self._touching = False
-        return self._nothing()
-
-    def _nothing(self) -> Contact:
-        return Contact(np.zeros((self._sensor.height, self._sensor.width), np.float32), 0.0, 0.0)
+        return Contact(np.zeros((self._sensor.height, self._sensor.width), np.float32), 0.0, 0.0, state)

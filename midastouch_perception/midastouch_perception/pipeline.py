@@ -14,20 +14,22 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from .contact import Contact, ContactDetector
+from .contact import Contact, ContactDetector, ContactState
 from .gel_texture import GelCheck
 from .tcn.inference import AnyCodeNet
 from .tdn.background import TouchedBackground, shows_contact
 from .tdn.depth_net import DepthNet
-from .tdn.fit_check import FitCheck, explained_fraction
+from .tdn.fit_check import FitCheck, beside_light, explained_fraction
 from .tdn.inputs import LightDrift
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
 _EXPLAINED_BY_CONTACT = 0.6
 """Smallest fraction of a change that a contact's shape explains. It lies between the smallest of real presses, even
 faint ones, and of touches on measured gel (0.70), and the largest of simulated slow changes of the light (0.51)."""
-_WHOLE_GEL = 0.95  # of the image; a larger contact is a change of the light everywhere
-_ASKED_EVERY = 10  # frames of a contact between checks, because light may change while it lasts
+_COVERED = 0.85  # of the image; too little of a larger contact's outline is in view
+_SHAPED_LEVEL, _SHAPED_FRACTION = 1.5, 0.06
+"""Least root mean square [grey levels] and fraction of energy of a change beside slow light that only a contact makes.
+Lamps that change by 0.7 to 1.5 leave up to 0.02 of the energy, presses that cover the view 0.17 or more."""
 _QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
 
@@ -65,7 +67,7 @@ class DepthStage:
         self._background: np.ndarray | None = None
         self._last: Contact | None = None
         self._unchecked: tuple[np.ndarray, ...] | None = None
-        self._asked = 0
+        self._was_free = False  # with this no-contact image
         self.skipped = {"image_unchanged": 0, "no_contact": 0}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Contact:
@@ -79,10 +81,11 @@ class DepthStage:
             return self._last
         changed = self._tdn.change(image, background)
         if not same_background:
-            self._drift = LightDrift()
+            self._drift, self._was_free = LightDrift(), False
         contact = self._contact(image, background, changed)
-        if not contact.in_contact:
+        if contact.state == ContactState.FREE:
             self._drift.learn(changed)
+            self._was_free = True
         self._image, self._background, self._last = image, background, contact
         return contact
 
@@ -92,29 +95,41 @@ class DepthStage:
         blocks = cv2.resize(changed, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
         if np.abs(blocks).max() < _QUIET_LEVEL:
             self.skipped["no_contact"] += 1
-            return self._detector.free()
+            return self._detector.no_contact()
         difference = self._tdn.shown(changed)
         penetration = self._tdn.predict(image, background, difference)
         self._unchecked = seen, difference, penetration, image, background
         contact = self._detector.update(penetration)
         if not contact.in_contact:
             return contact
-        if self._is_light(difference, penetration):
-            return self._detector.free()
-        return dataclasses.replace(contact, depth_m=self._tdn.depth(difference, contact.penetration))
+        state = self._state(changed, difference, penetration)
+        if state in (ContactState.FREE, ContactState.UNKNOWN):
+            return self._detector.no_contact(state)
+        depth = self._tdn.depth(difference, contact.penetration)
+        if state == ContactState.SATURATED and self._last is not None:  # the reading no longer grows with the press
+            depth = max(depth, self._last.depth_m)
+        return dataclasses.replace(contact, depth_m=depth, state=state)
 
-    def _is_light(self, difference: np.ndarray, penetration: np.ndarray) -> bool:
-        """Return whether only the lamps changed: no shape explains the change, or it has no outline in view.
+    def _state(self, changed: np.ndarray, difference: np.ndarray, penetration: np.ndarray) -> ContactState:
+        """Return what a frame shows in which the network has found a contact: that, or lamps that have changed.
 
-        This is checked when a contact begins, and now and then. A simulator's lamps do not change.
+        A contact begins with its outline in view, by a change that no lamp makes or that a shape explains. It lasts as
+        long as such a change does, also one that covers the view. What is there from the first frame on, unexplained,
+        may be a no-contact image of another gel. A simulator's lamps do not change.
         """
-        self._asked = (self._asked + 1) % _ASKED_EVERY if self._last is not None and self._last.in_contact else 0
-        if self._asked or self._tdn.sensor.light != "relative":
-            return False
-        if (penetration > 0).mean() > _WHOLE_GEL:
-            return True
+        covered = float((penetration > 0).mean()) > _COVERED
+        contact = ContactState.SATURATED if covered else ContactState.CONTACT
+        if self._tdn.sensor.light != "relative":
+            return contact
+        level, fraction = beside_light(changed)
+        shaped = level > _SHAPED_LEVEL and fraction > _SHAPED_FRACTION
+        touching = self._last is not None and self._last.in_contact
+        if shaped and (touching or (self._was_free and not covered)):
+            return contact
         explained = explained_fraction(difference, penetration, self._tdn.sensor.pixel_size, least_change=0.0)
-        return explained is not None and explained < _EXPLAINED_BY_CONTACT
+        if not covered and (explained is None or explained >= _EXPLAINED_BY_CONTACT):
+            return contact
+        return ContactState.UNKNOWN if shaped else ContactState.FREE
 
     def deferred_update(self) -> None:
         """Give the last frame to the checks, if it went through the network.

@@ -53,7 +53,7 @@ def test_a_wire_is_a_contact(detector):
     assert detector.update(penetration).in_contact
 
 
-def test_free_ends_the_contact(detector):
+def test_no_contact_ends_the_contact(detector):
     detector.update(patch(1000))
-    detector.free()
+    detector.no_contact()
     assert not detector.update(patch(55)).in_contact

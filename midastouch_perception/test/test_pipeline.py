@@ -3,9 +3,12 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_perception.contact import Contact, in_steps
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.contact import Contact, ContactState, in_steps
 from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
@@ -17,6 +20,7 @@ from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_simulation.optics import TactoOptics
+from midastouch_simulation.simulated_digit import SimulatedDigit
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +119,65 @@ def test_a_light_touch_begins_while_the_light_changes():
         images = [lit(*each, rng) for each in zip(camera.images(maps), lamps(60, 0.15), strict=True)]
         touched = [stage.process(image, camera.background).in_contact for image in images]
         assert touched == [False] * 30 + [True] * 30
+
+
+def test_lamps_that_jump_are_no_contact():
+    """By 0.7 to 1.5 of each colour, evenly and with a gradient over the image; clipped pixels are part of it."""
+    rng, real = np.random.default_rng(2), SensorModel.load("digit_real")
+    background = MeasuredSensor(MeasuredOptics.load("d20641"), real, rng).background
+    across, down = np.linspace(-1, 1, 240)[None, :, None], np.linspace(-1, 1, 320)[:, None, None]
+    for gradient in (0.0, 0.1, 0.2, 0.3):
+        stage = DepthStage(load_tdn("fast", real))
+        for _ in range(6):
+            slope_x, slope_y = rng.uniform(-gradient, gradient, (2, 3))
+            light = rng.uniform(0.7, 1.5, 3) * (1 + slope_x * across + slope_y * down)
+            assert stage.process(lit(background, light, rng), background).state == ContactState.FREE
+
+
+def resting(sensor):
+    """A no-contact image (320, 240, 3) of a sensor of this model."""
+    if sensor.lamps == "digit":
+        return MeasuredSensor(MeasuredOptics.load("d20641"), sensor, np.random.default_rng(0)).background
+    small = SensorCalibration.default(sensor).background
+    return np.clip(np.rint(cv2.resize(small, (240, 320), interpolation=cv2.INTER_CUBIC)), 0, 255).astype(np.uint8)
+
+
+# A flat face on flat gel has no slope anywhere: no image shows it.
+@pytest.mark.parametrize(("name", "shape"), [("digit_real", "face"), ("digit_real", "tube"), ("gelsight_mini", "tube")])
+def test_what_is_pressed_is_never_free(name, shape):
+    """Up to 2.5 mm, far beyond what covers the view, and back."""
+    if shape == "face":
+        solid, top = trimesh.creation.box((0.12, 0.12, 0.04)), 0.02
+    else:
+        solid, top = trimesh.creation.cylinder(0.035, 0.2, sections=128), 0.035
+        solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    mesh, sensor = ObjectMesh.from_arrays(solid.vertices, solid.faces, shape), SensorModel.load(name)
+    up = np.arange(0.2e-3, 2.6e-3, 0.2e-3)
+    for seed in range(2):
+        camera, stage = SimulatedDigit(mesh, sensor, resting(sensor), seed), DepthStage(load_tdn("fast", sensor))
+        away = camera.look(se3.translation([0, 0, top + 5e-3])).image
+
+        def reading(depth, camera=camera, stage=stage, away=away):
+            return stage.process(camera.look(se3.translation([0, 0, top - depth])).image, away)
+
+        assert reading(-5e-3).state == ContactState.FREE
+        rising, falling = [reading(depth) for depth in up], [reading(depth) for depth in up[::-1]]
+        assert all(contact.in_contact for contact in rising + falling)
+        assert rising[-1].state == falling[0].state == ContactState.SATURATED
+        assert rising[0].state == falling[-1].state == ContactState.CONTACT
+        covered = [contact.depth_m for contact in rising if contact.state == ContactState.SATURATED]
+        assert covered == sorted(covered), "depth does not fall while the press grows"
+        assert reading(-5e-3).state == ContactState.FREE
+
+
+def test_a_no_contact_image_of_another_gel_is_not_understood(touches):
+    """All of the image differs from the first frame on, and stays so."""
+    real = SensorModel.load("digit_real")
+    image = resting(real)
+    other = MeasuredSensor(MeasuredOptics.load("vocdex"), real, np.random.default_rng(0)).background
+    stage = DepthStage(load_tdn("fast", real))
+    states = {stage.process(each, other).state for each in (image, np.roll(image, 1, axis=0))}
+    assert states <= {ContactState.UNKNOWN, ContactState.FREE}
 
 
 class Watcher:

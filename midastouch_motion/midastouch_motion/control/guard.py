@@ -17,8 +17,9 @@ from midastouch_common.errors import InputError
 @dataclass
 class Seen:
     """Input of the guard at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the first;
-    gel, its pose (4, 4) in the base frame; depth [m]; force [N] of that wrench; lost, whether the filter is; listeners
-    and commanders, numbers of nodes that follow twists on their topic, and that publish them."""
+    gel, its pose (4, 4) in the base frame; depth [m]; unread, why the image does not show the depth, empty if it does;
+    force [N] of that wrench; lost, whether the filter is; listeners and commanders, numbers of nodes that follow twists
+    on their topic, and that publish them."""
 
     enabled: float = -math.inf
     image: float = -math.inf
@@ -26,6 +27,7 @@ class Seen:
     wrench: float = -math.inf
     gel: np.ndarray = field(default_factory=lambda: np.eye(4))
     depth: float = 0.0
+    unread: str = ""
     force: float = 0.0
     lost: bool = False
     listeners: int = 0
@@ -88,7 +90,7 @@ class Guard:
         """Return why the gel must be pulled back; empty if it need not be."""
         if seen.depth > self.depth:
             return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}"
-        return ""
+        return seen.unread
 
     def too_strong(self, seen: Seen) -> str:
         """Return why the gel may only leave the surface; empty if it may go anywhere."""

@@ -32,6 +32,11 @@ from .skill_of_goal import SKILL_OF
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
 
+_UNREAD = {
+    TactileContact.STATE_SATURATED: "the contact covers the view: how deep it is cannot be seen",
+    TactileContact.STATE_UNKNOWN: "the image shows neither a contact nor a free gel",
+}
+
 
 class ContactController(ManagedNode):
     """Node that, while active, carries out goals of `touch`, `slide`, `lift` and `approach` while `~/enable` repeats.
@@ -142,6 +147,7 @@ class ContactController(ManagedNode):
         depth = contact.depth if contact.in_contact else 0.0
         self._controller.servo.measure(now, Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points)))
         self._image, self._area = stamp, float(contact.area)
+        self._seen.unread = _UNREAD.get(contact.state, "")
         self._seen.image = self._controller.guard.counted(now, stamp)
         if self._goal is not None:
             self._feed_back()

@@ -91,6 +91,18 @@ def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
     assert "mm deep, more than 1.00" in driver.ended()[0].message
 
 
+@pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
+def test_a_depth_that_cannot_be_seen_stops_it_at_once(motion):
+    driver = driver_of(motion)
+    driver.run(20)
+    driver.changes = {"unread": "the contact covers the view"}
+    driver.depth = 8e-4
+    assert not driver.step()[0].any()
+    assert (np.array(driver.run(5))[:, 2] > 0).all(), "pulled back"
+    driver.depth = 1e-4
+    assert "covers the view" in driver.ended()[0].message
+
+
 def test_a_gel_that_meets_something_stops_before_it_turns_back():
     driver = driver_of("approach")
     driver.run(20)

@@ -36,6 +36,7 @@ def seen(**changes) -> Seen:
         ({"wrench": -np.inf}, r"no force on the topic wrench .* came yet"),
         ({"wrench": 10.15}, "the newest force on the topic wrench .* is 150 ms ahead of the clock"),
         ({"depth": 1.6e-3}, "1.60 mm deep, more than 1.50"),
+        ({"unread": "the contact covers the view"}, "covers the view"),
         ({"gel": se3.translation([0.0, 0.2, 0.0])}, r"at \(0, 200, 0\) mm, outside"),
         ({"gel": tilted(70.0)}, "tilted by 70 deg, outside of the cone"),
     ],

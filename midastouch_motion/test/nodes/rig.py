@@ -30,7 +30,7 @@ class Rig:
     """With `use_sim_time`, the time that stamps are of is on `/clock`.
 
     Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
-    arm goes along with the twists; depth [m]; force [N]; late [s], of the stamps; bad, what is not finite."""
+    arm goes along with the twists; depth [m]; state of the contact; force [N]; late [s], of the stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
@@ -43,7 +43,7 @@ class Rig:
         self._clock = graph.publisher(Clock, "/clock", qos.TF) if parameters.get("use_sim_time") else None
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
         self.enabled = self.images = self.poses = self.forces = self.follows = True
-        self.late, self.bad = 0.0, ""
+        self.late, self.bad, self.state = 0.0, "", ""
         self.depth, self.force, self.position, self._sent = 0.0, 0.0, np.zeros(3), 0.0
 
     def send(self) -> None:
@@ -70,7 +70,8 @@ class Rig:
             touches = self.depth > 0
             area = 2e-5 if touches else 0.0
             depth = np.nan if self.bad == "depth" else self.depth
-            self._contact.publish(TactileContact(header=gel, in_contact=touches, area=area, depth=depth))
+            contact = TactileContact(header=gel, in_contact=touches, state=self.state, area=area, depth=depth)
+            self._contact.publish(contact)
             points = np.random.default_rng(0).uniform(-3e-3, 3e-3, (50, 3)) * (1, 1, 0)
             points[0, 2] = np.nan if self.bad == "points" else 0.0
             self._points.publish(points_to_msg(points if touches else np.zeros((0, 3)), gel))

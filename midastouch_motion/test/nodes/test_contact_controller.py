@@ -105,6 +105,18 @@ def test_what_is_not_finite_is_no_image(graph, bad):
     assert all(np.isfinite([t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y]).all() for t in twists)
 
 
+@pytest.mark.parametrize(("state", "reason"), [("saturated", "covers the view"), ("unknown", "neither a contact nor")])
+def test_what_cannot_be_read_ends_a_slide(graph, state, reason):
+    rig = Rig(graph, stale_after=2.0)
+    rig.depth = 5e-4
+    asked = rig.ask(Slide, length=0.2)
+    asked.moves()
+    rig.state = state
+    rig.until(lambda: in_the_way(rig).find(reason) >= 0, "the reason")
+    rig.depth, rig.state = 1e-4, "contact"
+    assert reason in asked.ended().message
+
+
 def test_a_cancelled_motion_stops(graph):
     rig = Rig(graph)
     asked = rig.ask(Lift, height=0.2)

@@ -20,7 +20,7 @@ from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileContact
 
 from ..backends import AUTO, BACKENDS
-from ..contact import Contact
+from ..contact import Contact, ContactState
 from ..gel_texture import GelCheck
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
@@ -34,6 +34,14 @@ from ..tdn.fit_check import FitCheck
 from .capture_service import CaptureService
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
+
+_NOT_READ = {
+    ContactState.SATURATED: "the contact covers the view, so it may be deeper than `depth` says: press less",
+    ContactState.UNKNOWN: (
+        "the image shows a change that is neither the light's nor a contact: if nothing touches, call "
+        "capture_background; otherwise calibrate this sensor"
+    ),
+}
 
 SILENT_S = 5.0
 """Time without an image [s] after which the diagnostics warn."""
@@ -107,6 +115,7 @@ class TdnNode(ManagedNode):
         self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
         self._unseen_clouds = 0
         self._image: np.ndarray | None = None
+        self._state = ContactState.FREE
         self.autostart()
 
     def configure(self) -> None:
@@ -183,9 +192,14 @@ class TdnNode(ManagedNode):
 
     def _publish(self, header: Header, contact: Contact) -> None:
         message = TactileContact(
-            header=header, in_contact=contact.in_contact, area=contact.area_m2, depth=contact.depth_m
+            header=header,
+            in_contact=contact.in_contact,
+            state=contact.state.value,
+            area=contact.area_m2,
+            depth=contact.depth_m,
         )
         self._contact.publish(message)
+        self._state = contact.state
         if self._sink is None or self._points.get_subscription_count() > 0:
             points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._map_sensor)
             self._points.publish(points_to_msg(points, header))
@@ -202,18 +216,23 @@ class TdnNode(ManagedNode):
             return turned
         return self._touched.problem or self._fit.problem
 
+    def _unread(self) -> str:
+        """Return why the depth cannot be read; empty if it can, or while the fit check may yet find a deeper reason."""
+        return _NOT_READ.get(self._state, "") if self._fit.quiet is not None else ""
+
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= {**self._fit.values, **self._gel.values, "calibration": str(self._calibration)}
-        values["backend"] = self._backend
+        values |= {"backend": self._backend, "contact": self._state.value}
         if (
             problem := self._images_from.problem
             or self._background.problem
             or self._fit_problem()
             or self._gel.problem
             or self._calibration.problem
+            or self._unread()
         ):
             return diagnostics.WARN, problem, values
         if self._background.change > self.parameters["still_threshold"]:

@@ -17,6 +17,7 @@ reliably sensors that do not fit exceed them.
 from __future__ import annotations
 
 import collections
+import functools
 
 import cv2
 import numpy as np
@@ -48,7 +49,7 @@ def explained_fraction(
     the gel around the contact, with factors linear in the position, plus a quadratic in the slopes. The gel that
     explains most is taken out of a few. Any change that is quadratic in the position does not count.
     """
-    slow = np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
+    slow = _slow_terms()
     seen = _without(slow, _blocks(difference).reshape(-1, 3))
     energy = float((seen**2).sum())
     if energy <= least_change**2 * seen.size:
@@ -61,6 +62,21 @@ def explained_fraction(
         weights = np.linalg.solve(design.T @ design + 1e-3 * np.eye(design.shape[1]), design.T @ seen)
         left.append(float(((seen - design @ weights) ** 2).sum()))
     return 1 - min(left) / energy
+
+
+def beside_light(difference: np.ndarray) -> tuple[float, float]:
+    """Return what no slow change of the light explains in a difference image (H, W, 3): its root mean square over
+    blocks [grey levels], and its fraction (0 ... 1) of the image's energy. Slow is what is quadratic in the position.
+    """
+    seen = _blocks(difference).reshape(-1, 3)
+    left = float((_without(_slow_terms(), seen) ** 2).mean())
+    return float(np.sqrt(left)), left / max(float((seen**2).mean()), 1e-9)
+
+
+@functools.cache
+def _slow_terms() -> np.ndarray:
+    """Return an orthonormal base (B, 6) of the changes over the blocks that are quadratic in the position."""
+    return np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
 
 
 def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:

@@ -35,6 +35,7 @@ def test_every_image_yields_a_cloud_and_a_contact_of_its_stamp(graph, depth, bac
     assert [stamp_ns(c.header.stamp) for c in contacts] == [1, 2, 3, 4, 5]
     assert {m.header.frame_id for m in [*clouds, *contacts, *maps]} == {"digit_gel_frame"}
     assert [c.in_contact for c in contacts] == [False, True, True, True, False]
+    assert [c.state for c in contacts] == ["free", "contact", "contact", "contact", "free"]
     assert [c.width > 0 for c in clouds] == [False, True, True, True, False]
     sensor = SensorModel.load("digit_tacto").scaled(0.5)
     for cloud, sent in zip(clouds, maps, strict=True):

@@ -174,7 +174,8 @@ class DigitSim(ManagedNode):
         self._images.publish(frame.image, header, self._calibration, _JPEG_QUALITY)
         header = Header(stamp=stamp, frame_id=self._frames[1])
         truth = frame.truth
-        contact = TactileContact(header=header, in_contact=truth.in_contact, area=truth.area_m2, depth=truth.depth_m)
+        contact = TactileContact(header=header, in_contact=truth.in_contact, state=truth.state.value)
+        contact.area, contact.depth = truth.area_m2, truth.depth_m
         self._contact.publish(contact)
         if self._penetration.get_subscription_count():
             self._penetration.publish(image_to_msg(truth.penetration, "32FC1", header))
