@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from rclpy.node import Node
 
 from midastouch_bringup.parameter_files import merged, read_parameters
 from midastouch_filter.core.presets import PRESETS
@@ -16,22 +17,14 @@ def declared(node):
     return {one.name: one.default for one in TABLES[node]}
 
 
-@pytest.mark.parametrize(
-    "name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml", "explore_ur.yaml", "explore_mujoco.yaml"]
-)
-def test_keys_are_nodes_and_parameters_that_exist(name):
+@pytest.mark.parametrize("name", sorted(path.name for path in CONFIG.glob("*.yaml") if path.name != "frames.yaml"))
+def test_keys_are_parameters_that_accept_their_values(name):
+    """Also their types: rclpy refuses 1 where it declared 1.0."""
     for node, values in read_parameters(CONFIG / name).items():
-        assert set(values) <= set(declared(node)), node
-
-
-@pytest.mark.parametrize(
-    "name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml", "explore_ur.yaml", "explore_mujoco.yaml"]
-)
-def test_types_are_those_declared(name):
-    """rclpy refuses 1 where it declared 1.0."""
-    for node, values in read_parameters(CONFIG / name).items():
+        table = {one.name: one for one in TABLES[node]}
+        assert set(values) <= set(table), node
         for parameter, value in values.items():
-            assert type(value) is type(declared(node)[parameter]), f"{node}: {parameter}"
+            assert table[parameter].problem(value) is None, f"{node}: {parameter}"
 
 
 def test_the_live_file_holds_defaults():
@@ -61,9 +54,10 @@ def test_an_overlay_changes_something_and_drops_nothing(name):
 
 
 @pytest.mark.parametrize("node", TABLES)
-def test_every_parameter_is_described(node):
+def test_parameters_are_described_and_accept_their_defaults(node):
     for one in TABLES[node]:
         assert len(one.description) > 3, one.name
+        assert one.problem(one.default) is None, one.name
 
 
 @pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore_finger.yaml"])
@@ -75,3 +69,12 @@ def test_presets_have_an_effect(name):
 
 def test_finger_and_simulated_camera_have_one_time():
     assert read_parameters(CONFIG / "explore_finger.yaml")["digit_sim"]["fps"] == declared("simulated_finger")["fps"]
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize("namespace", ["/", "/left", "/arm/left"])
+def test_a_node_of_any_namespace_reads_the_shipped_file(graph, namespace):
+    arguments = ["--ros-args", "--params-file", str(CONFIG / "replay.yaml")]
+    options = {"namespace": namespace, "cli_args": arguments, "automatically_declare_parameters_from_overrides": True}
+    node = graph.add(lambda **more: Node("tdn", **options, **more))
+    assert node.get_parameter("queue_depth").value == 100

@@ -5,13 +5,7 @@ import pytest
 from PIL import Image
 
 from midastouch_tools.drawing import figures
-from midastouch_tools.drawing.object_view import ObjectView
 from midastouch_tools.drawing.run_pictures import write_gif
-
-
-@pytest.fixture(scope="module")
-def view(ball, run) -> ObjectView:
-    return ObjectView(ball, np.array([s.truth for s in run]), 120)
 
 
 def test_error_series_are_in_millimetres_and_degrees(run):
@@ -62,8 +56,6 @@ def test_a_run_becomes_an_animation(view, run, tmp_path):
 
 
 def test_a_run_without_contact_or_pose_can_be_drawn(view, run, book, tmp_path):
-    import dataclasses
-
     blank = dataclasses.replace(run[0], code=None, modes=[], estimate=None, penetration=run[0].penetration * 0)
     figures.save(figures.run_figure(view, book, [blank], [blank, blank], "none"), tmp_path / "a.png")
     write_gif(tmp_path / "a.gif", view, [blank], 3)

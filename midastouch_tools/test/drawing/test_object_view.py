@@ -1,15 +1,9 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 from midastouch_common import se3
 from midastouch_tools.drawing.object_view import ObjectView
-
-
-@pytest.fixture(scope="module")
-def view(ball, run) -> ObjectView:
-    return ObjectView(ball, np.array([s.truth for s in run]), 120)
 
 
 def test_the_touched_side_is_seen(view, run):

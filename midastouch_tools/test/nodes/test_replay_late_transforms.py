@@ -100,17 +100,6 @@ def test_transforms_recorded_after_their_images(graph, tmp_path, simulated_seque
     assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
 
 
-def test_transforms_that_are_slower_than_the_images(graph, tmp_path, simulated_sequence):
-    sequence = simulated_sequence(n=17)
-    slow = [m for i, m in enumerate(sequence_messages(sequence)) if m.topic != "/tf" or (i - 1) // 3 % 8 == 0]
-    chain = Chain(graph)
-    play(graph, node := replay(graph, written(tmp_path / "x.mcap", slow), **PACED, clock=True))
-    assert chain.sent == sequence.stamps_ns.tolist()
-    assert answers(graph, chain) == ["ambiguous"] * 17
-    assert len(chain.filters[0].measurements) == 17
-    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
-
-
 def restamped(message, by_ns):
     """With the stamps of its headers moved."""
     content = typestore().deserialize_cdr(message.data, message.type_name)

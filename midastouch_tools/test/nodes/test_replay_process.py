@@ -62,21 +62,16 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
 
 
 @pytest.mark.slow
-def test_an_interrupt_ends_its_wait_for_listeners_cleanly(graph, simulated_sequence):
-    running = process(graph, f"source:={simulated_sequence(n=1).path}", "wait_for_subscribers:=9")
-    heard = graph.listen(Log, "/rosout", latched=True)
-    graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")
-    running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=120)
-    assert running.returncode == 0, err
-    assert "Traceback" not in err
-
-
-@pytest.mark.slow
-def test_an_interrupt_ends_the_executable_cleanly(graph, simulated_sequence):
-    running = process(graph, f"source:={simulated_sequence(n=3).path}", "loop:=true", "rate:=2.0")
-    images = graph.listen(Image, "image_raw")
-    graph.spin_until(lambda: images, "a first frame")
+@pytest.mark.parametrize("waits", [True, False])
+def test_an_interrupt_ends_it_cleanly_waiting_or_playing(graph, simulated_sequence, waits):
+    settings = ["wait_for_subscribers:=9"] if waits else ["loop:=true", "rate:=2.0"]
+    running = process(graph, f"source:={simulated_sequence(n=3).path}", *settings)
+    if waits:
+        heard = graph.listen(Log, "/rosout", latched=True)
+        graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")
+    else:
+        images = graph.listen(Image, "image_raw")
+        graph.spin_until(lambda: images, "a first frame")
     running.send_signal(signal.SIGINT)
     _, err = running.communicate(timeout=120)
     assert running.returncode == 0, err

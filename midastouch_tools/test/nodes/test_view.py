@@ -129,29 +129,24 @@ def test_a_flood_is_thinned_to_the_newest(graph, scene):
     assert len(scene.of("image")) <= 2 + 5.0 * (time.monotonic() - started)
 
 
-def test_a_looped_bag_clears_the_scene_once(graph, scene, view):
+@pytest.mark.parametrize(
+    ("frames", "drawn"),
+    [
+        (
+            [(10, "ambiguous"), (11, "ambiguous"), (2, "ambiguous"), (3, "ambiguous")],
+            "status status restart status status",
+        ),
+        ([(10, "ambiguous"), (0, "stale"), (11, "ambiguous")], "status status status"),  # dropped for its stamp
+        ([(10, "ambiguous"), (13, "waiting"), (11, "lost"), (12, "lost")], "status status status status"),
+    ],
+    ids=["a looped bag", "a dropped frame", "answers older than a waiting frame"],
+)
+def test_only_a_looped_bag_clears_the_scene(graph, scene, view, frames, drawn):
     statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
-    for n, stamp in enumerate((10, 11, 2, 3)):
-        statuses.publish(FilterStatus(header=header(stamp * SECOND), state="ambiguous"))
-        graph.spin_until(lambda n=n: len(scene.of("status")) == n + 1, "a status")
-    names = [name for name, _ in scene.calls]
-    assert names == ["status", "status", "restart", "status", "status"]
-
-
-def test_a_frame_that_is_dropped_for_its_stamp_is_no_loop(graph, scene, view):
-    statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
-    for n, (stamp, state) in enumerate(((10, "ambiguous"), (0, "stale"), (11, "ambiguous"))):
+    for n, (stamp, state) in enumerate(frames, 1):
         statuses.publish(FilterStatus(header=header(stamp * SECOND), state=state))
-        graph.spin_until(lambda n=n: len(scene.of("status")) == n + 1, "a status")
-    assert scene.of("restart") == []
-
-
-def test_answers_older_than_a_waiting_frame_are_no_loop(graph, scene, view):
-    statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
-    for n, (stamp, state) in enumerate(((10, "ambiguous"), (13, "waiting"), (11, "lost"), (12, "lost"))):
-        statuses.publish(FilterStatus(header=header(stamp * SECOND), state=state))
-        graph.spin_until(lambda n=n: len(scene.of("status")) == n + 1, "a status")
-    assert [name for name, _ in scene.calls] == ["status"] * 4
+        graph.spin_until(lambda n=n: len(scene.of("status")) == n, "a status")
+    assert " ".join(name for name, _ in scene.calls) == drawn
 
 
 def test_unusable_messages_do_not_end_the_view(graph, scene, view):

@@ -76,14 +76,6 @@ def test_all_are_asked_before_they_are_killed(supervisor, heard, monkeypatch, tr
     assert heard == ["h_polite ready", "h_polite bye"]
 
 
-def test_who_does_not_listen_is_killed(supervisor, heard, monkeypatch):
-    monkeypatch.setattr(process, "GRACE_S", (0.05, 0.05, 600.0))
-    supervisor.start(shell("h_deaf", "trap '' INT TERM", "echo ready", FOR_EVER))
-    wait_for(lambda: heard)
-    supervisor.end()
-    assert heard == ["h_deaf ready", "midastouch h_deaf: killed by SIGKILL"]
-
-
 def test_who_is_left_when_the_waiting_is_cut_short_is_killed(supervisor, heard):
     supervisor.start(shell("h_deaf", "trap '' INT TERM", "echo ready", FOR_EVER))
     wait_for(lambda: heard)

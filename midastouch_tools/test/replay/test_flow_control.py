@@ -36,10 +36,6 @@ class World:
             self.flow.on_status(stamp, waits=True)
 
 
-def test_nothing_in_flight_holds_nobody_up():
-    assert World().flow.wait() is True
-
-
 def test_the_next_image_waits_for_the_answer_to_this_one_only():
     world = World()
     world.flow.sent(7)

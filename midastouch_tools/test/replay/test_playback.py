@@ -40,12 +40,6 @@ def test_rate_scales_recorded_time(monkeypatch, rate, expected):
     assert clock.now - 100.0 == pytest.approx(expected)
 
 
-def test_rate_zero_never_waits(monkeypatch):
-    player, clock = playback(monkeypatch, rate=0.0)
-    assert all(player.wait_until_due(stamp * 1000 * MS) for stamp in range(5))
-    assert clock.now == 100.0
-
-
 def test_ticks_tell_recorded_time_and_never_overtake(monkeypatch):
     player, _ = playback(monkeypatch, rate=2.0)
     ticks = []
@@ -130,20 +124,6 @@ def test_the_time_in_pause_is_not_caught_up(monkeypatch):
     assert clock.now == pytest.approx(160.0)
 
 
-def test_a_step_lets_one_whole_frame_through():
-    player = Playback(rate=1.0, paused=True)
-    assert player.step()
-    for _ in range(3):  # transform, camera info, image: not paced
-        assert player.wait_until_due(10**12)
-    player.frame_sent()
-    join = in_thread(player.wait_until_due, 2 * 10**12)
-    assert join(0.05) == "still waiting"
-    player.step()
-    assert join() is True
-    player.resume()
-    assert not player.step()
-
-
 def test_a_wait_ends_when_what_it_waits_for_is_notified():
     player, happened = Playback(rate=0.0), []
     assert not player.wait_for(lambda: bool(happened), timeout_s=0.01)
@@ -156,32 +136,25 @@ def test_a_wait_ends_when_what_it_waits_for_is_notified():
     assert not player.wait_for(lambda: bool(happened), timeout_s=0.01)
 
 
-def test_a_seek_ends_every_wait_until_it_is_taken():
+@pytest.mark.parametrize(
+    "interrupt", [lambda player: player.stop(), lambda player: player.seek(2.5)], ids=["stop", "seek"]
+)
+def test_a_stop_or_a_seek_ends_every_wait(interrupt):
     player = Playback(rate=1.0)
     assert player.wait_until_due(0)
-    joins = [
-        in_thread(player.wait_until_due, 10**15),
-        in_thread(player.wait_for, lambda: False, 1000.0),
-    ]
-    player.seek(2.5)
+    joins = [in_thread(player.wait_until_due, 10**15), in_thread(player.wait_for, lambda: False, 1000.0)]
+    interrupt(player)
     assert [join() for join in joins] == [False, False]
     assert player.interrupted
+
+
+def test_a_seek_is_taken_once_and_is_no_stop():
+    player = Playback(rate=1.0)
+    player.seek(2.5)
     assert not player.stopped
     assert (player.take_seek(), player.take_seek()) == (2.5, None)
     player.rewind()
     assert player.wait_until_due(10**15)
-
-
-def test_a_seek_keeps_the_pause():
-    player = Playback(rate=0.0, paused=True)
-    join = in_thread(player.wait_until_due, 0)
-    player.seek(1.0)
-    assert join() is False
-    player.take_seek()
-    join = in_thread(player.wait_until_due, 0)
-    assert join(0.05) == "still waiting"
-    player.resume()
-    assert join() is True
 
 
 def test_waiting_for_the_end_of_a_pause():
@@ -194,15 +167,3 @@ def test_waiting_for_the_end_of_a_pause():
         release()
         assert join() is None
         player.take_seek()
-
-
-def test_stop_ends_every_wait():
-    player = Playback(rate=1.0)
-    assert player.wait_until_due(0)
-    joins = [
-        in_thread(player.wait_until_due, 10**15),
-        in_thread(player.wait_for, lambda: False, 1000.0),
-    ]
-    player.stop()
-    assert [join() for join in joins] == [False, False]
-    assert player.stopped
