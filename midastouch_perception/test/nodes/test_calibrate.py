@@ -12,29 +12,24 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from press_camera import Camera
 from std_srvs.srv import Trigger
+from tdn_rig import values_of
 
 from midastouch_common.errors import InputError
 from midastouch_perception.nodes.calibrate import CalibrateNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
-from midastouch_simulation.simulated_digit import PressedSensor
 
 pytestmark = pytest.mark.dds
 SERIAL, DIAMETER = "D20123", 6e-3
 
 
 @pytest.fixture(scope="module")
-def digit():
-    """A simulated sensor on which a ball of 6 mm is pressed."""
-    sensor = SensorModel.load("digit_real")
-    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
-    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return PressedSensor(sensor, lamps[None], DIAMETER / 2, np.random.default_rng(10))
+def digit(another_digit):
+    return another_digit(10)
 
 
 @pytest.fixture(scope="module")
@@ -89,13 +84,9 @@ def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, dig
     assert (kept.serial, kept.presses) == (SERIAL, 5)
 
     graph.add(TdnNode, {"sensor_model": "digit_real", "serial": SERIAL, "background_folder": str(folder)})
-    said = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def in_use() -> list[str]:
-        return [v.value for m in said for s in m.status for v in s.values if v.key == "calibration"]
-
-    graph.spin_until(lambda: in_use(), "tdn's word")
-    assert in_use()[-1].startswith("5 presses of a ball of 6 mm")
+    values = values_of(graph)
+    graph.spin_until(lambda: "calibration" in values(), "tdn's word")
+    assert values()["calibration"].startswith("5 presses of a ball of 6 mm")
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from midastouch_perception.tdn.background import (
     shows_contact,
 )
 from midastouch_simulation.optics import TactoOptics
-from midastouch_simulation.simulated_digit import PressedSensor
 
 GREY = np.full((320, 240, 3), 100, np.uint8)
 
@@ -144,11 +143,8 @@ def relative_tdn():
 
 
 @pytest.fixture(scope="module")
-def digit():
-    sensor = SensorModel.load("digit_real")
-    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
-    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return PressedSensor(sensor, lamps[None], 3e-3, np.random.default_rng(1))
+def digit(another_digit):
+    return another_digit(1)
 
 
 @pytest.fixture(scope="module")
