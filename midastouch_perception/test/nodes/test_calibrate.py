@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-
 import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from press_camera import Camera
+from process_rig import processes
 from std_srvs.srv import Trigger
 from tdn_rig import values_of
 
@@ -50,24 +44,10 @@ def parameters(folder, **more) -> dict:
     return {**known, **more}
 
 
-@contextlib.contextmanager
-def guide(folder, **more) -> Iterator[subprocess.Popen]:
-    """The executable as a process of its own."""
-    words = [word for name, value in parameters(folder, **more).items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "midastouch_perception.nodes.calibrate", "--ros-args", *words], env=dict(os.environ)
-    )
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        code = process.wait(timeout=60)
-    assert code == 0
-
-
 @pytest.mark.slow
-def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, digit, presses):
-    with guide(folder):
+def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, digit, presses, tmp_path):
+    guide = {"calibrate": ["-m", "midastouch_perception.nodes.calibrate"]}
+    with processes(guide, {"calibrate": parameters(folder)}, tmp_path):
         camera = Camera(graph)
         graph.spin_until(lambda: camera.status is not None, "its first word")
         assert camera.status.hardware_id == SERIAL
@@ -116,12 +96,6 @@ def test_too_few_presses_are_refused_and_nothing_is_kept(graph, live, folder, di
 
 
 @pytest.mark.usefixtures("brisk_health")
-def test_images_of_another_size_are_counted(graph, live):
-    _, camera = live
-    camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
-
-
-@pytest.mark.usefixtures("brisk_health")
 def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digit, monkeypatch):
     monkeypatch.setattr("midastouch_perception.nodes.calibrate.SILENT_S", 0.2)
     said = []
@@ -132,6 +106,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
     assert camera.status.level == DiagnosticStatus.WARN
     assert said[-1] == asked
     camera.hold(digit.background, lambda: camera.status.level == DiagnosticStatus.OK)
+    camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
     graph.spin_until(lambda: camera.status.message == asked, "the question, once the cable is out")
 
 
@@ -151,10 +126,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
 def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
     with pytest.raises(InputError, match=said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
-
-
-def test_a_saturated_no_contact_image_is_refused_at_the_start(graph, folder, digit):
-    BackgroundStore(folder, SERIAL).save(np.full_like(digit.background, 255))
+    BackgroundStore(folder, SERIAL).save(np.full((320, 240, 3), 255, np.uint8))
     with pytest.raises(InputError, match=r"saturated.*capture_background"):
         graph.add(CalibrateNode, parameters(folder))
 
@@ -171,9 +143,6 @@ def test_presses_are_written_when_taken_beside_earlier_ones(graph, folder, digit
     assert node.presses_folder == folder / "presses_2"
     assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
 
-
-def test_begun_again_it_takes_the_newest_no_contact_image(graph, folder, digit):
-    node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(folder / "presses")))
     newer = np.clip(digit.background.astype(int) + 9, 0, 255).astype(np.uint8)
     BackgroundStore(folder, SERIAL).save(newer)
     assert graph.call(Trigger, "calibrate/restart", Trigger.Request()).success
