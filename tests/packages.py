@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from importlib.util import resolve_name
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -31,14 +32,21 @@ def modules(package: str) -> dict[str, Path]:
     }
 
 
-def imports(path: Path) -> list[tuple[int, str]]:
-    """(line, absolute module name) of every import in a file, at whatever depth of the code."""
+def imports(path: Path) -> list[tuple[int, str, list[str]]]:
+    """(line, absolute module, names) of every import in a file, at whatever depth of the code; `import a` has none."""
+    top = next(folder for folder in path.parents if not (folder / "__init__.py").exists())
+    package = ".".join(path.parent.relative_to(top).parts)
     found = []
     for node in ast.walk(ast.parse(path.read_text(), str(path))):
         if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            found.append((node.lineno, node.module))
+            found += [(node.lineno, alias.name, []) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            module = (
+                resolve_name("." * node.level + (node.module or ""), package)
+                if node.level and package
+                else node.module or ""
+            )
+            found.append((node.lineno, module, [alias.name for alias in node.names]))
     return found
 
 

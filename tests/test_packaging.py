@@ -61,7 +61,7 @@ def texts(element: ElementTree.Element, *tags: str) -> list[str]:
 def imported_modules(package: str) -> set[str]:
     """Top-level names that a package imports from outside the standard library and itself."""
     files = [*(ROOT / package / package).rglob("*.py"), *(ROOT / package).glob("launch/*.py")]
-    names = {module.split(".")[0] for path in files for _, module in imports(path)}
+    names = {module.split(".")[0] for path in files for _, module, _ in imports(path)}
     return names - set(sys.stdlib_module_names) - {package}
 
 

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg, touched
+from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -28,29 +28,18 @@ def empty_cloud(stamp: int) -> PointCloud2:
     return points_to_msg(np.zeros((0, 3)), Header(stamp=stamp_from_ns(stamp)))
 
 
-@pytest.mark.parametrize(
-    ("name", "make", "topic", "message", "answers"),
-    [
-        (
-            "tdn",
-            lambda **options: TdnNode(depth=FakeDepthStage(), **options),
-            "image_raw",
-            functools.partial(image_msg, touched(100)),
-            (TactileContact, "tactile/contact"),
-        ),
-        (
-            "tcn",
-            lambda **options: TcnNode(tcn=FakeTcn(), **options),
-            "tactile/points",
-            empty_cloud,
-            (TactileCode, "tactile/code"),
-        ),
-    ],
-    ids=["tdn", "tcn"],
-)
-def test_a_node_hears_while_it_is_active_only(graph, background, name, make, topic, message, answers):
-    graph.add(make, WAITING | ({"background": background} if name == "tdn" else {}))
-    answered = graph.listen(*answers)
+STAGES = {
+    "tdn": (functools.partial(TdnNode, depth=FakeDepthStage()), "image_raw", functools.partial(image_msg, BACKGROUND)),
+    "tcn": (functools.partial(TcnNode, tcn=FakeTcn()), "tactile/points", empty_cloud),
+}
+ANSWERS = {"tdn": (TactileContact, "tactile/contact"), "tcn": (TactileCode, "tactile/code")}
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_node_hears_while_it_is_active_only(graph, name):
+    make, topic, message = STAGES[name]
+    graph.add(make, WAITING)
+    answered = graph.listen(*ANSWERS[name])
     publisher = graph.companion.create_publisher(type(message(0)), topic, qos.stage_publisher())
     for stamp in (1, 2):
         assert graph.change_state(name, "configure")

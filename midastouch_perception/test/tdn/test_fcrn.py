@@ -29,11 +29,6 @@ def formula_state() -> dict[str, np.ndarray]:
     return state
 
 
-@pytest.fixture(scope="module")
-def reference(shared):
-    return shared / "reference" / "fcrn"
-
-
 class FixedHeight:
     """In place of a trained network: its output, whatever the image."""
 
@@ -71,12 +66,10 @@ def with_height(sensor, monkeypatch):
 IMAGE = np.random.default_rng(0).integers(20, 180, (320, 240, 3), dtype=np.uint8)
 
 
-def test_names_and_shapes_are_the_official_ones(reference):
+def test_names_shapes_and_output_are_the_official_ones(shared):
+    reference = shared / "reference" / "fcrn"
     official = json.loads((reference / "state_dict_shapes.json").read_text())
     assert {name: tuple(shape) for name, shape in official.items()} == expected_shapes()
-
-
-def test_output_equals_the_official_one(reference):
     with np.load(reference / "io.npz") as data:
         image, official = data["image"], data["output"]
     options = onnxruntime.SessionOptions()
