@@ -42,9 +42,6 @@ def test_headline_pages_have_figures_of_one_fingerprint(old):
         for line in DOCUMENTS[document].splitlines():
             if line.startswith("|") and any(f"[{name}](" in line for name in old):
                 assert UNMEASURED in line, f"{document}: {line}; run: python -m {tables.__name__}"
-
-
-def test_the_archive_marks_figures_of_earlier_code(old):
     rows = [line for line in DOCUMENTS[tables.ARCHIVE].splitlines() if line.startswith("|")]
     marked = [line for line in rows if any(f"[{name}](" in line for name in old)]
     assert [line for line in marked if tables.MARK not in line] == []

@@ -35,13 +35,10 @@ def test_frames_are_those_of_the_mount_and_of_the_nodes():
         assert frame in tree, frame
 
 
-def test_states_are_those_of_the_message():
+def test_states_are_those_of_the_message_and_of_an_export():
     message = (ROOT / "midastouch_msgs" / "msg" / "FilterStatus.msg").read_text()
     states = set(re.findall(r'STATE_\w+ = "(\w+)"', message)) - {"waiting"}
     assert {row[0].strip("`") for row in table("docs/states.md", "## The seven states")} == states
-
-
-def test_states_have_the_numbers_of_an_export():
     (row,) = (row for row in table("docs/exports.md", "## Columns") if row[0] == "`filter_state`")
     assert row[2] == ", ".join(f"{number} {name}" for number, name in enumerate(FILTER_STATES))
 
@@ -59,13 +56,10 @@ def interfaces(node, listed) -> set[tuple[str, str]]:
 
 
 def cell(text: str) -> set[tuple[str, str]]:
+    assert set(NODES) == set(TABLES), "every node has a row"
     found = set(re.findall(r"`([\w/~]+)` (\w+)", text))
     assert found or text == "-"
     return found
-
-
-def test_every_node_has_a_row():
-    assert set(NODES) == set(TABLES)
 
 
 @pytest.mark.dds

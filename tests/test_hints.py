@@ -12,13 +12,6 @@ import pytest
 from midastouch_common.missing_modules import EXTRAS, install_extra
 from midastouch_tools.cli import add_commands, build_parser
 
-FOLDERS = [*packages.PYTHON, "midastouch_kernels"]
-SOURCES = sorted(
-    path
-    for package in FOLDERS
-    for folder in (package, "launch")
-    for path in (packages.ROOT / package / folder).rglob("*.py")
-)
 # after a colon or "see ", or in backticks: to the end of the sentence
 COMMAND = re.compile(r"(?:: |see |`|\n  )midastouch ([a-z][a-z-]*[^`;,()\n]*)")
 NAME = re.compile(r"\bmidastouch ([a-z]+-[a-z-]*[a-z])")
@@ -36,14 +29,12 @@ def text(node: ast.AST) -> str:
 def messages() -> list[tuple[str, str]]:
     """File and text of every string in the product code, docstrings among them."""
     found = []
-    for path in SOURCES:
+    folders = [packages.ROOT / one / inner for one in packages.WITH_MODULES for inner in (one, "launch")]
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         tree = ast.parse(path.read_text())
         within = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-        found += [
-            (path.relative_to(packages.ROOT).as_posix(), text(node))
-            for node in ast.walk(tree)
-            if id(node) not in within and text(node)
-        ]
+        texts = [text(node) for node in ast.walk(tree) if id(node) not in within]
+        found += [(path.relative_to(packages.ROOT).as_posix(), each) for each in texts if each]
     return found
 
 
@@ -76,7 +67,5 @@ def test_every_list_of_requirements_is_there():
         file = packages.ROOT / "tools" / "requirements" / f"{name}.txt"
         assert install_extra(name) == f"{sys.executable} -m pip install -r {file}"
         assert {line.split("==")[0] for line in file.read_text().splitlines() if "==" in line} == set(distributions)
-
-
-def test_no_message_says_pip_install_on_its_own():
+    # no message says "pip install" on its own
     assert [file for file, message in MESSAGES if "pip install" in message] == []

@@ -2,7 +2,6 @@
 
 import ast
 from collections.abc import Iterable, Iterator
-from importlib.util import resolve_name
 from pathlib import Path
 
 import packages
@@ -10,25 +9,18 @@ import packages
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def missing_names(folders: list[Path], users: Iterable[Path] = ()) -> list[str]:
-    """Lines "module: name" of what modules of some packages, and other files, import from where it is not defined."""
-    paths = [path.relative_to(folder.parent) for folder in folders for path in sorted(folder.rglob("*.py"))]
-    names = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
-    tops = {folder.name: folder.parent for folder in folders}
-    trees = {name: ast.parse((tops[path.parts[0]] / path).read_text()) for name, path in names.items()}
-    bound = {name: set(_bound(tree, offers=names[name].name == "__init__.py")) for name, tree in trees.items()}
+def missing_names(modules: dict[str, Path], users: Iterable[Path] = ()) -> list[str]:
+    """Lines "module: name" of what modules, and other files, import from where it is not defined."""
+    trees = {name: ast.parse(path.read_text()) for name, path in modules.items()}
+    inner = {name: {*_bound(tree, offers=modules[name].name == "__init__.py")} for name, tree in trees.items()}
+    outer = {name: {*_bound(tree, offers=True)} for name, tree in trees.items()}
     missing = []
-    for name, tree in (trees | {str(path): ast.parse(path.read_text()) for path in users}).items():
-        inside = name in names
-        package = name if inside and names[name].name == "__init__.py" else name.rpartition(".")[0]
-        for node in ast.walk(tree):
-            if not isinstance(node, ast.ImportFrom) or (node.level and not inside):
-                continue
-            source = resolve_name("." * node.level + (node.module or ""), package)
-            if source in bound and "__getattr__" not in bound[source]:  # which makes names up
-                there = bound[source] if inside else {*_bound(trees[source], offers=True)}
-                wanted = {alias.name for alias in node.names} - there
-                missing += [f"{name}: {source}.{one}" for one in sorted(wanted) if f"{source}.{one}" not in names]
+    for bound, files in ((inner, modules), (outer, {str(path): path for path in users})):
+        for name, path in files.items():
+            for _, source, names in packages.imports(path):
+                if "__getattr__" not in bound.get(source, {"__getattr__"}):  # which makes names up
+                    wanted = [one for one in names if one not in bound[source] and f"{source}.{one}" not in modules]
+                    missing += [f"{name}: {source}.{one}" for one in sorted(wanted)]
     return missing
 
 
@@ -45,15 +37,18 @@ def _bound(tree: ast.Module, offers: bool) -> Iterator[str]:
 
 def test_what_is_imported_is_there():
     tests = [*ROOT.glob("tests/**/*.py"), *ROOT.glob("*/test/**/*.py"), *ROOT.glob("examples/*.py")]
-    assert missing_names([ROOT / package / package for package in packages.PYTHON], tests) == []
+    modules = {name: path for package in packages.PYTHON for name, path in packages.modules(package).items()}
+    assert missing_names(modules, tests) == []
 
 
 def test_what_is_not_there_is_found(tmp_path):
     (tmp_path / "pack").mkdir()
-    (tmp_path / "pack" / "__init__.py").write_text("")
-    (tmp_path / "pack" / "a.py").write_text("from .c import late\nHERE = 1\n")
     late = "def late():\n    from .a import HERE, GONE, late\n    from . import a, b\n"
-    (tmp_path / "pack" / "c.py").write_text(late)
+    texts = {"pack.__init__": "", "pack.a": "from .c import late\nHERE = 1\n", "pack.c": late}
+    modules = {name: tmp_path / f"{name.replace('.', '/')}.py" for name in texts}
+    for name, path in modules.items():
+        path.write_text(texts[name])
+    modules["pack"] = modules.pop("pack.__init__")
     (tmp_path / "test.py").write_text("from pack import a, gone\n")
-    assert missing_names([tmp_path / "pack"], [tmp_path / "test.py"])[3:] == [f"{tmp_path}/test.py: pack.gone"]
-    assert missing_names([tmp_path / "pack"]) == ["pack.c: pack.a.GONE", "pack.c: pack.a.late", "pack.c: pack.b"]
+    found = missing_names(modules, [tmp_path / "test.py"])
+    assert found == ["pack.c: pack.a.GONE", "pack.c: pack.a.late", "pack.c: pack.b", f"{tmp_path}/test.py: pack.gone"]

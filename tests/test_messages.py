@@ -8,9 +8,7 @@ from ament_index_python.packages import get_package_share_directory
 from rosbags.typesys import Stores, get_typestore
 from tf2_msgs.msg import TFMessage
 
-from midastouch_msgs.msg import (
-    FilterStatus,
-)
+from midastouch_msgs.msg import FilterStatus
 
 
 def test_states_are_those_of_the_filter():

@@ -1,16 +1,12 @@
 """ROS stays in the nodes: everything else is plain Python that runs, and is tested, without it."""
 
-import ast
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import packages
 import pytest
+from packages import ROOT, imports, loaded_by, modules
 
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ["midastouch_kernels", *packages.PYTHON]
 # The two folders of a package that may know ROS: nodes, and the glue that several nodes share.
 ROS_FOLDERS = {"nodes", "ros"}
 ROS = re.compile(
@@ -21,37 +17,19 @@ LEARNING = re.compile(r"(torch|torchvision|onnx|onnxruntime|onnxscript|openvino|
 
 
 def core_files(package: str) -> list[Path]:
-    top = ROOT / package / package
-    return [p for p in sorted(top.rglob("*.py")) if not ROS_FOLDERS & set(p.relative_to(top).parts)]
-
-
-def ring_files(package: str) -> list[Path]:
-    """What is in a package's two folders that may know ROS."""
-    top = ROOT / package / package
-    return [p for p in sorted(top.rglob("*.py")) if ROS_FOLDERS & set(p.relative_to(top).parts)]
-
-
-def imports(path: Path) -> list[tuple[int, str]]:
-    """(line, absolute module name) of every import in a file, at whatever depth of the code."""
-    found = []
-    for node in ast.walk(ast.parse(path.read_text(), str(path))):
-        if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            found.append((node.lineno, node.module))
-    return found
+    return [path for path in modules(package).values() if not ROS_FOLDERS & set(path.relative_to(ROOT).parts)]
 
 
 def offences(package: str, forbidden: re.Pattern) -> list[str]:
     return [
         f"{path.relative_to(ROOT)}:{line}: imports {module}"
         for path in core_files(package)
-        for line, module in imports(path)
+        for line, module, _ in imports(path)
         if forbidden.match(module)
     ]
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", packages.WITH_MODULES)
 def test_core_imports_no_ros(package):
     assert core_files(package)
     assert offences(package, ROS) == []
@@ -59,18 +37,14 @@ def test_core_imports_no_ros(package):
 
 def needs_ros(path: Path) -> bool:
     """Whether a module imports ROS, or a module of those two folders, or what it is told to when it runs."""
-    named = [module for _, module in imports(path)]
-    if any(ROS.match(module) or ROS_FOLDERS & set(module.split(".")) or module == "importlib" for module in named):
-        return True
-    relative = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom) and n.level]
-    sources = [path.parents[n.level - 1].joinpath(*(n.module or "").split(".")) for n in relative]
-    return any(ROS_FOLDERS & set(source.relative_to(ROOT).parts) for source in sources)
+    named = {f"{module}.{name}" for _, module, names in imports(path) for name in names or [""]}
+    return any(ROS.match(one) or ROS_FOLDERS & set(one.split(".")) or one == "importlib." for one in named)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", packages.WITH_MODULES)
 def test_what_needs_no_ros_is_outside_of_its_folders(package):
-    modules = [path for path in ring_files(package) if path.name != "__init__.py"]
-    assert [str(path.relative_to(ROOT)) for path in modules if not needs_ros(path)] == []
+    ring = [path for path in {*modules(package).values()} - {*core_files(package)} if path.name != "__init__.py"]
+    assert [str(path.relative_to(ROOT)) for path in ring if not needs_ros(path)] == []
 
 
 def test_filter_imports_no_deep_learning_framework():
@@ -83,8 +57,8 @@ def test_dependencies_between_packages_point_inward():
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: imports {module}"
         for package in packages.PYTHON
-        for path in sorted((ROOT / package / package).rglob("*.py"))
-        for line, module in imports(path)
+        for path in modules(package).values()
+        for line, module, _ in imports(path)
         if module.split(".")[0] in order[order.index(package) + 1 :]
         or (package == "midastouch_perception" and module.split(".")[0] == "digit_driver")
     ]
@@ -93,18 +67,9 @@ def test_dependencies_between_packages_point_inward():
 
 def test_filter_runs_without_ros_and_without_learning_framework():
     """What the scan cannot see: an import of an import."""
-    names = [
-        ".".join(p.relative_to(ROOT / "midastouch_filter").with_suffix("").parts)
-        for p in core_files("midastouch_filter")
-        if p.name not in ("__init__.py", "__main__.py")
-    ]
-    code = (
-        "import importlib, sys\n"
-        f"for name in {names}: importlib.import_module(name)\n"
-        "print(*sorted({name.split('.')[0] for name in sys.modules}))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = done.stdout.split()
+    core = {*core_files("midastouch_filter")}
+    names = [name for name, path in modules("midastouch_filter").items() if path in core and "__main__" not in name]
+    loaded = loaded_by(f"import importlib\nfor name in {names}: importlib.import_module(name)")
     assert "numpy" in loaded
     assert [name for name in loaded if ROS.match(name) or LEARNING.match(name)] == []
 
@@ -115,5 +80,5 @@ def test_the_scan_sees_what_it_should(tmp_path):
         "import numpy\nfrom sensor_msgs.msg import Image\n"
         "def late():\n    import tf2_ros.buffer\n    from . import msgs\n"
     )
-    assert [line for line, module in imports(source) if ROS.match(module)] == [2, 4]
+    assert [line for line, module, _ in imports(source) if ROS.match(module)] == [2, 4]
     assert not ROS.match("midastouch_filter")

@@ -15,6 +15,8 @@ from pathlib import Path
 import packages
 import pytest
 import yaml
+from ament_index_python.packages import get_package_share_directory
+from packages import imports
 
 from midastouch_common.missing_modules import DISTRIBUTIONS as DISTRIBUTIONS_OF_PIP
 
@@ -24,55 +26,24 @@ PACKAGES = [*CMAKE_PACKAGES, *PYTHON_PACKAGES]
 
 # Imported module -> rosdep key, for modules whose key is not their own name.
 ROSDEP_KEYS = {
-    "cv2": "python3-opencv",
-    "matplotlib": "python3-matplotlib",
-    "numpy": "python3-numpy",
-    "onnxruntime": "python3-onnxruntime-pip",
-    "PIL": "python3-pil",
-    "pandas": "python3-pandas",
-    "pyudev": "python3-pyudev",
-    "rosbags": "python3-rosbags-pip",
-    "scipy": "python3-scipy",
-    "sklearn": "python3-sklearn",
-    "tabulate": "python3-tabulate",
-    "tf2_ros": "tf2_ros_py",
-    "tqdm": "python3-tqdm",
-    "trimesh": "python3-trimesh-pip",
+    **{name: f"python3-{name}" for name in ("matplotlib", "numpy", "pandas", "pyudev", "scipy", "tabulate", "tqdm")},
+    **{name: f"python3-{name}-pip" for name in ("onnxruntime", "rosbags", "trimesh")},
+    "cv2": "python3-opencv", "PIL": "python3-pil", "sklearn": "python3-sklearn", "tf2_ros": "tf2_ros_py",
     "yaml": "python3-yaml",
-}
+}  # fmt: skip
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
 PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
-    "h5py",
-    "libusb_package",
-    "mujoco",
-    "onnx",
-    "onnxscript",
-    "open3d",
-    "openvino",
-    "pyarrow",
-    "rerun",
-    "rerun_cli",
-    "rtde_control",
-    "rtde_receive",
-    "safetensors",
-    "torch",
-}
+    "h5py", "libusb_package", "mujoco", "onnx", "onnxscript", "open3d", "openvino", "pyarrow", "rerun", "rerun_cli",
+    "rtde_control", "rtde_receive", "safetensors", "torch",
+}  # fmt: skip
 # Imported module -> its distribution on PyPI, where the names differ.
 DISTRIBUTIONS = {
-    "cv2": "opencv-contrib-python-headless",
-    "PIL": "pillow",
-    "igl": "libigl",
-    "libusb_package": "libusb-package",
-    "open3d": "open3d-cpu",
-    "rerun": "rerun-sdk",
-    "rerun_cli": "rerun-sdk",
-    "rtde_control": "ur-rtde",
-    "rtde_receive": "ur-rtde",
-    "sklearn": "scikit-learn",
-    "yaml": "PyYAML",
-}
+    "cv2": "opencv-contrib-python-headless", "PIL": "pillow", "igl": "libigl", "libusb_package": "libusb-package",
+    "open3d": "open3d-cpu", "rerun": "rerun-sdk", "rerun_cli": "rerun-sdk", "rtde_control": "ur-rtde",
+    "rtde_receive": "ur-rtde", "sklearn": "scikit-learn", "yaml": "PyYAML",
+}  # fmt: skip
 WHEEL = ["midastouch_kernels", *(set(PYTHON_PACKAGES) - {"digit_driver", "midastouch_benchmark"})]
 PROJECT = (ROOT / "pyproject.toml").read_text()
 SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}
@@ -89,13 +60,8 @@ def texts(element: ElementTree.Element, *tags: str) -> list[str]:
 @functools.cache
 def imported_modules(package: str) -> set[str]:
     """Top-level names that a package imports from outside the standard library and itself."""
-    names = set()
-    for path in [*(ROOT / package / package).rglob("*.py"), *(ROOT / package).glob("launch/*.py")]:
-        for node in ast.walk(ast.parse(path.read_text(), str(path))):
-            if isinstance(node, ast.Import):
-                names |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                names.add(node.module.split(".")[0])
+    files = [*(ROOT / package / package).rglob("*.py"), *(ROOT / package).glob("launch/*.py")]
+    names = {module.split(".")[0] for path in files for _, module, _ in imports(path)}
     return names - set(sys.stdlib_module_names) - {package}
 
 
@@ -116,10 +82,16 @@ def test_manifest_is_complete(package):
     assert root.get("format") == "3"
     assert texts(root, "name") == [package]
     assert texts(root, "license") == ["MIT"]
+    assert (ROOT / package / root.find("license").get("file")).read_bytes() == (ROOT / "LICENSE").read_bytes()
     build_type = root.find("export/build_type").text
     assert build_type == ("ament_cmake" if package in CMAKE_PACKAGES else "ament_python")
     dependencies = texts(root, "depend", "exec_depend")
     assert dependencies == sorted(set(dependencies)) or package == "midastouch_msgs"
+    groups = ["rosidl_interface_packages"] if package == "midastouch_msgs" else []
+    assert texts(root, "member_of_group") == groups
+    # bloom would take a pip package for a Debian package of that name; what reads the environment it leaves out
+    of_pip = [child for child in root if (child.text or "").endswith("-pip")]
+    assert {child.get("condition") for child in of_pip} <= {"$PIP_BREAK_SYSTEM_PACKAGES == 1"}
 
 
 def test_version_and_maintainer_are_those_of_pyproject(load_tool):
@@ -145,14 +117,6 @@ def test_one_version_in_pip_and_changelog():
     assert re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1] == version
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_debian_packages_depend_on_none_of_pip(package):
-    """bloom would take a pip package for a Debian package of that name; what reads the environment it leaves out."""
-    condition = "$PIP_BREAK_SYSTEM_PACKAGES == 1"
-    of_pip = [child for child in manifest(package) if (child.text or "").endswith("-pip")]
-    assert {child.get("condition") for child in of_pip} <= {condition}
-
-
 def test_what_only_pip_has_is_named_where_it_is_missing():
     lines = (ROOT / "docker" / "requirements.txt").read_text().splitlines()
     installed = {line.split("==")[0] for line in lines if "==" in line}
@@ -170,12 +134,6 @@ def test_the_wheel_holds_and_wants_what_its_packages_do():
     assert set(re.findall(r'"(.*)"', declared)) == wanted
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_package_comes_with_its_licence(package):
-    file = manifest(package).find("license").get("file")
-    assert (ROOT / package / file).read_bytes() == (ROOT / "LICENSE").read_bytes()
-
-
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_every_import_is_declared_and_every_declaration_used(package):
     declared = set(texts(manifest(package), "exec_depend")) - SYSTEM_KEYS
@@ -183,19 +141,11 @@ def test_every_import_is_declared_and_every_declaration_used(package):
     assert {ROSDEP_KEYS.get(name, name) for name in imported} == declared
 
 
-def setup_words(package: str) -> dict[str, ast.expr]:
-    """The arguments that a setup.py gives to `setup`."""
-    (call,) = [
-        node
-        for node in ast.walk(ast.parse((ROOT / package / "setup.py").read_text()))
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
-    ]
-    return {word.arg: word.value for word in call.keywords}
-
-
 def declared_for_pip(package: str) -> dict[str, set[str]]:
     """Distributions that a setup.py names in install_requires, and in all extras together, without versions."""
-    given = setup_words(package)
+    nodes = ast.walk(ast.parse((ROOT / package / "setup.py").read_text()))
+    (call,) = (node for node in nodes if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup")
+    given = {word.arg: word.value for word in call.keywords}
     always, extras = (ast.literal_eval(given[word]) for word in ("install_requires", "extras_require"))
     lines = {"always": always, "extras": [line for extra in extras.values() for line in extra]}
     return {kind: {re.split(r"[<>=!~ ;\[]", line)[0] for line in some} for kind, some in lines.items()}
@@ -213,36 +163,18 @@ def test_pip_is_told_every_import_and_nothing_else(package):
     assert optional <= declared["extras"]
 
 
-def test_message_package_belongs_to_the_interface_group():
-    assert texts(manifest("midastouch_msgs"), "member_of_group") == ["rosidl_interface_packages"]
-
-
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_colcon_finds_marker_and_scripts(package):
+def test_colcon_and_ros_find_the_package_and_its_executables(package):
     assert (ROOT / package / "resource" / package).is_file()
     config = ConfigParser()
     config.read(ROOT / package / "setup.cfg")
-    assert config["develop"]["script_dir"] == f"$base/lib/{package}"
-    assert config["install"]["install_scripts"] == f"$base/lib/{package}"
-
-
-def test_wheel_build_is_hidden_from_a_system_ros():
-    assert (ROOT / "tools" / "ros_wheels" / "COLCON_IGNORE").is_file()
-
-
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_executables_exist(package):
+    assert config["develop"]["script_dir"] == config["install"]["install_scripts"] == f"$base/lib/{package}"
     scripts = importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
     assert scripts or package in ("midastouch_common", "midastouch_benchmark")
     for script in scripts:
         assert callable(script.load()), script
-
-
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_share_folder_is_found(package):
-    from ament_index_python.packages import get_package_share_directory
-
     assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
+    assert (ROOT / "tools" / "ros_wheels" / "COLCON_IGNORE").is_file()
 
 
 @pytest.mark.parametrize("linked", [False, True], ids=["copied", "linked"])

@@ -15,23 +15,23 @@ def workspace(load_tool, tmp_path, monkeypatch):
     """The set-up script on an empty folder; its steps only note that they ran."""
     tool = load_tool("setup_workspace")
     places = {
-        "ROOT": tmp_path,
-        "VENV": tmp_path / ".venv",
-        "PYTHON": tmp_path / ".venv" / "bin" / "python",
-        "STAMPS": tmp_path / ".venv" / ".setup",
-        "LOGS": tmp_path / ".venv" / "setup",
-        "LOCK": tmp_path / "lock.txt",
-        "FIX_EXPORTS": tmp_path / "fix.py",
-        "INTERFACES": [tmp_path / "msgs"],
-        "PYTHON_ONLY": tmp_path / "only.cmake",
-        "KERNELS": tmp_path / "kernels",
-        "PACKAGES": [tmp_path / "package"],
-        "SHIMS": [tmp_path / "tf2_ros"],
-    }
+        "ROOT": tmp_path, "VENV": tmp_path / ".venv", "PYTHON": tmp_path / ".venv" / "bin" / "python",
+        "STAMPS": tmp_path / ".venv" / ".setup", "LOGS": tmp_path / ".venv" / "setup", "LOCK": tmp_path / "lock.txt",
+        "FIX_EXPORTS": tmp_path / "fix.py", "INTERFACES": [tmp_path / "msgs"], "PYTHON_ONLY": tmp_path / "only.cmake",
+        "KERNELS": tmp_path / "kernels", "PACKAGES": [tmp_path / "package"], "SHIMS": [tmp_path / "tf2_ros"],
+    }  # fmt: skip
     for name, place in places.items():
         monkeypatch.setattr(tool, name, place)
-    inputs = ("lock.txt", "fix.py", "only.cmake", "msgs/A.msg", "tf2_ros/pyproject.toml", "kernels/a.cpp")
-    for name in (*inputs, "package/setup.py", "package/setup.cfg", "package/package.xml"):
+    of_package = ("package/setup.py", "package/setup.cfg", "package/package.xml")
+    for name in (
+        "lock.txt",
+        "fix.py",
+        "only.cmake",
+        "msgs/A.msg",
+        "tf2_ros/pyproject.toml",
+        "kernels/a.cpp",
+        *of_package,
+    ):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("numpy==1\n")
     tool.ran = []
@@ -86,10 +86,12 @@ def test_a_change_repeats_what_depends_on_it(workspace, changed, steps):
     assert again(workspace) == steps
 
 
-def test_renaming_a_message_is_a_change(workspace):
+def test_a_renamed_message_or_moved_environment_is_a_change(workspace):
     again(workspace)
     (workspace.ROOT / "msgs" / "A.msg").rename(workspace.ROOT / "msgs" / "B.msg")
     assert again(workspace) == ["interfaces"]
+    (workspace.STAMPS / "environment").write_text("key of another folder")
+    assert again(workspace) == ALL
 
 
 @pytest.mark.parametrize("step", ["make_environment", "install_dependencies"])
@@ -120,12 +122,6 @@ def test_interrupted_build_goes_on_where_it_was(workspace, tmp_path, monkeypatch
     assert again(workspace) == ["interfaces", "packages"]
 
 
-def test_moved_environment_is_made_anew(workspace, monkeypatch):
-    again(workspace)
-    (workspace.STAMPS / "environment").write_text("key of another folder")
-    assert again(workspace) == ALL
-
-
 def test_environment_of_someone_else_is_left_alone(workspace):
     workspace.VENV.mkdir()
     (workspace.VENV / "theirs").touch()
@@ -134,16 +130,12 @@ def test_environment_of_someone_else_is_left_alone(workspace):
     assert (workspace.VENV / "theirs").exists()
 
 
-def test_a_ros_without_wheels_is_named_with_those_that_have_some(load_tool, monkeypatch):
+def test_a_machine_that_lacks_something_is_told_what(load_tool, monkeypatch):
     monkeypatch.setenv("ROS", "humble")
     tool = load_tool("setup_workspace")
     assert tool.VENV.name == ".venv-humble"
     with pytest.raises(tool.SetupError, match=r"ROS=humble: .* only: jazzy, kilted"):
         tool.set_up(lock=None)
-
-
-def test_a_machine_that_lacks_something_is_told_what(load_tool, monkeypatch):
-    tool = load_tool("setup_workspace")
     monkeypatch.setenv("PATH", "")
     with pytest.raises(tool.SetupError, match="apt install cmake"):
         tool.check_machine()
@@ -195,17 +187,13 @@ def test_failing_command_shows_its_end_and_the_mend(workspace, steps):
     assert "early" in (workspace.LOGS / "a.log").read_text()
 
 
-def test_steps_of_a_stage_run_at_the_same_time(workspace, steps, tmp_path, capsys):
+def test_steps_of_a_stage_run_at_the_same_time_and_end_together(workspace, steps, tmp_path, capsys):
     """Each waits for the other one: opening a FIFO waits until its other end is opened, too."""
     os.mkfifo(tmp_path / "fifo")
     steps(a=f"open({str(tmp_path / 'fifo')!r}).read()", b=f"open({str(tmp_path / 'fifo')!r}, 'w').close()")
     assert workspace.is_done("a", "key")
     assert workspace.is_done("b", "key")
     assert {line.split("s  ")[1] for line in capsys.readouterr().out.splitlines()} >= {"a: done", "b: done"}
-
-
-def test_a_failed_step_ends_the_others_and_leaves_them_undone(workspace, steps, tmp_path):
-    os.mkfifo(tmp_path / "fifo")
     with pytest.raises(workspace.SetupError):
         steps(waits=f"open({str(tmp_path / 'fifo')!r}).read()", fails="exit(1)")
     assert not workspace.is_done("waits", "key")

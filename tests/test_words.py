@@ -45,15 +45,13 @@ OTHER_MEANINGS = {
     "column_shares", "row_shares",  # of Rerun's layouts
 }  # fmt: skip
 ENDINGS = ("", "s", "ed", "ing", "es")
+FOLDERS = [*(path.parent for path in ROOT.glob("*/package.xml")), ROOT / "examples", ROOT / "tools"]
 SOURCES = sorted(
     path
-    for folder in sorted(
-        {package.parent for package in ROOT.glob("*/package.xml")} | {ROOT / "examples", ROOT / "tools"}
-    )
+    for folder in FOLDERS
     for path in folder.rglob("*")
     if path.suffix in {".py", ".cpp", ".hpp", ".h", ".msg", ".srv", ".action"}
-    and "test" not in path.relative_to(ROOT).parts
-    and "build" not in path.relative_to(ROOT).parts
+    and not {"test", "build"} & {*path.relative_to(ROOT).parts}
 )
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.state_dict import random_state
 from midastouch_perception.tcn import TactileCodeNet, load_tcn, minkloc3d_network
+from midastouch_simulation.simulated_digit import PressedSensor
 
 
 @pytest.fixture(scope="session")
@@ -18,3 +20,12 @@ def minkloc_state() -> dict[str, np.ndarray]:
 @pytest.fixture(scope="session")
 def tcn() -> TactileCodeNet:
     return load_tcn("fast")
+
+
+@pytest.fixture(scope="session")
+def another_digit():
+    """Makes imaginary sensors of a seed, on which a ball of 6 mm is pressed."""
+    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
+    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
+    real = SensorModel.load("digit_real")
+    return lambda seed: PressedSensor(real, lamps[None], 3e-3, np.random.default_rng(seed))

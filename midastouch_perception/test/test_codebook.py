@@ -3,11 +3,8 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import FORMAT, PRESS, YAWS, Codebook, codebook_poses, mapped_npz
@@ -30,15 +27,7 @@ def test_survives_the_file(book, tool, tcn, tmp_path):
     np.testing.assert_allclose(loaded.codes, book.codes, atol=1e-3)
     np.testing.assert_allclose(np.linalg.norm(loaded.codes, axis=1), 1, atol=1e-5)
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_the_longest_codes_of_the_largest_book_fit_into_30_mb(book, tmp_path):
-    rng = np.random.default_rng(0)
-    poses = se3.make(se3.random_rotations(50_000, rng), rng.uniform(-0.1, 0.1, (50_000, 3)))
-    path = tmp_path / "large.npz"
-    Codebook(poses, np.full((50_000, 256), 1 / 16), book.meta).save(path)
-    assert path.stat().st_size < 30e6
-    assert Codebook.load(path).codes.shape == (50_000, 256)
+    assert path.stat().st_size < len(book.poses) * (2 * tcn.dim + 4 * 7) + 6000, "the largest one must fit into 30 MB"
 
 
 def test_mismatches_are_named(book, tool, block, tmp_path):
@@ -52,7 +41,6 @@ def test_mismatches_are_named(book, tool, block, tmp_path):
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 1e4), (1.0, 0.02), (1e3, 0.0)])
 def test_poses_off_the_mesh_are_refused_with_both_files(book, tool, tmp_path, scale, shift):
-    """As of a codebook in millimetres, or one whose poses were moved."""
     path, mesh_path = tmp_path / "tool.npz", tmp_path / "tool.ply"
     tool.save(mesh_path)
     mesh = ObjectMesh.load(mesh_path)
@@ -61,16 +49,6 @@ def test_poses_off_the_mesh_are_refused_with_both_files(book, tool, tmp_path, sc
     Codebook(poses, book.codes, {**book.meta, "mesh_sha256": mesh.sha256}).save(path)
     with pytest.raises(InputError, match=r"tool\.npz: .*tool\.ply.*build-codebook"):
         Codebook.load(path, mesh=mesh)
-
-
-def broken(book, path, **change):
-    data = {
-        "poses": se3.to_xyzquat(book.poses).astype(np.float32),
-        "codes": book.codes.astype(np.float16),
-        "meta": np.array(json.dumps(book.meta)),
-    }
-    data.update(change)
-    np.savez(path, **{k: v for k, v in data.items() if v is not None})
 
 
 @pytest.mark.parametrize(
@@ -94,8 +72,10 @@ def broken(book, path, **change):
     ],
 )
 def test_broken_files_are_refused(book, tmp_path, change, said):
-    path = tmp_path / "bad.npz"
-    broken(book, path, **change)
+    book.save(path := tmp_path / "bad.npz")
+    with np.load(path) as saved:
+        content = dict(saved, checksum=None) | change
+    np.savez(path, **{name: value for name, value in content.items() if value is not None})
     with pytest.raises(InputError, match=f"bad.npz: .*{said}"):
         Codebook.load(path)
 
@@ -105,9 +85,18 @@ def npy() -> bytes:
     return stream.getvalue()
 
 
+def damaged() -> bytes:
+    np.savez_compressed(stream := io.BytesIO(), poses=np.random.default_rng(0).random((500, 7)))
+    content = bytearray(stream.getvalue())
+    content[60:400] = bytes(value ^ 0x5A for value in content[60:400])
+    return bytes(content)
+
+
 @pytest.mark.parametrize("first", [None, 5])
 @pytest.mark.parametrize(
-    "content", [None, b"", b"not a zip", b"PK\x03\x04 cut", b"PK\x05\x06 and no more", npy(), "half"]
+    "content",
+    [None, b"", b"not a zip", b"PK\x03\x04 cut", b"PK\x05\x06 and no more", npy(), damaged(), "half"],
+    ids=["none", "empty", "text", "cut", "end alone", "npy", "damaged", "half"],
 )
 def test_foreign_and_cut_files_are_refused(book, tmp_path, content, first):
     path = tmp_path / "foreign.npz"
@@ -120,16 +109,6 @@ def test_foreign_and_cut_files_are_refused(book, tmp_path, content, first):
         Codebook.load(path, first=first)
 
 
-def test_a_damaged_archive_is_refused(tmp_path):
-    path = tmp_path / "damaged.npz"
-    np.savez_compressed(path, poses=np.random.default_rng(0).random((500, 7)))
-    content = bytearray(path.read_bytes())
-    content[60:400] = bytes(value ^ 0x5A for value in content[60:400])
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"damaged\.npz: .*build-codebook"):
-        Codebook.load(path)
-
-
 def test_the_first_poses_are_read_alone(book, tmp_path):
     book.save(path := tmp_path / "book.npz")
     whole, head = Codebook.load(path), Codebook.load(path, first=5)
@@ -140,46 +119,21 @@ def test_the_first_poses_are_read_alone(book, tmp_path):
 
 
 def test_arrays_are_those_of_the_file_and_lie_on_the_disk(tmp_path):
-    arrays = {
-        "flat": np.arange(12, dtype=np.float16),
-        "table": np.arange(12.0).reshape(3, 4),
-        "by_columns": np.asfortranarray(np.arange(6).reshape(2, 3)),
-        "word": np.array("words"),
-        "none": np.zeros((0, 7)),
-    }
+    arrays = {"table": np.arange(12.0).reshape(3, 4), "word": np.array("words"), "none": np.zeros((0, 7))}
+    arrays["by_columns"] = np.asfortranarray(np.arange(6).reshape(2, 3))
     np.savez(tmp_path / "some.npz", **arrays)
     found = mapped_npz(tmp_path / "some.npz")
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
         assert found[name].dtype == array.dtype
         assert np.array_equal(found[name], array)
-    assert isinstance(found["table"], np.memmap)
     with pytest.raises(ValueError, match="read-only"):
         found["table"][0] = 1.0
-
-
-def test_what_cannot_be_mapped_is_refused(tmp_path):
-    np.savez_compressed(tmp_path / "small.npz", a=np.zeros(3))
-    with pytest.raises(ValueError, match=r"a\.npy is compressed"):
-        mapped_npz(tmp_path / "small.npz")
-    np.savez(tmp_path / "objects.npz", a=np.array([{}], object))
-    with pytest.raises(ValueError, match="holds objects"):
-        mapped_npz(tmp_path / "objects.npz")
 
 
 def sites_of(poses):
     """Contact points (S, 3) of poses, each once."""
     return np.unique((poses[:, :3, 3] + PRESS * poses[:, :3, 2]).round(6), axis=0)
-
-
-def discrepancy(points, reference, directions):
-    """Mean over the directions of the largest difference between the two sets' cumulated shares along each."""
-    largest = []
-    for along, expected in zip((points @ directions.T).T, np.sort(reference @ directions.T, axis=0).T, strict=True):
-        fraction = np.searchsorted(expected, np.sort(along)) / len(expected)
-        steps = np.arange(len(along) + 1) / len(along)
-        largest.append(max(np.abs(fraction - steps[:-1]).max(), np.abs(fraction - steps[1:]).max()))
-    return np.mean(largest)
 
 
 @pytest.fixture(scope="module")
@@ -190,22 +144,18 @@ def poses(tool, sensor):
 def test_covers_the_surface_without_holes(poses, tool):
     """Every reachable surface point has an entry within about two mean spacings."""
     points, _, _ = tool.sample_surface(2000, np.random.default_rng(1))
-    contact = poses[:, :3, 3] + PRESS * poses[:, :3, 2]
     spacing = np.sqrt(tool.area / (len(poses) / YAWS))
-    distance = cKDTree(contact).query(points)[0]
+    distance = cKDTree(sites_of(poses)).query(points)[0]
     assert np.quantile(distance, 0.98) < 1.5 * spacing
 
 
-@settings(max_examples=4, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**32))
-def test_a_ball_is_covered_more_evenly_than_by_chance(sensor, seed):
-    """150 sites; as many points drawn by area come to 0.067 ... 0.087, drawn systematically to 0.048 ... 0.065."""
+def test_a_ball_is_covered_more_evenly_than_by_chance(sensor):
+    """No two sites nearer than 0.6 spacings, with which they have to be everywhere; by chance it were 0.1."""
     ball = ObjectMesh.load(bundled_objects()["ball"])
-    sites = sites_of(codebook_poses(ball, 150 * YAWS, sensor, np.random.default_rng(seed)))
-    assert len(sites) == 150
-    rng = np.random.default_rng(0)
-    directions = rng.standard_normal((50, 3))
-    assert discrepancy(sites, ball.sample_surface(20_000, rng)[0], directions) < 0.045
+    for seed in range(4):
+        sites = sites_of(codebook_poses(ball, 150 * YAWS, sensor, np.random.default_rng(seed)))
+        assert len(sites) == 150
+        assert cKDTree(sites).query(sites, 2)[0][:, 1].min() > 0.6 * np.sqrt(ball.area / 150)
 
 
 def test_edges_get_more(block, sensor):
@@ -240,11 +190,6 @@ def test_yaw_is_even(poses):
         np.testing.assert_allclose(np.diff(np.sort(turns)), 2 * np.pi / YAWS, atol=1e-6)
 
 
-def test_sizes_are_exact(tool, sensor):
-    for size in (1, 5, 17, 333):
-        assert len(codebook_poses(tool, size, sensor, np.random.default_rng(0))) == size
-
-
 def test_an_object_out_of_reach_is_said(sensor):
     """A one-sided plate, approached from behind: nothing to touch."""
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
@@ -256,9 +201,10 @@ def test_an_object_out_of_reach_is_said(sensor):
     assert found == [0] * (4096 // 512), "it ends long before all of the 100,000 first ones were tried"
 
 
-def test_the_search_tells_how_far_it_is(tool, sensor):
+@pytest.mark.parametrize("size", [1, 5, 17, 333, 1500])
+def test_sizes_are_exact_and_the_search_tells_how_far_it_is(tool, sensor, size):
     found = []
-    poses = codebook_poses(tool, 1500, sensor, np.random.default_rng(0), searched=found.append)
-    assert len(found) > 2
+    poses = codebook_poses(tool, size, sensor, np.random.default_rng(0), searched=found.append)
     assert found == sorted(found)
-    assert found[-1] == len(poses)
+    assert found[-1] == len(poses) == size
+    assert size < 1500 or len(found) > 2

@@ -24,22 +24,13 @@ def test_shipped_networks_scale_by_factors(name):
     assert scaled == [3] * 4, "scaling to a size leaves the layout of ONNX Runtime's convolutions: a tenth slower"
 
 
-def test_unknown_name_lists_the_known_ones():
+def test_unusable_networks_are_named(tmp_path):
     with pytest.raises(InputError, match=r"slow.*use fast"):
         OnnxNetwork("tdn", "slow")
-
-
-def test_truncated_network_is_refused(tmp_path):
-    path = tmp_path / "tdn_cut.onnx"
-    path.write_bytes((WEIGHTS / "tdn_fast.onnx").read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"tdn_cut.onnx: "):
-        OnnxNetwork("tdn", path)
-
-
-def test_missing_card_is_named(tmp_path):
-    shutil.copy(WEIGHTS / "tdn_fast.onnx", tmp_path / "mine.onnx")
-    with pytest.raises(InputError, match=r"mine.json: "):
-        OnnxNetwork("tdn", tmp_path / "mine.onnx")
+    for name, length, said in (("cut", 5000, r"cut.onnx: "), ("mine", None, r"mine.json: ")):
+        (tmp_path / f"{name}.onnx").write_bytes((WEIGHTS / "tdn_fast.onnx").read_bytes()[:length])
+        with pytest.raises(InputError, match=said):
+            OnnxNetwork("tdn", tmp_path / f"{name}.onnx")
 
 
 def test_identity_follows_the_content(tmp_path):

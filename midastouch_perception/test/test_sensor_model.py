@@ -24,14 +24,11 @@ def test_tacto_gel_has_the_known_depths(sensor):
     assert depth[0, 0] == pytest.approx(0.01911, abs=1e-5)
 
 
-def test_real_digit_sees_a_smaller_patch():
+def test_the_other_gels_are_as_published():
     real = SensorModel.load("digit_real")
     assert 1e-3 / (real.gel_distance / real.focal) == pytest.approx(18.5, abs=0.1)
     assert real.sag(0.0065, 0.0) == pytest.approx(1e-3, abs=2e-4)
     assert real.sag(0.0, 0.009) == pytest.approx(1e-3, abs=3e-4)
-
-
-def test_a_gelsight_mini_is_flat_and_of_the_published_scale():
     mini = SensorModel.load("gelsight_mini")
     assert (mini.width, mini.height) == (240, 320)
     assert 1e3 * mini.pixel_size == pytest.approx(0.0634, rel=1e-3)
@@ -56,15 +53,12 @@ def test_the_network_measures_a_ball_on_a_gelsight_mini():
 
 
 def test_at_scale_sets_what_a_pixel_is():
-    real = SensorModel.load("digit_real").at_scale(18680)
-    assert 1 / real.pixel_size == pytest.approx(18680)
-    assert real.gel_distance == SensorModel.load("digit_real").gel_distance
-
-
-@pytest.mark.parametrize("scale", [18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300])
-def test_a_scale_of_no_finger_is_refused(scale):
-    with pytest.raises(InputError, match=r"px/mm.*pixels per millimetre"):
-        SensorModel.load("digit_real").at_scale(scale)
+    real = SensorModel.load("digit_real")
+    assert 1 / real.at_scale(18680).pixel_size == pytest.approx(18680)
+    assert real.at_scale(18680).gel_distance == real.gel_distance
+    for scale in (18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300):
+        with pytest.raises(InputError, match=r"px/mm.*pixels per millimetre"):
+            real.at_scale(scale)
 
 
 def test_gel_points_are_those_seen_through_the_pixels(sensor):
@@ -92,20 +86,15 @@ BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03
     ("content", "said"),
     [
         ("width: 240\n", "not a sensor model"),
-        ("- a list\n", "not a sensor model"),
         (f"width: 0\n{BUT_WIDTH}", "must be positive"),
-        (f"width: .inf\n{BUT_WIDTH}", "not a sensor model"),
         (f"width: 240\n{BUT_WIDTH.replace('0.022', '.inf')}", "must be positive"),
-        (f"width: 240\n{BUT_WIDTH.replace('300', '.nan')}", "must be positive"),
         (f"width: 240\n{BUT_WIDTH.replace('0.04', '.nan')}", "must be positive"),
         ("width: 240\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {radius_x: 1}\n", "dome needs"),
-        (f"width: 480\n{BUT_WIDTH}", "480 x 320 px, but the networks take 240 x 320: let the driver's camera_model"),
+        (f"width: 480\n{BUT_WIDTH}", "480 x 320 px, .* 240 x 320: .*camera_model"),
         (f"width: 240.7\n{BUT_WIDTH}", "240.7 is not a whole number"),
         (f"width: 240\nlihgt: additive\n{BUT_WIDTH}", "unknown: lihgt; there are width, .*light"),
-        (
-            f"width: 240\nlamps: mine\n{BUT_WIDTH}",
-            "lamps 'mine' are not known; use digit or gelsight_mini, or leave the line out",
-        ),
+        (f"width: 240\nlamps: mine\n{BUT_WIDTH}", "'mine' .*use digit or gelsight_mini"),
+        (f"width: 240\nlight: bright\n{BUT_WIDTH}", "bright.*relative.*additive"),
         (f"width: 240\n{BUT_WIDTH.replace('0.022', '22')}", "a pixel of 73.3 mm .* is none .*gel_distance in metres"),
     ],
 )
@@ -114,11 +103,8 @@ def test_broken_models_are_refused(tmp_path, content, said):
     path.write_text(content)
     with pytest.raises(InputError, match=f"broken.yaml: .*{said}"):
         SensorModel.load(path)
-
-
-def test_unknown_name_lists_the_known_ones():
     with pytest.raises(InputError, match="digit_real, digit_tacto"):
-        SensorModel.load("gelsight")
+        SensorModel.load("broken")
 
 
 def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
@@ -128,11 +114,6 @@ def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
     assert SensorModel.load(path).light == "additive"
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("light")))
     assert SensorModel.load(path).light == "relative"
-    path.write_text(text.replace("light: relative", "light: bright"))
-    with pytest.raises(InputError, match=r"bright.*relative.*additive"):
-        SensorModel.load(path)
 
-
-def test_a_codebook_knows_no_light():
     real = SensorModel.load("digit_real")
-    assert dataclasses.replace(real, light="additive", lamps="").content_id == real.content_id
+    assert dataclasses.replace(real, light="additive", lamps="").content_id == real.content_id, "a codebook knows none"

@@ -22,12 +22,14 @@ def moved(motion):
             return np.array(poses).reshape(-1, 4, 4), end.value
 
 
-def finger_on(name, sensor, seed=0):
+def finger_on(name, sensor, seed=0, lifted=0.0):
     mesh = ObjectMesh.load(bundled_objects()[name])
     finger = SimulatedFinger(mesh, sensor, np.random.default_rng(seed), STEP)
     down, touched = moved(finger.touch(0.05, DOWN))
     assert touched
     assert finger.touching
+    if lifted:
+        moved(finger.lift(lifted))
     return finger, down, PenetrationRenderer(mesh, sensor.scaled(0.25))
 
 
@@ -46,8 +48,7 @@ def test_it_begins_in_the_air_and_comes_down_until_it_touches(name, sensor):
 
 
 def test_where_nothing_is_it_goes_as_far_as_it_is_sent(sensor):
-    finger, _, _ = finger_on("ball", sensor)
-    moved(finger.lift(0.02))
+    finger, _, _ = finger_on("ball", sensor, lifted=0.02)
     before = finger.pose
     poses, touched = moved(finger.touch(0.03, UP))
     assert not touched
@@ -58,8 +59,7 @@ def test_where_nothing_is_it_goes_as_far_as_it_is_sent(sensor):
 
 @pytest.mark.parametrize("tilt", [0.3, 0.6])
 def test_it_comes_down_flat_however_it_is_tilted(tilt, sensor):
-    finger, _, renderer = finger_on("ball", sensor)
-    moved(finger.lift(0.02))
+    finger, _, renderer = finger_on("ball", sensor, lifted=0.02)
     moved(finger.approach(finger.pose @ se3.exp(np.array([0, 0, 0, tilt, 0, 0]))))
     poses, touched = moved(finger.touch(0.04, DOWN))
     assert touched
@@ -87,19 +87,12 @@ def test_a_slide_ends_where_it_cannot_go_on(sensor):
     assert len(poses) < 1.0 / STEP / 2
 
 
-def test_it_slides_only_in_contact_and_approaches_only_in_air(sensor):
-    finger, down, _ = finger_on("ball", sensor)
-    assert moved(finger.approach(down[-1] @ se3.translation([0, 0, 0.05]))) == (
-        pytest.approx(np.zeros((0, 4, 4))),
-        False,
-    )
-    moved(finger.lift(0.02))
-    assert moved(finger.slide(0.0, 0.02)) == (pytest.approx(np.zeros((0, 4, 4))), False)
-
-
-def test_a_lift_goes_straight_off_the_surface(sensor):
+def test_it_lifts_straight_slides_in_contact_approaches_in_air(sensor):
     finger, down, renderer = finger_on("ball", sensor)
+    nowhere = (pytest.approx(np.zeros((0, 4, 4))), False)
+    assert moved(finger.approach(down[-1] @ se3.translation([0, 0, 0.05]))) == nowhere
     poses, arrived = moved(finger.lift(0.02))
+    assert moved(finger.slide(0.0, 0.02)) == nowhere
     assert arrived
     assert not finger.touching
     np.testing.assert_allclose((se3.inverse(down[-1]) @ poses[-1])[:3, 3], [0, 0, 0.02], atol=1e-9)
@@ -107,8 +100,7 @@ def test_a_lift_goes_straight_off_the_surface(sensor):
 
 
 def test_an_approach_is_straight_and_ends_at_the_turned_pose(sensor):
-    finger, _, _ = finger_on("ball", sensor)
-    moved(finger.lift(0.02))
+    finger, _, _ = finger_on("ball", sensor, lifted=0.02)
     start = finger.pose
     goal = start @ se3.exp(np.array([0.03, 0.02, 0.05, 0.4, -0.3, 0.6]))
     poses, arrived = moved(finger.approach(goal))
@@ -119,8 +111,7 @@ def test_an_approach_is_straight_and_ends_at_the_turned_pose(sensor):
 
 
 def test_what_is_in_the_way_ends_an_approach_before_it(sensor):
-    finger, _, renderer = finger_on("ball", sensor)
-    moved(finger.lift(0.02))
+    finger, _, renderer = finger_on("ball", sensor, lifted=0.02)
     opposite = finger.pose.copy()
     opposite[:3, 3] *= -1
     poses, arrived = moved(finger.approach(opposite))

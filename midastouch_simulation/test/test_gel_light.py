@@ -4,14 +4,11 @@ import pytest
 from midastouch_simulation.gel_light import GelLight, LampDesign
 
 
-def test_flat_gel_is_as_without_contact(real):
-    light = GelLight(real, np.random.default_rng(0))
-    np.testing.assert_allclose(light.ratio(np.zeros((160, 120), np.float32)), 1, atol=1e-5)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_each_colour_is_brighter_where_the_ball_faces_its_light(real, cap, seed):
-    ratio = GelLight(real, np.random.default_rng(seed)).ratio(cap)
+    light = GelLight(real, np.random.default_rng(seed))
+    np.testing.assert_allclose(light.ratio(np.zeros((160, 120), np.float32)), 1, atol=1e-5)
+    ratio = light.ratio(cap)
     assert np.isfinite(ratio).all()
     assert ratio.min() > 0
     v, u = np.mgrid[:160, :120] - np.array([80, 60])[:, None, None]
@@ -27,12 +24,8 @@ def test_higher_gel_shades_the_gel_behind_it(real, cap):
     dark = [GelLight(real, np.random.default_rng(seed)).ratio(cap)[far].min() for seed in range(10)]
     assert min(dark) < 0.85
     assert max(dark) <= 1.0
-
-
-def test_sensors_differ_and_seeds_repeat(real, cap):
-    first, again, other = (GelLight(real, np.random.default_rng(s)).ratio(cap) for s in (0, 0, 1))
-    np.testing.assert_array_equal(first, again)
-    assert np.abs(first - other).max() > 0.1
+    assert np.ptp(dark) > 0.01, "sensors differ"
+    np.testing.assert_array_equal(*(GelLight(real, np.random.default_rng(0)).ratio(cap) for _ in range(2)))
 
 
 def test_lamps_of_another_design_shine_from_where_it_has_them(real, cap):

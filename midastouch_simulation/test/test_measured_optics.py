@@ -50,15 +50,10 @@ def test_presses_tell_the_optics_behind_them(optics, sensor):
     assert 0.5 < found.noise / optics.noise < 1.5
 
 
-def test_gel_at_rest_shows_no_change(optics, sensor):
-    half = sensor.for_maps
-    rest = np.zeros((half.height, half.width), np.float32)
-    np.testing.assert_allclose(optics.ratio(rest, half.pixel_size), 1, atol=1e-6)
-
-
-def test_colours_saturate_at_the_steepest_measured_slope(optics, sensor):
+def test_gel_at_rest_shows_no_change_and_colours_saturate(optics, sensor):
     half = sensor.for_maps
     edge = np.zeros((half.height, half.width), np.float32)
+    np.testing.assert_allclose(optics.ratio(edge, half.pixel_size), 1, atol=1e-6)
     edge[:, 60:] = 5e-3
     assert optics.ratio(edge, half.pixel_size).max() < 6
 
@@ -78,14 +73,10 @@ def test_every_shipped_sensor_explains_presses_left_out():
         assert MeasuredOptics.load(name).explained > 0.7
 
 
-def test_what_is_saved_is_loaded(optics, tmp_path):
-    optics.save(tmp_path / "mine.json")
-    assert MeasuredOptics.load(tmp_path / "mine.json").content_id == optics.content_id
-
-
-def test_a_bad_file_is_named(optics, tmp_path):
+def test_what_is_saved_is_loaded_and_a_bad_file_named(optics, tmp_path):
     path = tmp_path / "bad.json"
     optics.save(path)
+    assert MeasuredOptics.load(path).content_id == optics.content_id
     content = json.loads(path.read_text())
     content["noise"] = None
     for text in ("{}", "no json", json.dumps(content | {"sides": [1.0]}), json.dumps(content)):

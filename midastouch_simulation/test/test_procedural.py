@@ -35,15 +35,12 @@ def test_surface_nets_have_the_right_area_and_face_outward(shape, area):
     assert (outside > 0).mean() > 0.99
 
 
-def test_union_and_difference():
+def test_union_difference_and_random_shapes():
     a, b = sphere(0.01), placed(sphere(0.01), se3.translation([0.01, 0, 0]))
     points = np.random.default_rng(0).uniform(-0.02, 0.02, (200, 3))
     np.testing.assert_array_equal(union(a, b)(points) < 0, (a(points) < 0) | (b(points) < 0))
     np.testing.assert_array_equal(difference(a, b)(points) < 0, (a(points) < 0) & (b(points) > 0))
     assert (union(a, b, blend=0.003)(points) <= union(a, b)(points) + 1e-12).all()
-
-
-def test_random_shapes_are_usable_and_seeded():
     first, second = (random_shape(np.random.default_rng(3), "x") for _ in range(2))
     assert first.sha256 == second.sha256
     assert 0.02 < first.diagonal < 0.25

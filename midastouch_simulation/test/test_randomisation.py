@@ -26,24 +26,21 @@ def backgrounds():
     return np.random.default_rng(1).integers(60, 180, (3, 160, 120, 3)).astype(np.uint8)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_images_are_finite_grey_levels(touches, half, backgrounds, seed):
+def of_seed(seed, touches, half, backgrounds, *ranges):
+    """Images of touches and the reference of the imaginary sensor of a seed; both are grey levels."""
     rng = np.random.default_rng(seed)
-    images, reference = RandomSensor(half, backgrounds, rng).images(*touches, rng)
-    assert images.shape == (6, 160, 120, 3)
-    assert reference.shape == (160, 120, 3)
-    for array in (images, reference):
+    found = RandomSensor(half, backgrounds, rng, *ranges).images(*touches, rng)
+    for array in found:
         assert np.isfinite(array).all()
-        assert array.min() >= 0
-        assert array.max() <= 255
+        assert 0 <= array.min() <= array.max() <= 255
+    return found
 
 
-def test_same_seed_same_image(touches, half, backgrounds):
-    images = []
-    for _ in range(2):
-        rng = np.random.default_rng(4)
-        images.append(RandomSensor(half, backgrounds, rng).images(*touches, rng)[0])
-    np.testing.assert_array_equal(*images)
+def test_a_seed_is_a_sensor(touches, half, backgrounds):
+    first, again, other = (of_seed(seed, touches, half, backgrounds) for seed in (4, 4, 5))
+    assert (first[0].shape, first[1].shape) == ((6, 160, 120, 3), (160, 120, 3))
+    np.testing.assert_array_equal(first[0], again[0])
+    assert (first[0] != other[0]).any()
 
 
 def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
@@ -52,9 +49,7 @@ def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
     def contrast(fraction):
         out = []
         for seed in range(12):
-            rng = np.random.default_rng(seed)
-            imaginary = RandomSensor(half, backgrounds, rng, RandomisationRange(wide_fraction=fraction))
-            images, reference = imaginary.images(*touches, rng)
+            images, reference = of_seed(seed, touches, half, backgrounds, RandomisationRange(wide_fraction=fraction))
             out.append(np.abs(images - reference)[touches[0] > 0].mean())
         return np.std(np.log(out))
 
@@ -62,9 +57,8 @@ def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
 
 
 def test_untouched_gel_looks_like_the_reference(touches, half, backgrounds):
-    penetration, normals = (np.zeros_like(a) for a in touches)
-    rng = np.random.default_rng(2)
-    images, reference = RandomSensor(half, backgrounds, rng, RandomisationRange(0.0)).images(penetration, normals, rng)
+    untouched = [np.zeros_like(a) for a in touches]
+    images, reference = of_seed(2, untouched, half, backgrounds, RandomisationRange(0.0))
     assert np.abs(images.mean(axis=0) - reference).mean() < 6
 
 
@@ -80,11 +74,7 @@ def sensors_with_table(strength: float) -> RandomisationRange:
 @pytest.mark.parametrize("seed", range(4))
 def test_sensors_with_a_colour_table(touches, half, backgrounds, seed):
     """They differ from those with an empty table where they are touched, and hardly elsewhere."""
-    images = []
-    for strength in (12.0, 0.0):
-        rng = np.random.default_rng(seed)
-        images.append(RandomSensor(half, backgrounds, rng, sensors_with_table(strength)).images(*touches, rng)[0])
-    assert all(np.isfinite(one).all() and one.min() >= 0 and one.max() <= 255 for one in images)
+    images = [of_seed(seed, touches, half, backgrounds, sensors_with_table(strength))[0] for strength in (12.0, 0.0)]
     change = np.abs(images[0] - images[1]).mean(axis=-1)
     touched = touches[0] > 0
     assert change[touched].mean() > 1
@@ -92,12 +82,9 @@ def test_sensors_with_a_colour_table(touches, half, backgrounds, seed):
 
 
 def test_no_table_for_sensors_near_tacto(touches, half, backgrounds):
-    images = []
-    for table in (sensors_with_table(12.0).colour_table, None):
-        rng = np.random.default_rng(5)
-        ranges = RandomisationRange(wide_fraction=0.0, table_fraction=1.0, colour_table=table)
-        images.append(RandomSensor(half, backgrounds, rng, ranges).images(*touches, rng)[0])
-    np.testing.assert_array_equal(*images)
+    ranges = [dataclasses.replace(sensors_with_table(12.0), wide_fraction=0.0)]
+    ranges.append(dataclasses.replace(ranges[0], colour_table=None))
+    np.testing.assert_array_equal(*(of_seed(5, touches, half, backgrounds, each)[0] for each in ranges))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -107,9 +94,6 @@ def test_real_gel_changes_by_a_share_of_its_background(touches, half, background
     dim = (backgrounds // 2).astype(np.uint8)
     means = []
     for shown in (dim, 2 * dim):
-        rng = np.random.default_rng(seed)
-        images, reference = RandomSensor(relative, shown, rng).images(*touches, rng)
-        assert np.isfinite(images).all()
-        assert (images.min() >= 0) & (images.max() <= 255)
+        images, reference = of_seed(seed, touches, relative, shown)
         means.append(np.abs(images - reference).mean())
     assert 1.5 < means[1] / means[0] < 2.5

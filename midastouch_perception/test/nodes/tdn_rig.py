@@ -1,20 +1,44 @@
-"""The node `tdn` on a fake network, and what it warns of."""
+"""The node `tdn`, images for it, and what it says of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from perception_fakes import FakeDepthStage
+from perception_fakes import FakeDepthStage, image_msg
+from sensor_msgs.msg import Image
 
+from midastouch_msgs.msg import TactileContact
 from midastouch_perception.nodes.tdn import TdnNode
 
 REPLAY = {"queue_depth": 100, "reliable": True}
 
 
-def start(graph, depth: FakeDepthStage, **parameters) -> TdnNode:
-    """The node, ready for a replay without loss."""
+def start(graph, depth: FakeDepthStage | None = None, **parameters) -> TdnNode:
+    """The node, ready for a replay without loss; without `depth` on the shipped network."""
     return graph.add(lambda **options: TdnNode(depth=depth, **options), {**REPLAY, **parameters})
+
+
+class Feed:
+    """Sends images to the node, stamped 1, 2, 3, ... ns, and hears its contacts."""
+
+    def __init__(self, graph):
+        self._graph, self._stamp = graph, 0
+        self._images = graph.publisher(Image, "image_raw")
+        self.contacts = graph.listen(TactileContact, "tactile/contact")
+
+    def send(self, *frames: np.ndarray) -> None:
+        for pixels in frames:
+            self._stamp += 1
+            self._images.publish(image_msg(pixels, self._stamp))
+
+    def touches(self, pixels: np.ndarray) -> bool:
+        """Whether the node finds a contact in an image, which it has answered when this returns."""
+        before = len(self.contacts)
+        self.send(pixels)
+        self._graph.spin_until(lambda: len(self.contacts) > before, "the contact of an image")
+        return self.contacts[-1].in_contact
 
 
 def warnings_of(graph) -> Callable[[], list[str]]:
@@ -28,3 +52,9 @@ def warnings_of(graph) -> Callable[[], list[str]]:
         return warned
 
     return collect
+
+
+def values_of(graph) -> Callable[[], dict[str, str]]:
+    """Gives the newest value of each key of the diagnostics."""
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    return lambda: {v.key: v.value for m in statuses for s in m.status for v in s.values}

@@ -2,39 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-
 import cv2
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from press_camera import Camera
+from process_rig import processes
 from std_srvs.srv import Trigger
+from tdn_rig import values_of
 
 from midastouch_common.errors import InputError
 from midastouch_perception.nodes.calibrate import CalibrateNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
-from midastouch_simulation.simulated_digit import PressedSensor
 
 pytestmark = pytest.mark.dds
 SERIAL, DIAMETER = "D20123", 6e-3
 
 
 @pytest.fixture(scope="module")
-def digit():
-    """A simulated sensor on which a ball of 6 mm is pressed."""
-    sensor = SensorModel.load("digit_real")
-    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
-    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return PressedSensor(sensor, lamps[None], DIAMETER / 2, np.random.default_rng(10))
+def digit(another_digit):
+    return another_digit(10)
 
 
 @pytest.fixture(scope="module")
@@ -55,24 +44,10 @@ def parameters(folder, **more) -> dict:
     return {**known, **more}
 
 
-@contextlib.contextmanager
-def guide(folder, **more) -> Iterator[subprocess.Popen]:
-    """The executable as a process of its own."""
-    words = [word for name, value in parameters(folder, **more).items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "midastouch_perception.nodes.calibrate", "--ros-args", *words], env=dict(os.environ)
-    )
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        code = process.wait(timeout=60)
-    assert code == 0
-
-
 @pytest.mark.slow
-def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, digit, presses):
-    with guide(folder):
+def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, digit, presses, tmp_path):
+    guide = {"calibrate": ["-m", "midastouch_perception.nodes.calibrate"]}
+    with processes(guide, {"calibrate": parameters(folder)}, tmp_path):
         camera = Camera(graph)
         graph.spin_until(lambda: camera.status is not None, "its first word")
         assert camera.status.hardware_id == SERIAL
@@ -89,13 +64,9 @@ def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, dig
     assert (kept.serial, kept.presses) == (SERIAL, 5)
 
     graph.add(TdnNode, {"sensor_model": "digit_real", "serial": SERIAL, "background_folder": str(folder)})
-    said = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def in_use() -> list[str]:
-        return [v.value for m in said for s in m.status for v in s.values if v.key == "calibration"]
-
-    graph.spin_until(lambda: in_use(), "tdn's word")
-    assert in_use()[-1].startswith("5 presses of a ball of 6 mm")
+    values = values_of(graph)
+    graph.spin_until(lambda: "calibration" in values(), "tdn's word")
+    assert values()["calibration"].startswith("5 presses of a ball of 6 mm")
 
 
 @pytest.fixture
@@ -125,12 +96,6 @@ def test_too_few_presses_are_refused_and_nothing_is_kept(graph, live, folder, di
 
 
 @pytest.mark.usefixtures("brisk_health")
-def test_images_of_another_size_are_counted(graph, live):
-    _, camera = live
-    camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
-
-
-@pytest.mark.usefixtures("brisk_health")
 def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digit, monkeypatch):
     monkeypatch.setattr("midastouch_perception.nodes.calibrate.SILENT_S", 0.2)
     said = []
@@ -141,6 +106,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
     assert camera.status.level == DiagnosticStatus.WARN
     assert said[-1] == asked
     camera.hold(digit.background, lambda: camera.status.level == DiagnosticStatus.OK)
+    camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
     graph.spin_until(lambda: camera.status.message == asked, "the question, once the cable is out")
 
 
@@ -160,10 +126,7 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
 def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
     with pytest.raises(InputError, match=said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
-
-
-def test_a_saturated_no_contact_image_is_refused_at_the_start(graph, folder, digit):
-    BackgroundStore(folder, SERIAL).save(np.full_like(digit.background, 255))
+    BackgroundStore(folder, SERIAL).save(np.full((320, 240, 3), 255, np.uint8))
     with pytest.raises(InputError, match=r"saturated.*capture_background"):
         graph.add(CalibrateNode, parameters(folder))
 
@@ -180,9 +143,6 @@ def test_presses_are_written_when_taken_beside_earlier_ones(graph, folder, digit
     assert node.presses_folder == folder / "presses_2"
     assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
 
-
-def test_begun_again_it_takes_the_newest_no_contact_image(graph, folder, digit):
-    node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(folder / "presses")))
     newer = np.clip(digit.background.astype(int) + 9, 0, 255).astype(np.uint8)
     BackgroundStore(folder, SERIAL).save(newer)
     assert graph.call(Trigger, "calibrate/restart", Trigger.Request()).success

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
+from tdn_rig import REPLAY, values_of
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import points_to_msg, stamp_from_ns
@@ -17,7 +17,6 @@ from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
 SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
-REPLAY = {"queue_depth": 100, "reliable": True}
 
 
 def penetration_of(pixels: np.ndarray) -> np.ndarray:
@@ -54,18 +53,13 @@ def test_bad_clouds_are_counted_and_survived(graph):
     graph.add(lambda **options: TcnNode(tcn=FakeTcn(), **options), REPLAY)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     codes = graph.listen(TactileCode, "tactile/code")
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    values = values_of(graph)
     not_finite = points_to_msg(np.full((3, 3), np.nan), Header())
-    for bad in (PointCloud2(), not_finite):
-        clouds.publish(bad)
-    clouds.publish(cloud(penetration_of(touched(60)), 5))
+    for msg in (PointCloud2(), not_finite, cloud(penetration_of(touched(60)), 5)):
+        clouds.publish(msg)
     graph.spin_until(lambda: codes)
     assert [stamp_ns(c.header.stamp) for c in codes] == [5]
-
-    def counted():
-        return {v.key: v.value for m in statuses for s in m.status for v in s.values}.get("bad_clouds")
-
-    graph.spin_until(lambda: counted() == "2")
+    graph.spin_until(lambda: values().get("bad_clouds") == "2")
 
 
 def test_a_contact_handed_over_gives_the_code_of_its_cloud(graph):

@@ -12,14 +12,12 @@ from perception_fakes import BACKGROUND, image_msg, touched
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
-from tdn_rig import REPLAY, start, warnings_of
+from tdn_rig import Feed, start, values_of, warnings_of
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_msgs.msg import TactileContact
 from midastouch_perception.gel_texture import GelCheck
 from midastouch_perception.nodes import tdn
-from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
@@ -28,11 +26,36 @@ from midastouch_simulation.simulated_digit import PressedSensor
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
 
+def lit_gel(grains: int | None = None) -> np.ndarray:
+    """Untouched gel (320, 240, 3) lit red from the left, green from the right, blue from below; grains of a seed."""
+    y, x = np.mgrid[-1:1:320j, -1:1:240j]
+    light = np.stack([90 - 40 * x, 90 + 40 * x, 80 + 20 * y], axis=-1)
+    if grains is None:
+        return light.astype(np.uint8)
+    texture = cv2.GaussianBlur(np.random.default_rng(grains).normal(0, 1, (320, 240)), (0, 0), 1.5)
+    return np.clip(np.rint(light + 2.5 * (texture / texture.std())[..., None]), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """Writes an image as the no-contact image; gives its path."""
+
+    def keep(image: np.ndarray) -> str:
+        cv2.imwrite(str(tmp_path / "background.png"), np.ascontiguousarray(image[..., ::-1]))
+        return str(tmp_path / "background.png")
+
+    return keep
+
+
+def flickering(image: np.ndarray, frames: int) -> list[np.ndarray]:
+    """The image so many times, no two in a row alike."""
+    return [image + np.uint8(k % 3) for k in range(frames)]
+
+
 def test_bad_images_are_counted_and_survived(graph, depth, background):
     start(graph, depth, background=background)
+    feed, values, warned = Feed(graph), values_of(graph), warnings_of(graph)
     images = graph.publisher(Image, "image_raw")
-    contacts = graph.listen(TactileContact, "tactile/contact")
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
     wrong_length = image_msg(touched(60), 1)
     wrong_length.height = 319
     deep = image_msg(touched(60), 1)
@@ -46,68 +69,47 @@ def test_bad_images_are_counted_and_survived(graph, depth, background):
         deep,
         Image(),
     ]
-    for msg in bad:
+    for msg in [*bad, image_msg(touched(60), 2)]:
         images.publish(msg)
-    images.publish(image_msg(touched(60), 2))
-    graph.spin_until(lambda: contacts)
-    assert [stamp_ns(c.header.stamp) for c in contacts] == [2]
-
-    def counted():
-        return {v.key: v.value for m in statuses for s in m.status for v in s.values}.get("bad_images")
-
-    graph.spin_until(lambda: counted() == str(len(bad)))
-    assert any("image_raw" in s.message for m in statuses for s in m.status)
+    graph.spin_until(lambda: feed.contacts)
+    assert [stamp_ns(c.header.stamp) for c in feed.contacts] == [2]
+    graph.spin_until(lambda: values().get("bad_images") == str(len(bad)))
+    graph.spin_until(lambda: any("image_raw" in text for text in warned()))
 
 
 @pytest.mark.parametrize(("level", "said"), [(0, "black"), (255, "saturated (100 % of it)")])
 def test_blank_images_are_neither_contact_nor_background(graph, depth, level, said):
     """To the network the light that went off is a contact as large as the gel."""
     start(graph, depth, background_frames=1)
-    images = graph.publisher(Image, "image_raw")
-    contacts = graph.listen(TactileContact, "tactile/contact")
-    warned = warnings_of(graph)
-    for stamp, pixels in enumerate([np.full_like(BACKGROUND, level), BACKGROUND, touched(60)]):
-        images.publish(image_msg(pixels, stamp + 1))
-    graph.spin_until(lambda: len(contacts) == 2)
-    assert [(stamp_ns(c.header.stamp), c.in_contact) for c in contacts] == [(2, False), (3, True)]
+    feed, warned = Feed(graph), warnings_of(graph)
+    feed.send(np.full_like(BACKGROUND, level), BACKGROUND, touched(60))
+    graph.spin_until(lambda: len(feed.contacts) == 2)
+    assert [(stamp_ns(c.header.stamp), c.in_contact) for c in feed.contacts] == [(2, False), (3, True)]
     graph.spin_until(lambda: warned())
     assert f"image_raw: the image is {said}" in warned()[0]
 
 
-def lit_gel() -> np.ndarray:
-    """Untouched gel (320, 240, 3) lit red from the left, green from the right, blue from below."""
-    y, x = np.mgrid[-1:1:320j, -1:1:240j]
-    return np.stack([90 - 40 * x, 90 + 40 * x, 80 + 20 * y], axis=-1).astype(np.uint8)
+def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, kept):
+    start(graph, depth, background=kept(lit_gel()[::-1, ::-1]))
+    warned = warnings_of(graph)
+    graph.spin_until(lambda: warned())
+    assert "upside down" in warned()[0]
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("turned", "said"),
     [
-        (lambda image: image[::-1, ::-1], "upside down"),
-        (lambda image: image // 20, "black"),
-        (lambda image: np.full_like(image, 255), "saturated"),
+        (lambda gel: cv2.resize(np.rot90(gel), (240, 320)), ("no part of the image", "capture_background")),
+        (lambda gel: gel[:, ::-1], ("mirrored left to right against the no-contact image",)),
     ],
+    ids=["rotated", "mirrored"],
 )
-def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, tmp_path, wrong, said):
-    cv2.imwrite(str(tmp_path / "background.png"), np.ascontiguousarray(wrong(lit_gel())[:, :, ::-1]))
-    start(graph, depth, background=str(tmp_path / "background.png"))
-    warned = warnings_of(graph)
-    graph.spin_until(lambda: warned())
-    assert said in warned()[0]
-
-
-def test_images_unlike_the_background_are_reported(graph, tmp_path):
+def test_images_unlike_the_background_are_reported(graph, kept, turned, said):
     """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
-    path = tmp_path / "background.png"
-    cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
-    other = cv2.resize(np.rot90(lit_gel()), (240, 320))
-    graph.add(TdnNode, {**REPLAY, "background": str(path)})
-    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
-    for stamp in range(25):
-        images.publish(image_msg(other + np.uint8(stamp % 3), stamp + 1))
-    graph.spin_until(lambda: warned())
-    assert "no part of the image" in warned()[0]
-    assert "capture_background" in warned()[0]
+    start(graph, background=kept(lit_gel()))
+    feed, warned = Feed(graph), warnings_of(graph)
+    feed.send(*flickering(turned(lit_gel()), 25))
+    graph.spin_until(lambda: any(all(each in text for each in said) for text in warned()), f"word of {said}")
 
 
 def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
@@ -115,54 +117,16 @@ def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
     digit = PressedSensor(real, lit_gel()[None], 3e-3, np.random.default_rng(4))
     BackgroundStore(tmp_path, "D20123").save(digit.image([(120, 160, 1.6e-3)]))
     parameters = {"sensor_model": "digit_real", "serial": "D20123", "background_folder": str(tmp_path)}
-    graph.add(TdnNode, {**REPLAY, **parameters, "background_frames": 4, "still_threshold": 20.0})
-    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
-    free = digit.background
-
-    def show(stamp: int) -> None:
-        images.publish(image_msg(free + np.uint8(stamp % 3), stamp))
-
-    for stamp in range(1, 26):
-        show(stamp)
+    start(graph, **parameters, background_frames=4, still_threshold=20.0)
+    feed, warned = Feed(graph), warnings_of(graph)
+    feed.send(*flickering(digit.background, 25))
     graph.spin_until(lambda: any("shows a touch" in text for text in warned()), "the alarm")
-    captured = graph.companion.create_client(Trigger, "capture_background")
-    graph.spin_until(captured.service_is_ready)
-    answer = captured.call_async(Trigger.Request())
-    for stamp in range(26, 36):
-        show(stamp)
+    answer = graph.request(Trigger, "capture_background", Trigger.Request())
+    feed.send(*flickering(digit.background, 10))
     graph.spin_until(answer.done, "the capture")
     assert answer.result().success
     statuses = graph.listen(DiagnosticArray, "/diagnostics")
     graph.spin_until(lambda: any(s.level == b"\x00" for m in statuses for s in m.status), "a status without alarm")
-
-
-def test_a_background_of_another_gel_is_named_in_the_diagnostics(graph, tmp_path):
-    """A gel was changed: the light is as it was, the grains are not. Of 301 images of touches 16 are compared."""
-    rng = np.random.default_rng(4)
-    digit = PressedSensor(SensorModel.load("digit_real"), lit_gel()[None], 3e-3, rng)
-    own, other = (2 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240, 1)), (0, 0), 1.5)[..., None] for _ in range(2))
-    path = tmp_path / "background.png"
-    cv2.imwrite(str(path), np.clip(digit.background + other, 0, 255).astype(np.uint8)[:, :, ::-1])
-    presses = [digit.image([(60 + 40 * k, 160, 1.0e-3)]) for k in range(4)]
-    touches = [np.clip(each + own, 0, 255).astype(np.uint8) for each in presses]
-    graph.add(TdnNode, {**REPLAY, "sensor_model": "digit_real", "background": str(path)})
-    images, contacts = graph.publisher(Image, "image_raw"), graph.listen(TactileContact, "tactile/contact")
-    warned = warnings_of(graph)
-    for stamp in range(301):
-        images.publish(image_msg(touches[stamp % 4], stamp + 1))
-        graph.spin_until(lambda stamp=stamp: len(contacts) > stamp)
-    graph.spin_until(lambda: any("of another gel: the fine texture" in text for text in warned()), "the alarm")
-
-
-def test_images_mirrored_since_the_background_are_reported(graph, tmp_path):
-    path = tmp_path / "background.png"
-    cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
-    graph.add(TdnNode, {**REPLAY, "background": str(path)})
-    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
-    for stamp in range(25):
-        images.publish(image_msg(lit_gel()[:, ::-1] + np.uint8(stamp % 3), stamp + 1))
-    graph.spin_until(lambda: any("against" in text for text in warned()))
-    assert "look mirrored left to right against the no-contact image" in next(t for t in warned() if "against" in t)
 
 
 def test_two_publishers_of_the_images_are_named(graph, depth, background):
@@ -176,39 +140,18 @@ def test_two_publishers_of_the_images_are_named(graph, depth, background):
     assert all(name in warned()[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))
 
 
-def grained_gel(seed: int) -> np.ndarray:
-    """A gel of its own (320, 240, 3), lit as every other one."""
-    grains = cv2.GaussianBlur(np.random.default_rng(seed).normal(0, 1, (320, 240)), (0, 0), 1.5)
-    return np.clip(np.rint(lit_gel() + 2.5 * (grains / grains.std())[..., None]), 0, 255).astype(np.uint8)
-
-
-def test_a_calibration_is_refused_once_images_show_another_gel(graph, tmp_path, monkeypatch):
+def test_a_calibration_is_refused_once_images_show_another_gel(graph, kept, tmp_path, monkeypatch):
     monkeypatch.setattr(tdn, "GelCheck", functools.partial(GelCheck, every=1, window=8))
-    former, present, real = grained_gel(1), grained_gel(2), SensorModel.load("digit_real")
-    cv2.imwrite(str(tmp_path / "former.png"), former[..., ::-1])
+    former, present, real = lit_gel(grains=1), lit_gel(grains=2), SensorModel.load("digit_real")
     colours, date = background_colours(former), "2026-11-22T09:00:00+00:00"
     calibration = SensorCalibration("D1", 6e-3, "digit_real", real.pixel_size, np.zeros((12, 6, 2)), colours, 10, date)
     calibration.save(BackgroundStore(tmp_path, "D1").calibration_path)
-    parameters = {"background": str(tmp_path / "former.png"), "background_folder": str(tmp_path), "serial": "D1"}
-    graph.add(TdnNode, REPLAY | parameters | {"sensor_model": "digit_real"})
-    images = graph.publisher(Image, "image_raw")
-    contacts = graph.listen(TactileContact, "tactile/contact")
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def calibrations():
-        return [v.value for m in statuses for s in m.status for v in s.values if v.key == "calibration"]
-
-    def show(gel: np.ndarray) -> None:
+    start(graph, background=kept(former), background_folder=str(tmp_path), serial="D1", sensor_model="digit_real")
+    feed, values, warned = Feed(graph), values_of(graph), warnings_of(graph)
+    for gel, in_use in ((former, "10 presses"), (present, "refused")):
         for k in range(8):
             image = gel.astype(float)
             image[100 + 10 * k : 150 + 10 * k, 80:130] *= (1.5, 0.7, 1.2)
-            images.publish(image_msg(np.clip(image, 0, 255).astype(np.uint8), len(contacts) + 1))
-            heard = len(contacts)
-            graph.spin_until(lambda heard=heard: len(contacts) > heard)
-        statuses.clear()
-
-    show(former)
-    graph.spin_until(lambda: calibrations() and calibrations()[-1].startswith("10 presses"))
-    show(present)
-    graph.spin_until(lambda: calibrations() and calibrations()[-1] == "refused")
-    assert any("of another gel" in s.message for m in statuses for s in m.status)
+            feed.touches(np.clip(image, 0, 255).astype(np.uint8))
+        graph.spin_until(lambda in_use=in_use: values().get("calibration", "").startswith(in_use), in_use)
+    graph.spin_until(lambda: any("of another gel" in text for text in warned()))

@@ -3,6 +3,7 @@ import pytest
 import trimesh
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import (
     MAX_PENETRATION,
     ContactSampling,
@@ -18,16 +19,25 @@ def poses(tool, sensor):
     return sample_contact_poses(tool, 400, np.random.default_rng(0), sensor)
 
 
+def deepest(mesh, poses, sensor):
+    return PenetrationRenderer(mesh, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
+
+
 def test_poses_touch_within_limits(tool, sensor, poses):
-    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
-    assert (deepest > 1e-4).mean() > 0.95
-    assert deepest.max() < MAX_PENETRATION + 2e-4
+    depths = deepest(tool, poses, sensor)
+    assert (depths > 1e-4).mean() > 0.95
+    assert depths.max() < MAX_PENETRATION + 2e-4
+    assert np.linalg.norm(poses[:, :3, 0].mean(axis=0)) < 0.12, "turned about their axes at random"
 
 
-def test_two_percent_hover(tool, sensor):
-    poses = sample_contact_poses(tool, 1000, np.random.default_rng(1), sensor, ContactSampling(free_fraction=0.2))
-    deepest = PenetrationRenderer(tool, sensor.scaled(0.125)).render(poses).max(axis=(1, 2))
-    assert (deepest == 0).mean() == pytest.approx(0.2, abs=0.05)
+def test_as_many_hover_as_asked_even_inside_a_cup(tool, sensor):
+    sampling = ContactSampling(free_fraction=0.2)
+    poses = sample_contact_poses(tool, 1000, np.random.default_rng(1), sensor, sampling)
+    assert (deepest(tool, poses, sensor) == 0).mean() == pytest.approx(0.2, abs=0.05)
+    outer = trimesh.creation.annulus(r_min=0.012, r_max=0.016, height=0.06)
+    ring = ObjectMesh.from_arrays(np.asarray(outer.vertices), np.asarray(outer.faces), "ring")
+    poses = sample_contact_poses(ring, 60, np.random.default_rng(0), sensor, ContactSampling(free_fraction=1.0))
+    assert not deepest(ring, poses, sensor).any()
 
 
 def test_tilt_is_a_few_degrees_from_the_face_normals(block, sensor):
@@ -39,11 +49,6 @@ def test_tilt_is_a_few_degrees_from_the_face_normals(block, sensor):
     assert np.median(tilt) == pytest.approx(3.4, abs=1.0)
 
 
-def test_yaw_is_uniform(poses):
-    x = poses[:, :3, 0]
-    assert np.linalg.norm(x.mean(axis=0)) < 0.12
-
-
 def test_press_pushes_along_the_gel_axis():
     pose = pose_from_contact(
         np.array([[0.1, 0.2, 0.3]]), np.array([[0.0, 1, 0]]), *(np.array([v]) for v in (0.5, 0.1, 2.0, 1e-3))
@@ -53,21 +58,10 @@ def test_press_pushes_along_the_gel_axis():
 
 
 def test_the_inside_of_a_ring_too_narrow_is_out_of_reach(sensor):
-    from midastouch_common.mesh import ObjectMesh
-    from midastouch_perception.objects import bundled_objects
-
     eyebolt = ObjectMesh.load(bundled_objects()["eyebolt"])
     inner = np.array([[0.0105 - 0.0032, 0.015, 0.0]])
     pose = pose_from_contact(inner, np.array([[-1.0, 0, 0]]), *(np.array([v]) for v in (0.0, 0.0, 0.0, 1e-3)))
     assert not Reachability(eyebolt, sensor).settle(pose, np.array([1e-3]))[1][0]
-
-
-def test_hovering_poses_touch_nothing_even_inside_a_cup(sensor):
-    outer = trimesh.creation.annulus(r_min=0.012, r_max=0.016, height=0.06)
-    ring = ObjectMesh.from_arrays(np.asarray(outer.vertices), np.asarray(outer.faces), "ring")
-    sampling = ContactSampling(free_fraction=1.0)
-    poses = sample_contact_poses(ring, 60, np.random.default_rng(0), sensor, sampling)
-    assert not PenetrationRenderer(ring, sensor.scaled(0.5)).render(poses).any()
 
 
 def test_poses_are_pressed_as_deep_as_asked_where_they_touch(tool, sensor, poses):
@@ -75,15 +69,10 @@ def test_poses_are_pressed_as_deep_as_asked_where_they_touch(tool, sensor, poses
     press = np.exp(rng.uniform(np.log(0.1e-3), np.log(1.5e-3), len(poses)))
     pressed, touching = Reachability(tool, sensor).pressed(poses, press)
     assert touching.mean() > 0.8
-    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(pressed[touching]).max(axis=(1, 2))
-    assert np.abs(deepest - press[touching]).max() < 1.1e-4
+    assert np.abs(deepest(tool, pressed[touching], sensor) - press[touching]).max() < 1.1e-4
     np.testing.assert_allclose(pressed[:, :3, :3], poses[:, :3, :3])  # along their own axes
     aside = np.einsum("nij,ni->nj", poses[:, :3, :3], pressed[:, :3, 3] - poses[:, :3, 3])[:, :2]
     assert np.abs(aside).max() < 1e-9
-
-
-def test_poses_far_from_the_surface_are_not_pressed_on(tool, sensor, poses):
-    away = poses[:20].copy()
+    away = poses.copy()
     away[:, :3, 3] += 0.5
-    _, touching = Reachability(tool, sensor).pressed(away, np.full(20, 1e-3))
-    assert not touching.any()
+    assert not Reachability(tool, sensor).pressed(away, press)[1].any()

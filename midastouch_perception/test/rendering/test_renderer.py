@@ -81,11 +81,7 @@ def test_flat_press_has_the_known_penetration(block, sensor):
     touched = penetration[160] > 0
     radius = touched.sum() / 2 * 0.021 / sensor.focal
     assert radius == pytest.approx(np.sqrt(2 * 0.0327684 * 1e-3), rel=0.02)
-
-
-def test_no_contact_far_above(block, sensor):
-    pose = se3.translation([0, 0, 0.03])
-    assert not PenetrationRenderer(block, sensor).render(pose[None]).any()
+    assert not PenetrationRenderer(block, sensor).render(se3.translation([0, 0, 0.03])[None]).any()
 
 
 def test_normals_of_a_flat_side(block, sensor):
@@ -105,11 +101,6 @@ def test_batches_equal_single_renders(tool, sensor):
     np.testing.assert_array_equal(renderer.render(poses), one_by_one)
 
 
-def test_wrong_pose_shape(block, sensor):
-    with pytest.raises(ValueError, match=r"\(N, 4, 4\)"):
-        PenetrationRenderer(block, sensor).render(np.eye(4))
-
-
 def test_the_gel_keeps_the_object_s_shape_and_follows_beside_it(cap, real):
     height = sunk_in(cap, real.pixel_size, REACH, 1.0)
     depth = (height - cap)[cap > 0]
@@ -117,10 +108,6 @@ def test_the_gel_keeps_the_object_s_shape_and_follows_beside_it(cap, real):
     beside = height[80, 60:]
     assert (np.diff(beside) <= 1e-9).all(), "falls away from the contact"
     assert 0 < beside[-1] < 0.05 * depth[0]
-
-
-def test_it_leaves_the_object_without_an_edge(cap, real):
-    height = sunk_in(cap, real.pixel_size, REACH, 1.0)
     slopes = np.diff(height[80, 60:]) / real.pixel_size
     rim = int(np.flatnonzero(cap[80, 60:] == 0)[0])
     assert slopes[rim - 1 : rim + 2].min() > 1.1 * slopes[rim - 2], "no steeper than the object"

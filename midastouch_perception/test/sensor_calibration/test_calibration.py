@@ -40,52 +40,39 @@ def test_it_comes_back_from_its_file(calibration, tmp_path):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(calibration, field.name))
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"not an archive"])
-def test_broken_files_are_refused(tmp_path, content):
+def test_broken_files_are_refused(calibration, tmp_path):
     path = tmp_path / "a.npz"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="not a calibration"):
-        SensorCalibration.load(path)
-
-
-def test_a_file_with_a_wrong_byte_is_refused_or_comes_back(calibration, tmp_path):
-    path = tmp_path / "a.npz"
+    for content in (b"", b"PK\x03\x04 cut", b"not an archive"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="not a calibration"):
+            SensorCalibration.load(path)
     calibration.save(path)
     sound = path.read_bytes()
-    for at in range(0, len(sound), 29):
+    for at in range(0, len(sound), 29):  # refused, or it comes back
         path.write_bytes(sound[:at] + bytes([sound[at] ^ 0xFF]) + sound[at + 1 :])
         with contextlib.suppress(InputError):
             SensorCalibration.load(path)
-
-
-def test_files_of_other_content_are_refused(calibration, tmp_path):
-    path = tmp_path / "a.npz"
-    dataclasses.replace(calibration, coefficients=np.full((12, 6, 2), np.nan)).save(path)
-    with pytest.raises(InputError, match="not a calibration"):
-        SensorCalibration.load(path)
-    dataclasses.replace(calibration, ball_diameter=0.0).save(path)  # as from touches of an object, formerly
-    with pytest.raises(InputError, match="ball_diameter 0"):
-        SensorCalibration.load(path)
     with pytest.raises(InputError, match="no such calibration file"):
         SensorCalibration.load(tmp_path / "none.npz")
+    nan = np.full((12, 6, 2), np.nan)  # no ball: as from touches of an object, formerly
+    for change, said in (({"coefficients": nan}, "not a calibration"), ({"ball_diameter": 0.0}, "ball_diameter 0")):
+        dataclasses.replace(calibration, **change).save(path)
+        with pytest.raises(InputError, match=said):
+            SensorCalibration.load(path)
 
 
 def test_another_sensor_or_scale_is_refused(calibration, real):
     calibration.check_sensor(real, "D20123")
-    with pytest.raises(InputError, match=r"D20123.*D9"):
-        calibration.check_sensor(real, "D9")
-    with pytest.raises(InputError, match="digit_tacto"):
-        calibration.check_sensor(SensorModel.load("digit_tacto"))
-    with pytest.raises(InputError, match="px/mm"):
-        calibration.check_sensor(dataclasses.replace(real, focal=1.1 * real.focal))
-
-
-def test_of_a_sensor_model_of_the_users_own_the_file_is_named(calibration, real):
-    mine = dataclasses.replace(real, name="mine")
-    with pytest.raises(InputError, match=r"sensor_model digit_real, or calibrate with --sensor mine\.yaml$"):
-        calibration.check_sensor(mine)
-    with pytest.raises(InputError, match=r"sensor_model mine\.yaml, or calibrate with --sensor digit_real$"):
-        dataclasses.replace(calibration, sensor="mine").check_sensor(real)
+    mine = dataclasses.replace(calibration, sensor="mine")
+    for made, sensor, serial, said in (
+        (calibration, real, "D9", r"D20123.*D9"),
+        (calibration, SensorModel.load("digit_tacto"), "", "digit_tacto"),
+        (calibration, dataclasses.replace(real, focal=1.1 * real.focal), "", "px/mm"),
+        (calibration, dataclasses.replace(real, name="mine"), "", r"model digit_real, .* --sensor mine\.yaml$"),
+        (mine, real, "", r"model mine\.yaml, .* --sensor digit_real$"),
+    ):
+        with pytest.raises(InputError, match=said):
+            made.check_sensor(sensor, serial)
 
 
 def test_another_gel_is_noticed_and_another_brightness_is_not(calibration, background):

@@ -55,9 +55,7 @@ def test_a_lasting_change_may_be_the_no_contact_image_s_fault(collector, digit):
     held(collector, pressed, 60)
     assert collector.next_step == "1 of 2: lift the ball"
     held(collector, pressed, 300)
-    assert collector.next_step.endswith(
-        "lift the ball; if it is lifted, capture the no-contact image anew and begin again"
-    )
+    assert "capture the no-contact image" in collector.next_step
     held(collector, digit.background)
     assert "press" in collector.next_step
 
@@ -72,8 +70,5 @@ def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
     assert said == "not taken: two contacts"
     assert len(collector.images) == 1
     assert ["already" in collector.refusals[0], collector.refusals[1:]] == [True, ["two contacts"]]
-
-
-def test_images_of_another_size_are_refused(collector, digit):
     with pytest.raises(InputError, match="tactile image"):
         collector.observe(digit.background[::2])

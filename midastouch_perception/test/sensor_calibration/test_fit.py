@@ -39,11 +39,12 @@ def test_slopes_of_unseen_presses_become_those_of_the_ball(result):
     assert figures["explained_after"] > max(0.8, figures["explained_before"])
 
 
-def test_what_it_was_made_of_is_written_down(result, real):
+def test_what_it_was_made_of_is_written_down(result, real, another_digit):
     made = result.calibration
     assert (made.serial, made.sensor, made.ball_diameter, made.presses) == ("D20123", "digit_real", DIAMETER, PRESSES)
     assert all(not press.problem for press in result.presses)
     made.check_sensor(real, "D20123")
+    assert not made.background_problem(another_digit(6).background)
 
 
 def test_without_a_no_contact_image_one_is_made(digit, presses, real):
@@ -52,6 +53,9 @@ def test_without_a_no_contact_image_one_is_made(digit, presses, real):
     found /= np.median(found / true, axis=(0, 1))  # exposure drifts from frame to frame
     assert np.abs(found - true).mean() < 8
     assert made.figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.15)
+    same = {f"{i}.png": digit.image([(115 + 2 * i, 160, 1.6e-3)]) for i in range(6)}
+    with pytest.raises(InputError, match=r"background\.png"):  # as they leave no gel free
+        calibrate(same, None, DIAMETER, real)
 
 
 SPOILED = {
@@ -79,45 +83,35 @@ def test_images_that_cannot_be_used_are_named_with_the_reason(beside_spoiled, sa
     assert beside_spoiled.calibration.presses >= PRESSES - 1
 
 
-def test_too_few_usable_presses_are_refused_with_the_reasons(digit, presses, real):
-    few = dict(list(presses.items())[:4])
-    with pytest.raises(InputError, match="5 to 40"):
-        calibrate(few, digit.background, DIAMETER, real)
-    free = {"free.png": digit.image([]), "again.png": digit.image([])}
-    with pytest.raises(InputError, match=r"4 of 6 .*free\.png"):
-        calibrate({**few, **free}, digit.background, DIAMETER, real)
-
-
-def test_a_press_that_is_saved_again_counts_once(digit, real):
+def test_too_few_usable_presses_are_refused_with_the_reasons(digit, five, real):
     press, rng = digit.image([(120, 160, 1.5e-3)]), np.random.default_rng(0)
-    again = {
-        f"again_{i}.png": np.clip(press + rng.normal(0, 1.5, press.shape), 0, 255).astype(np.uint8) for i in range(6)
-    }
-    with pytest.raises(InputError, match=r"1 of 6 .*again_1\.png"):
-        calibrate(again, digit.background, DIAMETER, real)
+    four = dict(list(five.items())[:4])
+    again = [np.clip(press + rng.normal(0, 1.5, press.shape), 0, 255).astype(np.uint8) for _ in range(6)]
+    corner = [digit.image([(*rng.uniform(45, 105, 2), 1.3e-3)]) for _ in range(8)]
+    for images, said in (
+        (four, "5 to 40"),
+        ({**four, "free.png": digit.image([]), "again.png": digit.image([])}, r"4 of 6 .*free\.png"),
+        ({f"again_{i}.png": image for i, image in enumerate(again)}, r"1 of 6 .*again_1\.png"),
+        ({f"{i}.png": image for i, image in enumerate(corner)}, r"span .* % of its height.*press all over the gel"),
+        ({**five, "small.png": digit.background[::2]}, r"small\.png"),
+    ):
+        with pytest.raises(InputError, match=said):
+            calibrate(images, digit.background, DIAMETER, real)
 
 
-def test_presses_in_one_corner_are_refused_with_the_mend(digit, real):
-    rng = np.random.default_rng(0)
-    corner = {f"{k}.png": digit.image([(*rng.uniform(45, 105, 2), 1.3e-3)]) for k in range(8)}
-    with pytest.raises(InputError, match=r"span .* % of its height.*press all over the gel"):
-        calibrate(corner, digit.background, DIAMETER, real)
-
-
-def test_a_ball_larger_than_the_gel_is_refused(digit, five, real):
-    with pytest.raises(InputError, match=r"13 mm wide.*take a smaller ball"):
-        calibrate(five, digit.background, 0.02, real)
-
-
-def test_a_gel_without_grains_is_known_by_its_colours(result, digit):
-    assert not result.calibration.background_problem(digit.background)
-
-
-def test_another_ball_is_refused(digit, five, real):
-    with pytest.raises(InputError, match="diameter"):
-        calibrate(five, digit.background, 0.4 * DIAMETER, real)
-    with pytest.raises(InputError, match="diameter"):
-        calibrate(five, digit.background, 3 * DIAMETER, real)
+@pytest.mark.parametrize(
+    ("diameter", "said"),
+    [
+        (0.0, "metres"),
+        (6.0, "metres"),
+        (0.02, r"13 mm wide.*take a smaller ball"),
+        (0.4 * DIAMETER, "diameter"),
+        (3 * DIAMETER, "diameter"),
+    ],
+)
+def test_a_wrong_diameter_is_refused(digit, five, real, diameter, said):
+    with pytest.raises(InputError, match=said):
+        calibrate(five, digit.background, diameter, real)
 
 
 def test_a_doubtful_diameter_is_refused_unless_confirmed(digit, five, real, monkeypatch):
@@ -126,13 +120,9 @@ def test_a_doubtful_diameter_is_refused_unless_confirmed(digit, five, real, monk
         calibrate(five, digit.background, DIAMETER, real)
     made = calibrate(five, digit.background, DIAMETER, real, diameter_is_right=True)
     assert "about 4 mm" in made.warnings[0]
-
-
-def test_under_other_lamps_than_a_digits_doubts_are_warnings(digit, five, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
     monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.turned_doubt", lambda *_: "images are turned")
     made = calibrate(five, digit.background, DIAMETER, dataclasses.replace(real, lamps="gelsight_mini"))
-    assert "about 3 mm; images are turned" in made.warnings[0]
+    assert "about 3 mm; images are turned" in made.warnings[0], "under other lamps than a DIGIT's"
 
 
 def test_presses_not_of_the_no_contact_image_s_gel_are_refused(digit, real):
@@ -158,12 +148,6 @@ def test_turned_or_swapped_images_are_refused(digit, five, real, wrong):
         calibrate(images, np.ascontiguousarray(wrong(digit.background)), DIAMETER, real)
 
 
-@pytest.mark.parametrize("diameter", [0.0, 6.0])
-def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, diameter):
-    with pytest.raises(InputError, match=r"metres"):
-        calibrate(presses, digit.background, diameter, real)
-
-
 @pytest.mark.parametrize(
     ("spoil", "cause"),
     [
@@ -175,17 +159,6 @@ def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, 
 def test_what_is_wrong_with_the_no_contact_image_is_named(digit, presses, real, spoil, cause):
     with pytest.raises(InputError, match=cause):
         calibrate(presses, spoil(digit), DIAMETER, real)
-
-
-def test_presses_that_leave_no_gel_free_need_a_no_contact_image(digit, real):
-    same = {f"{i}.png": digit.image([(115 + 2 * i, 160, 1.6e-3)]) for i in range(6)}
-    with pytest.raises(InputError, match=r"background\.png"):
-        calibrate(same, None, DIAMETER, real)
-
-
-def test_images_of_another_size_are_refused(digit, presses, real):
-    with pytest.raises(InputError, match=r"small\.png"):
-        calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)
 
 
 def test_colours_turned_round_are_noticed_under_known_lamps():

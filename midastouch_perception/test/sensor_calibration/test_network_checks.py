@@ -26,11 +26,8 @@ def test_a_diameter_that_hardly_fits_is_doubted(way, model, ratio):
     assert "about 6 mm" in diameter_doubt(ratio * 3e-3, 6e-3 * (1.02 * MOST_DIAMETER_FACTOR) ** way, sensor)
 
 
-def test_under_lamps_that_nobody_knows_no_diameter_is_doubted(real):
+def test_what_is_not_known_is_not_doubted(digit, real):
     assert diameter_doubt(3e-3, 60e-3, dataclasses.replace(real, lamps="")) == ""
-
-
-def test_nothing_measured_says_nothing(digit, real):
     assert measured_radius([digit.background], digit.background, real) is None
     assert diameter_doubt(None, 6e-3, real) == ""
 
@@ -75,9 +72,7 @@ def test_a_calibration_that_misleads_is_warned_of(result, presses, real):
     assert dataclasses.replace(result, figures=result.figures | figures).warnings == [gain_doubt(figures)]
     # slopes of 0.3 times the true ones beside those by the network, which sees colours as weak
     assert figures["curvature_after"] < 0.6 * result.figures["curvature_after"]
-
-
-def test_touches_that_are_not_used_do_not_count(result, presses, real):
+    # touches that are not used do not count
     bad = [*presses.values(), np.zeros_like(result.background)]
     figures = depth_errors(bad, [*result.penetrations, None], [*result.held_out, None], result.background, real)
     assert figures["felt_error_after"] == pytest.approx(result.figures["felt_error_after"])

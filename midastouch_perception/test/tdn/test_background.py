@@ -17,20 +17,8 @@ from midastouch_perception.tdn.background import (
     shows_contact,
 )
 from midastouch_simulation.optics import TactoOptics
-from midastouch_simulation.simulated_digit import PressedSensor
 
 GREY = np.full((320, 240, 3), 100, np.uint8)
-
-
-def test_contacts_that_move_on_vanish():
-    rng = np.random.default_rng(0)
-    background = rng.integers(50, 200, (320, 240, 3)).astype(np.uint8)
-    frames = []
-    for i in range(15):
-        frame = background.copy()
-        frame[20 * i : 20 * i + 60] = 255
-        frames.append(frame)
-    np.testing.assert_array_equal(estimate_background(frames), background)
 
 
 @pytest.mark.parametrize(("shapes", "said"), [([], "no frames"), ([(320, 240, 3), (240, 320, 3)], "different size")])
@@ -41,18 +29,18 @@ def test_frames_that_make_no_background_are_refused(shapes, said):
 
 def slide(step: int) -> list[np.ndarray]:
     """A contact 60 rows high that moves on by `step` rows a frame and looks different in each."""
-    frames = []
-    for i in range(15):
-        frame = np.full((320, 240, 3), 100, np.uint8)
+    frames = [GREY.copy() for _ in range(15)]
+    for i, frame in enumerate(frames):
         frame[step * i : step * i + 60] += np.uint8(10 + 6 * i)
-        frames.append(frame)
     return frames
 
 
-def test_a_nearly_still_contact_leaves_a_doubtful_background():
+def test_a_contact_that_moves_on_vanishes_unless_nearly_still():
     for step, doubtful in ((20, False), (2, True)):
         frames = slide(step)
-        assert (doubtful_fraction(frames, estimate_background(frames)) > 0.1) == doubtful
+        background = estimate_background(frames)
+        assert (doubtful_fraction(frames, background) > 0.1) == doubtful
+        assert np.array_equal(background, GREY) != doubtful
     agreed = [np.full((320, 240, 3), level, np.uint8) for level in (99, 100, 101)]
     assert doubtful_fraction(agreed, estimate_background(agreed)) == 0
 
@@ -60,6 +48,21 @@ def test_a_nearly_still_contact_leaves_a_doubtful_background():
 @pytest.fixture(scope="module")
 def tdn():
     return load_tdn("fast")
+
+
+@pytest.fixture(scope="module")
+def relative_tdn():
+    return load_tdn("fast", SensorModel.load("digit_real"))
+
+
+@pytest.fixture(scope="module")
+def digit(another_digit):
+    return another_digit(1)
+
+
+@pytest.fixture(scope="module")
+def ball_presses(digit):
+    return list(digit.presses(9).values())
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +77,10 @@ def presses(tool, sensor):
     return images, optics.image(nothing, plain, rng), optics.image(nothing, plain, rng)
 
 
-def test_a_free_sensor_may_replace_its_background(tdn, presses):
+def test_images_of_a_free_sensor_or_of_another_are_no_touch(tdn, presses):
     images, free, other = presses
     assert not shows_contact(tdn, other, free)
     assert not any(shows_contact(tdn, free, image) for image in images)
-
-
-def test_another_sensor_s_image_is_not_taken_for_a_touch(tdn, presses):
-    images, free, _ = presses
     assert not shows_contact(tdn, np.roll(free, 1, axis=2), free)
     tinted = images[0] + np.linspace(-60, 60, 240)[None, :, None] * (1, -1, 0)
     assert not shows_contact(tdn, np.clip(tinted, 0, 255).astype(np.uint8), free)
@@ -94,16 +93,15 @@ def test_a_touch_is_no_background_at_any_brightness(tdn, presses, gain):
     assert np.mean([shows_contact(tdn, image, free) for image in changed]) >= 0.8
 
 
-def test_real_presses_are_no_backgrounds(shared):
+def test_real_presses_are_no_backgrounds(shared, relative_tdn):
     """Which of two real images shows the contact; the network has never seen that sensor."""
     folder = shared / "data/digit_real/ball_presses"
-    tdn = load_tdn("fast", SensorModel.load("digit_real"))
     free, *touched = (
         cv2.cvtColor(cv2.imread(str(folder / name)), cv2.COLOR_BGR2RGB)
         for name in ("background.png", *(f"{i:04d}.png" for i in range(1, 42, 5)))
     )
-    assert np.mean([shows_contact(tdn, image, free) for image in touched]) >= 0.7
-    assert np.mean([shows_contact(tdn, free, image) for image in touched]) <= 0.2
+    assert np.mean([shows_contact(relative_tdn, image, free) for image in touched]) >= 0.7
+    assert np.mean([shows_contact(relative_tdn, free, image) for image in touched]) <= 0.2
 
 
 def noisy(rng: np.random.Generator, sigma: float = 2.0) -> np.ndarray:
@@ -138,24 +136,6 @@ def test_running_background_comes_at_once_and_forgets_contacts():
     assert running.image is complete, "complete: later images change nothing"
 
 
-@pytest.fixture(scope="module")
-def relative_tdn():
-    return load_tdn("fast", SensorModel.load("digit_real"))
-
-
-@pytest.fixture(scope="module")
-def digit():
-    sensor = SensorModel.load("digit_real")
-    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
-    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return PressedSensor(sensor, lamps[None], 3e-3, np.random.default_rng(1))
-
-
-@pytest.fixture(scope="module")
-def ball_presses(digit):
-    return list(digit.presses(9).values())
-
-
 def judged(relative_tdn, images, background) -> str:
     check = TouchedBackground(relative_tdn, every=1, window=9)
     for image in images:
@@ -163,20 +143,14 @@ def judged(relative_tdn, images, background) -> str:
     return check.problem
 
 
-def test_touches_elsewhere_give_a_touched_background_away(relative_tdn, ball_presses):
+def test_a_touched_background_is_told_from_a_free_one(relative_tdn, digit, ball_presses):
     for i in (0, 4, 8):
         others = [image for k, image in enumerate(ball_presses) if k != i][:6]
         assert "shows a touch" in judged(relative_tdn, others, ball_presses[i])
-
-
-def test_a_lifted_finger_gives_it_away(relative_tdn, digit, ball_presses):
-    assert "shows a touch" in judged(relative_tdn, [digit.background] * 3, ball_presses[4])
-
-
-def test_a_free_background_is_right_whatever_touches(relative_tdn, digit, ball_presses):
-    assert judged(relative_tdn, ball_presses, digit.background) == ""
+    assert "shows a touch" in judged(relative_tdn, [digit.background] * 3, ball_presses[4])  # a finger lifted
     held = digit.image([(120, 160, 1.6e-3)])
-    assert judged(relative_tdn, [held] * 6, digit.background) == ""
+    for images in (ball_presses, [held] * 6):
+        assert judged(relative_tdn, images, digit.background) == ""
 
 
 def test_few_images_say_nothing_and_a_new_background_starts_anew(relative_tdn, digit, ball_presses):

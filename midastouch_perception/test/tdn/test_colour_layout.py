@@ -52,18 +52,13 @@ def test_what_was_turned_since_the_no_contact_image_is_named(name):
     assert "capture_background" in turned_since(wrong, digit())
 
 
-def test_what_has_no_colours_is_not_judged_by_them():
-    grey = np.full((320, 240, 3), 100, np.uint8)
-    assert not colour_layout(grey).any()
-    assert image_problem(grey, shipped_layout()) == ""
-
-
-def test_black_and_saturated_images_are_named():
-    assert "black" in image_problem(np.zeros((320, 240, 3), np.uint8), shipped_layout())
-    assert "saturated" in image_problem(np.full((320, 240, 3), 255, np.uint8), shipped_layout())
-
-
-def test_glints_are_no_overexposure():
+def test_grey_is_not_judged_and_what_is_too_dark_or_bright_is_named():
+    for level, said in ((100, ""), (0, "black"), (255, "saturated")):
+        grey = np.full((320, 240, 3), level, np.uint8)
+        found = image_problem(grey, shipped_layout())
+        assert said in found
+        assert bool(found) == bool(said)
+        assert not colour_layout(grey).any()
     image = digit()
     image[:80] = 255
     assert exposure_problem(image, most=0.5) == ""

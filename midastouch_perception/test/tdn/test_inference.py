@@ -42,28 +42,17 @@ def differences() -> np.ndarray:
     return np.broadcast_to(colours[:, None, None], (2, 160, 120, 3))
 
 
-def test_the_second_output_is_the_embedding(tmp_path, differences):
-    write_network(tmp_path / "both.onnx", with_embedding=True)
-    tdn = load_tdn(tmp_path / "both.onnx")
-    assert tdn.has_embedding
+def test_the_second_output_is_the_embedding_and_changes_no_other(tmp_path, differences):
+    both, alone = tmp_path / "both.onnx", tmp_path / "alone.onnx"
+    write_network(both, with_embedding=True)
+    write_network(alone, with_embedding=False)
+    assert [load_tdn(path).has_embedding for path in (both, alone)] == [True, False]
     expected = np.array([[2, 1, 0], [0, -1, 1]]) / np.sqrt([[5], [2]])
-    np.testing.assert_allclose(tdn.embedding(differences), expected, atol=1e-6)
-
-
-def test_the_penetration_is_the_same_with_and_without_it(tmp_path, differences):
-    maps = []
-    for with_embedding in (True, False):
-        path = tmp_path / f"{with_embedding}.onnx"
-        write_network(path, with_embedding)
-        maps.append(load_tdn(path).penetration(differences))
-    np.testing.assert_array_equal(maps[0], maps[1])
-    assert maps[0][0] == pytest.approx(1e-3)
-    assert not maps[0][1].any()
-
-
-def test_a_network_without_it_says_so(tmp_path):
-    write_network(tmp_path / "one.onnx", with_embedding=False)
-    assert not load_tdn(tmp_path / "one.onnx").has_embedding
+    np.testing.assert_allclose(load_tdn(both).embedding(differences), expected, atol=1e-6)
+    maps = load_tdn(both).penetration(differences)
+    np.testing.assert_array_equal(load_tdn(alone).penetration(differences), maps)
+    assert maps[0] == pytest.approx(1e-3)
+    assert not maps[1].any()
 
 
 def test_the_sensor_s_light_chooses_the_network():

@@ -30,14 +30,11 @@ def options(tmp_path, monkeypatch):
     return TrainingOptions(meshes, backgrounds, None, tmp_path / "out", steps=2, workers=0)
 
 
-def test_test_objects_and_held_out_ones_are_not_trained_on(options):
+def test_what_is_trained_on_and_what_is_not(options, tmp_path):
     data = TrainingData.load(options)
     assert [m.name for m in data.meshes] == ["003_box"]
     assert [m.name for m in data.held_out] == ["019_capsule"]
     assert len(data.backgrounds) == len(data.held_out_backgrounds) == 4
-
-
-def test_folders_without_data_are_refused(options, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"\.ply"):
         TrainingData.load(replace(options, meshes=tmp_path / "empty"))
@@ -46,16 +43,12 @@ def test_folders_without_data_are_refused(options, tmp_path):
 
 
 def test_a_stretched_object_has_other_proportions():
-    ball = ObjectMesh.from_arrays(*_ball(), "ball")
+    sphere = trimesh.creation.icosphere(3, 0.02)
+    ball = ObjectMesh.from_arrays(sphere.vertices, sphere.faces, "ball")
     extents = [np.ptp(stretched(ball, np.random.default_rng(s)).vertices, axis=0) for s in range(20)]
     assert 0.7 * 0.04 - 1e-9 <= np.min(extents) < 0.8 * 0.04
     assert 1.25 * 0.04 < np.max(extents) <= 1.4 * 0.04 + 1e-9
     assert max(e.max() / e.min() for e in extents) > 1.2
-
-
-def _ball():
-    ball = trimesh.creation.icosphere(3, 0.02)
-    return ball.vertices, ball.faces
 
 
 @pytest.mark.parametrize("network", ["tdn", "tcn"])
