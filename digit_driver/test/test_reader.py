@@ -54,6 +54,17 @@ def watch(kernel, find):
     assert kernel.descriptors == {}, "descriptors left open"
 
 
+@pytest.fixture
+def running(kernel, watch):
+    """Function(settings) -> a camera, the reader of it, and how many frames that has."""
+
+    def start(timing: ReaderTiming = FAST, **settings) -> tuple[FakeDigit, Watched, int]:
+        camera, watched = kernel.plug(FakeDigit()), watch(timing, **settings)
+        return camera, watched, watched.wait_for(streaming(3)).frames
+
+    return start
+
+
 def streaming(frames: int) -> Callable[[ReaderStatus], bool]:
     return lambda status: status.state is ReaderState.STREAMING and status.frames >= frames
 
@@ -105,10 +116,8 @@ def test_a_replugged_sensor_is_known_again_by_its_serial(kernel, watch, given) -
     assert (status.info.name, status.info.serial, status.reconnects) == ("/dev/video8", "D5", 1)
 
 
-def test_foreign_camera_on_our_device_node_is_waited_out(kernel, watch) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch(video_device="/dev/video0")
-    watched.wait_for(streaming(1))
+def test_foreign_camera_on_our_device_node_is_waited_out(kernel, running) -> None:
+    camera, watched, _ = running(video_device="/dev/video0")
     kernel.unplug(camera)
     foreign = kernel.plug(FakeDigit(size=(1280, 720)))
     watched.wait_for(lambda status: "1280x720" in status.last_error)
@@ -117,23 +126,27 @@ def test_foreign_camera_on_our_device_node_is_waited_out(kernel, watch) -> None:
     assert watched.wait_for(lambda status: status.reconnects == 1).state is ReaderState.STREAMING
 
 
-def test_stalled_stream_is_opened_anew(kernel, watch) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch()
-    before = watched.wait_for(streaming(3)).frames
-    camera.stalled = True
-    status = watched.wait_for(lambda status: "no good frame" in status.last_error)
-    camera.stalled = False
-    status = watched.wait_for(streaming(before + 3))
-    assert status.reconnects >= 1
+@pytest.mark.parametrize(
+    ("name", "fault", "error"),
+    [
+        ("stalled", True, "no good frame"),
+        ("damaged", True, "no good frame"),
+        ("errors", {v4l2.VIDIOC_DQBUF: errno.EIO}, "fetching a frame failed"),
+    ],
+)
+def test_a_stream_that_gives_no_frames_is_opened_anew(running, name, fault, error) -> None:
+    camera, watched, before = running()
+    sound = getattr(camera, name)
+    setattr(camera, name, fault)
+    watched.wait_for(lambda status: error in status.last_error)
+    setattr(camera, name, sound)
+    assert watched.wait_for(streaming(before + 3)).reconnects >= 1
     assert camera.opened >= 2
 
 
 @pytest.mark.parametrize("fault", ["damaged", "short"])
-def test_some_corrupt_frames_are_counted_and_not_called_lost(kernel, watch, fault) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch(ReaderTiming(reconnect=0.02, stall=TIMEOUT_S))
-    before = watched.wait_for(streaming(3)).frames
+def test_some_corrupt_frames_are_counted_and_not_called_lost(running, fault) -> None:
+    camera, watched, before = running(ReaderTiming(reconnect=0.02, stall=TIMEOUT_S))
     setattr(camera, fault, True)
     watched.wait_for(lambda status: status.corrupt >= 5)  # more than there are buffers
     setattr(camera, fault, False)
@@ -141,31 +154,11 @@ def test_some_corrupt_frames_are_counted_and_not_called_lost(kernel, watch, faul
     assert (status.lost, status.reconnects) == (0, 0)
 
 
-def test_only_corrupt_frames_count_as_a_stall(kernel, watch) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch()
-    watched.wait_for(streaming(1))
-    camera.damaged = True
-    watched.wait_for(lambda status: "no good frame" in status.last_error)
-
-
-def test_gaps_in_the_numbering_are_lost_frames(kernel, watch) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch()
-    watched.wait_for(streaming(1))
+def test_gaps_in_the_numbering_are_lost_frames(running) -> None:
+    camera, watched, _ = running()
     camera.skip_sequence = 2
     status = watched.wait_for(lambda status: status.lost >= 6)
     assert status.lost % 2 == 0
-
-
-def test_failing_ioctl_while_streaming_is_survived(kernel, watch) -> None:
-    camera = kernel.plug(FakeDigit())
-    watched = watch()
-    before = watched.wait_for(streaming(2)).frames
-    camera.errors[v4l2.VIDIOC_DQBUF] = errno.EIO
-    watched.wait_for(lambda status: "fetching a frame failed" in status.last_error)
-    camera.errors.clear()
-    watched.wait_for(streaming(before + 2))
 
 
 def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:

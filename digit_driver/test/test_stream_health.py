@@ -97,11 +97,7 @@ def test_healthy_stream_is_ok_with_its_figures() -> None:
         ({"jitter": None}, Level.OK, "streaming"),
         ({"jitter": 0.1, "reader": ReaderStatus(ReaderState.STOPPED, INFO)}, Level.OK, "capture is off"),
         ({"image": replace(GOOD, problem="image black")}, Level.WARN, "image black"),
-        (
-            {"reader": replace(STREAMING, info=replace(INFO, warnings=("firmware 150",)))},
-            Level.WARN,
-            "firmware",
-        ),
+        ({"reader": replace(STREAMING, info=replace(INFO, warnings=("firmware 150",)))}, Level.WARN, "firmware"),
         ({"reader": replace(STREAMING, silent_s=10.0)}, Level.ERROR, "hangs since 10 s"),
         (
             {"reader": ReaderStatus(ReaderState.DISCONNECTED, INFO, last_error="unplugged")},

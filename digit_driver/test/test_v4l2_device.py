@@ -32,13 +32,7 @@ def test_streams_portrait_frames_with_the_kernels_time(kernel, device) -> None:
     camera = kernel.plug(FakeDigit())
     digit = device()
     info = digit.open()
-    assert (info.name, info.serial, info.width, info.height, info.fps) == (
-        "/dev/video0",
-        "D20001",
-        240,
-        320,
-        60,
-    )
+    assert (info.name, info.serial, info.width, info.height, info.fps) == ("/dev/video0", "D20001", 240, 320, 60)
     assert info.warnings == ()
     assert camera.requested_fps == 60
     frames = [digit.read(1.0) for _ in range(10)]
@@ -176,17 +170,18 @@ def test_failure_at_any_step_of_opening_leaves_nothing_open(kernel, device, step
 
 
 @pytest.mark.parametrize(
-    "fault",
+    ("fault", "settings"),
     [
-        {"stamp_flags": 0},
-        {"stamp_shift_ns": -(10**12)},
-        {"stamp_shift_ns": 10**12},
+        ({"stamp_flags": 0}, {}),
+        ({"stamp_shift_ns": -(10**12)}, {}),
+        ({"stamp_shift_ns": 10**12}, {}),
+        ({}, {"use_buffer_timestamps": False}),
     ],
-    ids=["unknown clock", "ancient", "future"],
+    ids=["unknown clock", "ancient", "future", "switched off"],
 )
-def test_incredible_stamps_are_replaced_by_the_time_of_reading(kernel, device, fault) -> None:
+def test_stamps_not_to_be_used_are_those_of_reading(kernel, device, fault, settings) -> None:
     camera = kernel.plug(FakeDigit(**fault))
-    digit = device()
+    digit = device(**settings)
     digit.open()
     stamp = digit.read(1.0).stamp_monotonic_ns
     assert 3_000_000 <= stamp - camera.last_stamp_ns < 1_000_000_000
@@ -203,13 +198,6 @@ def test_a_frame_that_waited_for_a_halted_process_is_dropped(kernel, device) -> 
         digit.read(1.0)
     camera.stamp_shift_ns = 0
     assert digit.read(1.0).stamp_monotonic_ns > first
-
-
-def test_buffer_time_stamps_can_be_switched_off(kernel, device) -> None:
-    camera = kernel.plug(FakeDigit())
-    digit = device(use_buffer_timestamps=False)
-    digit.open()
-    assert digit.read(1.0).stamp_monotonic_ns - camera.last_stamp_ns >= 3_000_000
 
 
 def test_leds_may_be_set_while_the_device_is_opened_and_closed(kernel, device) -> None:

@@ -353,53 +353,40 @@ def test_on_another_object_it_is_not_sure(filter_, shelf):
     assert_defined(filter_, estimate)
 
 
-def refused(filter_, slide, motion, touch, kind, reason):
-    """The step is refused with a reason, counted, and changes no more than the frame that it is of."""
-    play(filter_, slide, slice(0, 5))
+UNUSABLE = np.full((80, 60), np.nan), np.full((80, 60), np.inf), np.zeros((160, 120))
+"""Penetration maps."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "reason"),
+    [
+        ("bad_code", np.full(64, np.nan), "not finite"),
+        ("bad_code", np.full(64, np.inf), "not finite"),
+        ("bad_code", np.zeros(64), "zero"),
+        ("bad_code", np.ones(128), "length 128"),
+        ("bad_code", None, "no code"),
+        *(("bad_relief", each.astype(np.float32), "penetration map") for each in UNUSABLE),
+        ("bad_odometry", np.full((4, 4), np.nan), "not finite"),
+        ("bad_odometry", np.eye(3), "shape"),
+        ("bad_odometry", np.zeros((4, 4)), "rigid"),
+        ("bad_odometry", np.diag([1.0, 1, -1, 1]), "rigid"),
+    ],
+)
+def test_bad_input_is_refused_with_a_reason_and_counted(filter_, mapped_slide, kind, value, reason):
+    """It changes no more than the frame that it is of."""
+    play(filter_, mapped_slide, slice(0, 5))
     filter_.deferred_update()
-    before = filter_.poses
-    estimate = filter_.step(motion, touch)
+    before, touch, motion = filter_.poses, mapped_slide.touches[5], mapped_slide.odometry[5]
+    if kind == "bad_odometry":
+        estimate = filter_.step(value, mapped_slide.touches[4])
+        np.testing.assert_array_equal(filter_.poses, before)
+    else:
+        bad = {"bad_code": "code", "bad_relief": "penetration"}[kind]
+        estimate = filter_.step(motion, replace(touch, **{bad: value}))
+        np.testing.assert_allclose(filter_.poses, before @ motion, atol=1e-6)
     assert reason in estimate.status.reason
     assert skipped(estimate, kind) == 1
     assert_defined(filter_, estimate)
-    return before, filter_.poses
-
-
-@pytest.mark.parametrize(
-    ("code", "reason"),
-    [
-        (np.full(64, np.nan), "not finite"),
-        (np.full(64, np.inf), "not finite"),
-        (np.zeros(64), "zero"),
-        (np.ones(128), "length 128"),
-        (None, "no code"),
-    ],
-)
-def test_bad_codes_are_refused_with_a_reason_and_counted(filter_, mapped_slide, code, reason):
-    touch = Measurement(True, code, penetration=mapped_slide.touches[5].penetration)
-    before, after = refused(filter_, mapped_slide, mapped_slide.odometry[5], touch, "bad_code", reason)
-    np.testing.assert_allclose(after, before @ mapped_slide.odometry[5], atol=1e-6)
-
-
-@pytest.mark.parametrize("penetration", [np.full((80, 60), np.nan), np.full((80, 60), np.inf), np.zeros((160, 120))])
-def test_bad_maps_are_refused_with_a_reason_and_counted(filter_, mapped_slide, penetration):
-    touch = Measurement(True, mapped_slide.touches[5].code, penetration=penetration.astype(np.float32))
-    before, after = refused(filter_, mapped_slide, mapped_slide.odometry[5], touch, "bad_relief", "penetration map")
-    np.testing.assert_allclose(after, before @ mapped_slide.odometry[5], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("odometry", "reason"),
-    [
-        (np.full((4, 4), np.nan), "not finite"),
-        (np.eye(3), "shape"),
-        (np.zeros((4, 4)), "rigid"),
-        (np.diag([1.0, 1, -1, 1]), "rigid"),
-    ],
-)
-def test_bad_odometry_is_refused_with_a_reason_and_counted(filter_, mapped_slide, odometry, reason):
-    before, after = refused(filter_, mapped_slide, odometry, mapped_slide.touches[4], "bad_odometry", reason)
-    np.testing.assert_array_equal(after, before)
 
 
 def test_a_code_of_another_network_stops_at_once(filter_, mapped_slide, world):

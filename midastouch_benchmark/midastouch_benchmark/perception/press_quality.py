@@ -185,7 +185,10 @@ def _iou(measured: np.ndarray, cap: np.ndarray) -> float:
 
 
 def _summary(rows: list[dict], truth: str) -> dict:
-    """Return fractions of all presses, medians of those with the figure, correlation of those with a true depth."""
+    """Return fractions of all presses, medians of those with the figure, correlation of those with a true depth.
+
+    recall: of contact detection; every press is a contact.
+    """
 
     def median(key: str) -> float:
         values = [row[key] for row in rows if row[key] is not None]
@@ -196,7 +199,7 @@ def _summary(rows: list[dict], truth: str) -> dict:
         "presses": len(rows),
         "labelled": truth == LABELS,
         "truth": truth,
-        "found_share": float(np.mean([row["found"] for row in rows])),
+        "recall": float(np.mean([row["found"] for row in rows])),
         "bulges_share": float(np.mean([row["bulges"] for row in rows])),
         "depth_correlation": _correlation([(row["ideal_peak_mm"], row["felt_peak_mm"]) for row in known]),
         **{

@@ -47,7 +47,8 @@ PRESSES: dict[str, Form] = {
     "by 10 % of light": text("brightness_mm", "{:.3f} mm"),
 }
 _SHAPE: dict[str, Form] = {
-    "found": percent("found_share"),
+    # older reports have it as found_share
+    "recall": lambda row: percent("recall" if "recall" in row else "found_share")(row),
     "bulging": percent("bulges_share"),
     "IoU with that ball": text("iou_ideal", "{:.2f}"),
     "centre off by": _FITS["centres apart"],

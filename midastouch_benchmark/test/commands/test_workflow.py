@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stays import stays
 
 from midastouch_benchmark.speed import scaling
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
@@ -193,6 +194,18 @@ def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypat
     assert len(output.splitlines()) == 4
     run("report", "scale.json", "--out", "scale_report")
     assert (workspace / "scale_report" / "bench_scale_0.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "most"),
+    [
+        (["evaluate", "eyebolt/00", "--seeds", "1"], 20),
+        (["benchmark", "--objects", "eyebolt", "--slides", "1", "--codebook-size", "300"], 17),
+    ],
+)
+def test_work_is_reached_through_few_functions(workspace, monkeypatch, arguments, most):
+    monkeypatch.chdir(workspace)
+    assert len(stays(arguments)) <= most, "inline what has one caller; lower this number with the count"
 
 
 @pytest.mark.slow

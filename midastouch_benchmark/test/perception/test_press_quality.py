@@ -72,7 +72,7 @@ def test_what_is_right_is_found_right(sensor, kind, request):
     assert [row["image"] for row in rows] == list(presses.images)
     assert summary["presses"] == 7
     assert summary["labelled"] == (kind == "labelled")
-    assert summary["found_share"] == summary["bulges_share"] == 1
+    assert summary["recall"] == summary["bulges_share"] == 1
     assert summary["peak_ratio"] == pytest.approx(1, abs=0.05)
     assert summary["rmse_in_circle_mm"] < 0.05
     assert summary["depth_correlation"] > 0.98
@@ -150,7 +150,7 @@ def test_a_dent_does_not_bulge(sensor, presses):
 @pytest.mark.parametrize("kind", ["presses", "labelled"])
 def test_nothing_felt(sensor, kind, request):
     rows, summary = measure_presses(FakeTdn(sensor, np.zeros_like), request.getfixturevalue(kind), RADIUS)
-    assert summary["found_share"] == summary["iou"] == 0
+    assert summary["recall"] == summary["iou"] == 0
     assert rows[0]["roundness"] == 0
     assert np.isnan(summary["felt_radius_mm"])
     if kind == "labelled":
@@ -189,7 +189,7 @@ def test_real_presses(shared, name, radius, scale):
     tdn = load_tdn("fast", SensorModel.load("digit_real").at_scale(scale))
     rows, summary = measure_presses(tdn, some, radius)
     assert summary["labelled"]
-    assert summary["found_share"] == 1
+    assert summary["recall"] == 1
     assert summary["bulges_share"] > 0.6
     for row in rows:
         wide = some.circles[row["image"]][2] / scale
@@ -205,7 +205,7 @@ def test_a_ball_on_sensors_never_seen_is_measured_as_one_of_about_its_size(share
     presses = load_ball_presses(shared / "data/digit_real" / folder)
     some = presses.only(sorted(presses.images)[::3])
     summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real").at_scale(scale)), some, radius)[1]
-    assert summary["found_share"] == summary["bulges_share"] == 1
+    assert summary["recall"] == summary["bulges_share"] == 1
     assert 0.5 < summary["peak_ratio"] < 1.4
     assert 0.65e3 * radius < summary["felt_radius_mm"] < 1.6e3 * radius
     assert summary["iou"] > 0.75

@@ -124,15 +124,9 @@ def test_the_same_mesh_under_another_name_counts_once(shelf):
         (lambda shelf: shelf.folder / "missing.npz", "missing.npz"),
         (lambda shelf: shelf.add("other_network", 0.7, tcn="another"), "other_network.npz.*network another"),
         (lambda shelf: shelf.add("other_sensor", 0.7, sensor="digit_real"), "other_sensor.npz.*sensor digit_real"),
-        (
-            lambda shelf: shelf.add("other_gel", 0.7, sensor_model=OTHER_GEL),
-            "other_gel.npz.*digit_tacto",
-        ),
+        (lambda shelf: shelf.add("other_gel", 0.7, sensor_model=OTHER_GEL), "other_gel.npz.*digit_tacto"),
         (lambda shelf: shelf.add("moved", 0.7, mesh_path="/nowhere/moved.ply"), "moved.npz.*/nowhere"),
-        (
-            lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"),
-            "changed.npz.*again",
-        ),
+        (lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"), "changed.npz.*again"),
     ],
 )
 def test_what_cannot_be_used_is_named(shelf, make, said):

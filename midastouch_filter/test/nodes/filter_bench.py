@@ -73,6 +73,11 @@ class Bench:
         """Whether it was said of the code of a stamp [ns] that it waits."""
         return stamp in [stamp_ns(status.header.stamp) for status in self.waits]
 
+    def delay(self, stamp: int) -> None:
+        """Send the code of a stamp [ns], which waits for its transform."""
+        self.codes.publish(code_msg(stamp))
+        self.graph.spin_until(lambda: self.waited(stamp), "the word that it waits")
+
     def answers(self, stamp: int) -> list[FilterStatus]:
         """The statuses of a stamp [ns]."""
         return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]

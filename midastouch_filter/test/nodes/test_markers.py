@@ -74,11 +74,7 @@ def test_ellipsoid_points_along_its_covariance():
 def test_mesh_replaces_what_was_shown():
     delete, add = markers.object_mesh("file:///thing.ply", HEADER).markers
     assert (delete.action, delete.ns) == (Marker.DELETEALL, "object_mesh")
-    assert (add.action, add.type, add.mesh_resource) == (
-        Marker.ADD,
-        Marker.MESH_RESOURCE,
-        "file:///thing.ply",
-    )
+    assert (add.action, add.type, add.mesh_resource) == (Marker.ADD, Marker.MESH_RESOURCE, "file:///thing.ply")
     assert (add.scale.x, add.pose.orientation.w) == (1.0, 1.0)
     assert {m.action for m in markers.cleared_hypotheses(HEADER).markers} == {Marker.DELETEALL}
 

@@ -35,8 +35,7 @@ def test_codes_wait_for_their_transform_in_order(graph):
 
 def test_transform_that_never_comes_is_stale_with_a_reason(graph, timeout_clock):
     bench = Bench(graph, **OBJECT, transform_timeout=0.2)
-    bench.codes.publish(code_msg(SECOND))
-    graph.spin_until(lambda: bench.waited(SECOND), "the word that it waits")
+    bench.delay(SECOND)
     timeout_clock.now += 0.3  # and no more: the transform of the next frame may be read late
     graph.spin_until(lambda: bench.statuses)
     assert bench.answered() == [SECOND]
@@ -76,8 +75,7 @@ def test_paused_simulated_time_does_not_run_out(graph):
     tick = simulated_clock(bench)
 
     tick(10.0)
-    bench.codes.publish(code_msg(10 * SECOND))
-    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    bench.delay(10 * SECOND)
     graph.spin_for(0.3)
     assert bench.statuses == []
     tick(10.5)
@@ -90,8 +88,7 @@ def test_simulated_time_jumping_back_does_not_stretch_a_timeout(graph):
     tick = simulated_clock(bench)
 
     tick(1e6)
-    bench.codes.publish(code_msg(10 * SECOND))
-    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    bench.delay(10 * SECOND)
     tenths = itertools.count(100)
 
     def goes_on() -> bool:
@@ -132,8 +129,7 @@ def test_other_frames_may_have_clocks_of_their_own(graph):
 def test_looped_bag_whose_code_overtakes_its_transform(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(100 * SECOND, translation(1.0))
-    bench.codes.publish(code_msg(10 * SECOND))
-    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    bench.delay(10 * SECOND)
     assert bench.filter.starts == ["uniform"]
     bench.tf.publish(tf_msg(10 * SECOND, translation(0.1)))
     graph.spin_until(lambda: bench.answered()[-1] == 10 * SECOND)
@@ -146,8 +142,7 @@ def test_a_single_wrong_stamp_is_dropped_and_said(graph, wrong):
     """Of a driver that loses its clock for one image."""
     bench = Bench(graph, **OBJECT)
     bench.frame(100 * SECOND, translation(0.0))
-    bench.codes.publish(code_msg(wrong * SECOND))
-    graph.spin_until(lambda: bench.waited(wrong * SECOND), "the word that it waits")
+    bench.delay(wrong * SECOND)
     for stamp in (101, 102):
         assert bench.frame(stamp * SECOND, translation(0.01)).state == "ambiguous"
     assert bench.filter.starts == ["uniform"]
@@ -162,8 +157,7 @@ def test_a_single_wrong_stamp_is_dropped_and_said(graph, wrong):
 def test_a_lone_wrong_stamp_is_answered_in_the_end(graph, timeout_clock):
     bench = Bench(graph, **OBJECT, transform_timeout=0.5)
     bench.frame(100 * SECOND)
-    bench.codes.publish(code_msg(0))
-    graph.spin_until(lambda: bench.waited(0), "the word that it waits")
+    bench.delay(0)
     timeout_clock.now += 0.6
     graph.spin_until(lambda: bench.answers(0), "the answer")
     assert bench.statuses[-1].state == "stale"

@@ -48,12 +48,13 @@ class Rig:
             status.header.stamp = stamp
             self._answers.publish(status)
 
-    def advise(self, answer):
-        """Offer suggestions."""
+    def advise(self, **answer):
+        """Offer suggestions: a service that gives these fields of its response."""
 
         def on_request(request, response):
             self.asked.append(request)
-            answer(response)
+            for name, value in answer.items():
+                setattr(response, name, value)
             return response
 
         self.graph.companion.create_service(SuggestMotion, "suggest_motion", on_request)

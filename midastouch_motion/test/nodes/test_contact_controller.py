@@ -1,13 +1,6 @@
 import numpy as np
 import pytest
-from geometry_msgs.msg import (
-    Point,
-    Pose,
-    PoseStamped,
-    Quaternion,
-    TwistStamped,
-    Vector3,
-)
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TwistStamped, Vector3
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header

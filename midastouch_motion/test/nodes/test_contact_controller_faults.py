@@ -15,32 +15,13 @@ from .rig import Rig, moving
 pytestmark = pytest.mark.dds
 
 
-def no_enable(rig, graph):
-    rig.enabled = False
-
-
-def no_images(rig, graph):
-    rig.images = False
-
-
-def no_poses(rig, graph):
-    rig.poses = False
-
-
-def outside(rig, graph):
-    rig.position = np.array([5.0, 0, 0])
+def setting(**attributes):
+    """A fault of the rig: these attributes of it change."""
+    return lambda rig, _graph: vars(rig).update(attributes)
 
 
 def lost(rig, graph):
     graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(state="lost"))
-
-
-def a_force(rig, graph):
-    rig.force = 12.0
-
-
-def no_forces(rig, graph):
-    rig.forces = False
 
 
 def a_force_of_the_future(rig, graph):
@@ -54,21 +35,17 @@ def another_commander(rig, graph):
     graph.companion.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
 
 
-def held_up(rig, graph):
-    rig.follows = False
-
-
 @pytest.mark.parametrize(
     ("fault", "reason", "parameters"),
     [
-        (held_up, "the arm does not follow", {}),
-        (no_enable, "not enabled", {"hold": 2.0}),
-        (no_images, "the newest image is", {"stale_after": 2.0}),
-        (no_poses, "the newest transform of the gel is", {"stale_after": 2.0}),
-        (outside, "outside of the box", {}),
+        (setting(follows=False), "the arm does not follow", {}),
+        (setting(enabled=False), "not enabled", {"hold": 2.0}),
+        (setting(images=False), "the newest image is", {"stale_after": 2.0}),
+        (setting(poses=False), "the newest transform of the gel is", {"stale_after": 2.0}),
+        (setting(position=np.array([5.0, 0, 0])), "outside of the box", {}),
         (lost, "the filter is lost", {}),
-        (a_force, "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
-        (no_forces, "the newest force on the topic wrench", {"max_force": 10.0, "stale_after": 2.0}),
+        (setting(force=12.0), "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
+        (setting(forces=False), "the newest force on the topic wrench", {"max_force": 10.0, "stale_after": 2.0}),
         (a_force_of_the_future, "ahead of the clock", {"max_force": 10.0}),
         (another_commander, "another node commands twists", {}),
     ],

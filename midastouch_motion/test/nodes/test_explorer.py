@@ -28,7 +28,7 @@ def test_it_explores_until_the_filter_knows(rig):
 
 
 def test_a_filter_that_does_not_know_the_object_is_not_asked(rig):
-    rig.advise(lambda response: None)
+    rig.advise()
     rig.state = "uninitialised"
     rig.untouched = "uninitialised"
     rig.graph.spin_until(lambda: rig.statuses and rig.statuses[-1].slides >= 4, "slides")
@@ -47,14 +47,9 @@ def test_it_shows_what_is_really_there(rig):
 
 
 def test_it_follows_suggestions_and_says_why(rig):
-    def advise(response):
-        response.success = True
-        response.suggestions = [
-            Suggestion(heading=1.0, length=0.005, information=0.1, reason="a step"),
-            Suggestion(heading=0.0, length=0.02, information=0.3, reason="the rim is there"),
-        ]
-
-    rig.advise(advise)
+    step = Suggestion(heading=1.0, length=0.005, information=0.1, reason="a step")
+    rim = Suggestion(heading=0.0, length=0.02, information=0.3, reason="the rim is there")
+    rig.advise(success=True, suggestions=[step, rim])
     rig.until("exploring", "the rim is there")
     rig.graph.spin_until(lambda: len(rig.asked) >= 3, "it to ask again after each motion")
     assert rig.asked[0].lifts
@@ -64,10 +59,7 @@ def test_it_follows_suggestions_and_says_why(rig):
 
 
 def test_refused_suggestions_end_it_and_say_so(rig):
-    def refuse(response):
-        response.message = "nothing was felt yet"
-
-    rig.advise(refuse)
+    rig.advise(message="nothing was felt yet")
     assert rig.until("gave_up").reason.endswith("nothing was felt yet")
     assert rig.node.gave_up
     assert len(rig.asked) == 3
@@ -75,11 +67,7 @@ def test_refused_suggestions_end_it_and_say_so(rig):
 
 @pytest.mark.parametrize(("length", "heading"), [(np.nan, 0.0), (np.inf, 0.0), (50.0, 0.0), (0.02, np.nan)])
 def test_suggestions_that_are_no_motions_are_refused(rig, length, heading):
-    def advise(response):
-        response.success = True
-        response.suggestions = [Suggestion(heading=heading, length=length, information=0.4)]
-
-    rig.advise(advise)
+    rig.advise(success=True, suggestions=[Suggestion(heading=heading, length=length, information=0.4)])
     reason = rig.until("gave_up").reason
     assert "no suggestion where to touch next: heading and length are" in reason
     assert "give rad, and 0 to 1 m" in reason
@@ -123,11 +111,7 @@ def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph, patience
 
 
 def test_places_that_nothing_tells_apart_end_it(rig):
-    def hopeless(response):
-        response.success = response.indistinguishable = True
-        response.message = "four sides are alike"
-
-    rig.advise(hopeless)
+    rig.advise(success=True, indistinguishable=True, message="four sides are alike")
     status = rig.until("gave_up", "four sides are alike")
     assert status.lifts >= 3  # it went to look elsewhere
 

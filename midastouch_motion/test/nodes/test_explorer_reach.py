@@ -13,35 +13,21 @@ from midastouch_msgs.srv import CheckReach
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
 
-def offer(graph, answer):
-    """Offer the service; the requests that come."""
+def offer(graph, answers=lambda poses: [True] * poses, message=""):
+    """Offer the service, which by default reaches everything; the requests that come."""
     asked = []
 
     def on_request(request, response):
         asked.append(request)
-        return answer(request, response)
+        response.reachable, response.message = answers(len(request.poses.poses)), message
+        return response
 
     service = graph.companion.create_service(CheckReach, "what_it_reaches", on_request)
     return asked, service
 
 
-def everything(request, response):
-    response.reachable = [True] * len(request.poses.poses)
-    return response
-
-
-def nothing(request, response):
-    response.reachable, response.message = [False] * len(request.poses.poses), "joint 3 is at its limit"
-    return response
-
-
-def too_few(request, response):
-    response.reachable = [True]
-    return response
-
-
 def test_it_is_asked_before_each_motion(graph):
-    asked, _ = offer(graph, everything)
+    asked, _ = offer(graph)
     rig = Rig(graph, reach_service="what_it_reaches")
     rig.until("exploring", "somewhere")
     rig.state = "converged"
@@ -52,14 +38,15 @@ def test_it_is_asked_before_each_motion(graph):
 
 
 @pytest.mark.parametrize(
-    ("answer", "why"),
+    ("answers", "message", "why"),
     [
-        (nothing, "the arm does not reach it: joint 3 is at its limit"),
-        (too_few, "reach_service what_it_reaches: 1 answers for"),
+        (lambda poses: [False] * poses, "joint 3", "the arm does not reach it: joint 3"),
+        (lambda _: [True], "", "reach_service what_it_reaches: 1 answers for"),
     ],
+    ids=["nothing", "too few"],
 )
-def test_without_a_yes_nothing_moves_and_the_reason_is_said(graph, answer, why):
-    offer(graph, answer)
+def test_without_a_yes_nothing_moves_and_the_reason_is_said(graph, answers, message, why):
+    offer(graph, answers, message)
     rig = Rig(graph, reach_service="what_it_reaches")
     status = rig.until("gave_up", "the finger is stuck")
     assert why in status.reason
@@ -70,14 +57,14 @@ def test_without_a_yes_nothing_moves_and_the_reason_is_said(graph, answer, why):
 def test_one_that_does_not_answer_is_given_up(graph, monkeypatch):
     monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
     mute = Node("mute")  # which nobody spins
-    mute.create_service(CheckReach, "what_it_reaches", everything)
+    mute.create_service(CheckReach, "what_it_reaches", lambda _, response: response)
     rig = Rig(graph, reach_service="what_it_reaches")
     assert "reach_service what_it_reaches: no answer for 0 s" in rig.until("gave_up", "stuck").reason
     mute.destroy_node()
 
 
 def test_one_that_goes_is_missed(graph):
-    asked, service = offer(graph, everything)
+    asked, service = offer(graph)
     rig = Rig(graph, reach_service="what_it_reaches")
     graph.spin_until(lambda: asked, "a question")
     graph.companion.destroy_service(service)

@@ -164,55 +164,42 @@ def ask(port: int, timeout: float = 60.0) -> None:
     require_outputs("127.0.0.1", port, OUTPUTS, 125.0, timeout)
 
 
-def test_a_controller_that_gives_the_outputs(listen):
-    ask(listen(lambda client: serve(client, "")))
+@pytest.mark.parametrize("before", [b"", b"\x00\x08Mhello"], ids=["outputs", "a text message, then outputs"])
+def test_a_controller_that_gives_the_outputs(listen, before):
+    ask(listen(lambda client: (client.sendall(before), serve(client, ""))))
 
 
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [
-        ("old protocol", "refuses protocol 2"),
-        ("unknown output", "does not give timestamp, actual_TCP_pose"),
-        ("refused start", "refuses to start"),
-    ],
-)
-def test_a_controller_that_refuses(listen, fault, reason):
-    port = listen(lambda client: serve(client, fault))
-    with pytest.raises(ConnectionError, match=f"no RTDE at 127.0.0.1:{port}: .*{reason}"):
-        ask(port)
+def faulty(fault):
+    return lambda client: serve(client, fault)
 
 
-@pytest.mark.parametrize(
-    ("said", "reason", "timeout"),
-    [
-        (b"", "timed out", 0.1),
-        (b"\x00\x05V", "timed out", 0.1),
-        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "does not speak RTDE", 60.0),
-        (b"\x00\x01V", "does not speak RTDE", 60.0),
-        (b"\x00\x04V\x01\x00\x0aO\x01DOUBLE", "does not give timestamp", 60.0),
-    ],
-)
-def test_what_is_no_controller(listen, said, reason, timeout):
+def saying(words):
     def treat(client) -> None:
-        client.sendall(said)
+        client.sendall(words)
         while client.recv(100):
             pass
 
-    with pytest.raises(ConnectionError, match=reason):
-        ask(listen(treat), timeout)
+    return treat
 
 
-def test_a_controller_that_hangs_up(listen):
-    with pytest.raises(ConnectionError, match="closed the connection"):
-        ask(listen(lambda client: client.recv(100)))
-
-
-def test_text_messages_in_between_are_passed_over(listen):
-    def treat(client) -> None:
-        client.sendall(b"\x00\x08Mhello")
-        serve(client, "")
-
-    ask(listen(treat))
+@pytest.mark.parametrize(
+    ("treat", "reason", "timeout"),
+    [
+        (faulty("old protocol"), "refuses protocol 2", 60.0),
+        (faulty("unknown output"), "does not give timestamp, actual_TCP_pose", 60.0),
+        (faulty("refused start"), "refuses to start", 60.0),
+        (saying(b""), "timed out", 0.1),
+        (saying(b"\x00\x05V"), "timed out", 0.1),
+        (saying(b"HTTP/1.1 400 Bad Request\r\n\r\n"), "does not speak RTDE", 60.0),
+        (saying(b"\x00\x01V"), "does not speak RTDE", 60.0),
+        (saying(b"\x00\x04V\x01\x00\x0aO\x01DOUBLE"), "does not give timestamp", 60.0),
+        (lambda client: client.recv(100), "closed the connection", 60.0),
+    ],
+)
+def test_what_gives_no_outputs_is_named_with_the_reason(listen, treat, reason, timeout):
+    port = listen(treat)
+    with pytest.raises(ConnectionError, match=f"no RTDE at 127.0.0.1:{port}: .*{reason}"):
+        ask(port, timeout)
 
 
 def test_a_pose_is_a_position_and_axis_times_angle():
