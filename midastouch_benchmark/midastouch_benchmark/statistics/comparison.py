@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from midastouch_filter.core.state import CONVERGED
-from midastouch_tools.text_table import number
 
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
@@ -128,31 +127,6 @@ def pareto_front(rows: list[dict], error: str) -> list[dict]:
         if not front or row[error] < front[-1][error]:
             front.append(row)
     return front
-
-
-def front_text(rows: list[dict]) -> str:
-    """Return a text: the default is on the front, or the variants that are both faster and more exact, with numbers."""
-    (default,) = (row for row in rows if row["variant"] == DEFAULT)
-    if default["trials"] < ENOUGH:
-        return f"too few trials ({default['trials']}) to say where the default lies"
-    better = [
-        f"{row['variant']} ({difference_text(row)} mm, {number(row['filter_ratio'], 2)} of the time)"
-        for row in rows
-        if row["e_trans_mm"] < default["e_trans_mm"] and row["cpu_ms_filter"] < default["cpu_ms_filter"]
-    ]
-    if not better:
-        return "the default lies on the front: no variant is both faster and more exact"
-    return f"faster than the default and more exact: {', '.join(better)}"
-
-
-def difference_text(row: dict) -> str:
-    """Return the difference of the mean error to the default's, with its 95 % interval, as text."""
-    if row["trials"] < ENOUGH:
-        return "too few"
-    if row["difference_mm"] is None:
-        return "-"
-    interval = row.get("difference_mm_interval")
-    return f"{row['difference_mm']:+.1f}" + ("" if interval is None else " ({:+.1f} ... {:+.1f})".format(*interval))
 
 
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from ..statistics.comparison import front_text, rows_by_init
+from ..statistics.comparison import rows_by_init
 from ..trials.variants import DEFAULT
 from . import accuracy, checks, comparisons, exploring, motion, perception, soft_gel, speed, trust
 from .table import Table, listed, text
@@ -95,8 +95,7 @@ def _variants(content: dict) -> Iterator[Titled]:
     """Yield a table for each start of variants against the default on the same trials; none without variants."""
     for init, rows in rows_by_init(content["comparison"]).items():
         if len(rows) > 1:
-            title = f"variants, start: {init}; {front_text(rows)}"
-            yield title, comparisons.compared_table(content | {"comparison": rows})
+            yield f"variants, start: {init}", comparisons.compared_table(content | {"comparison": rows})
 
 
 def _campaign(content: dict) -> str:
