@@ -201,7 +201,7 @@ def test_real_presses(shared, name, radius, scale):
     ("folder", "radius", "scale"),
     [("sphere_presses_d20641", 4.4e-3, 18680.0), ("sphere_presses_vocdex", 3e-3, 18500.0)],
 )
-def test_a_ball_on_sensors_never_seen_is_measured_as_one_of_about_its_size(shared, folder, radius, scale):
+def test_a_ball_on_sensors_never_seen_has_about_its_size(shared, folder, radius, scale):
     presses = load_ball_presses(shared / "data/digit_real" / folder)
     some = presses.only(sorted(presses.images)[::3])
     summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real").at_scale(scale)), some, radius)[1]

@@ -67,7 +67,7 @@ def test_trust_has_an_interval_for_every_figure(trials):
     assert one["weights"][-1]["right"]["share"] == 1
 
 
-def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
+def test_trust_tells_a_wrong_belief_from_an_unsure_one(trials):
     sure, wrong, unsure = trials[0], trials[0] | {"frames_converged_right": 2}, trials[2]
     wrong = wrong | {"final": wrong["final"] | {"right": False}}
     unsure = unsure | {"frames_converged": 0, "frames_converged_right": 0}
@@ -85,7 +85,7 @@ def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
     assert trusted["misled_frames"]["mean"]["value"] == pytest.approx((misses + each[0] - 2) / 2)
 
 
-def test_one_that_is_not_sure_but_has_the_truth_among_its_modes_is_told_from_one_that_has_lost_it(trials):
+def test_a_truth_among_the_modes_is_told_from_a_lost_one(trials):
     sure, lost = trials[0], trials[2]
     unsure = lost | {"final": lost["final"] | {"among_modes": True}}
     wrong = unsure | {"final": unsure["final"] | {"state": "converged"}}
