@@ -15,7 +15,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
-from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save
+from midastouch_tools.drawing.figures import save
 from midastouch_tools.drawing.object_view import ObjectView
 from midastouch_tools.drawing.page import Page
 
@@ -24,7 +24,7 @@ from ..tables.table import on_page
 from ..trials.variants import DEFAULT
 from . import presses, single_touch
 from .front import front_figure
-from .trial_figures import final_error_figure, reliability_figure, trial_error_figure
+from .trial_figures import final_error_figure, trial_error_figure
 
 Pictures = Iterator[tuple[str, str, Figure | np.ndarray] | str]
 """End of the file's name, caption, and a figure or RGB (H, W, 3) uint8; a text says why a picture is missing."""
@@ -119,25 +119,10 @@ def _paths(sequence: dict, trials: list[dict]) -> np.ndarray:
     return ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900).paths(truth, estimates)
 
 
-_KIND_STYLES = {
-    "one_mode": {"color": MODE_COLOUR},
-    "several_modes": {"color": PARTICLE_COLOUR},
-    "converged": {"color": ESTIMATE_COLOUR},
-    "right": {"color": "#2a8f4e"},
-}
-
-
 def _benchmark(content: dict) -> Pictures:
-    for init, summary in content["summary"].get(DEFAULT, {}).items():
+    for init in content["summary"].get(DEFAULT, {}):
         trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
         yield (f"_{init}_errors", f"Start {init}: final errors", final_error_figure(trials))
-        curves = {
-            (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
-            for kind, one in summary["coverage"].items()
-            if one["frames"]
-        }
-        figure = reliability_figure(content["levels"], curves, "mass of the published Gaussian around the pose")
-        yield (f"_{init}_coverage", f"Start {init}: how often the truth lies within", figure)
     if len(content["variants"]) > 1 and content["comparison"]:
         caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
         yield ("_front", caption, front_figure(content["comparison"], content["variants"]))

@@ -1,4 +1,4 @@
-"""Figures over trials: errors over the frames, final errors, calibration."""
+"""Figures over trials: errors over the frames, final errors."""
 
 from __future__ import annotations
 
@@ -56,21 +56,4 @@ def final_error_figure(trials: list[dict]) -> Figure:
         style_error_axes(axes, f"final {label}", "")
         axes.set_xticks(np.arange(len(objects)), objects, fontsize=9)
     axes.legend(frameon=False, fontsize=9)
-    return figure
-
-
-def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Plot observed over predicted fractions `levels` (L,); the diagonal is perfect calibration. curves: observed
-    fractions (L,) and line style, by name."""
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)
-    for name, (observed, style) in curves.items():
-        axes.plot([0, *levels], [0, *np.array(observed, float)], label=name, **style)
-    axes.set_xlabel(f"predicted share: {label}", fontsize=9)
-    axes.set_ylabel("observed share", fontsize=9)
-    axes.set(xlim=(0, 1), ylim=(0, 1))
-    axes.grid(color="#eceef1", lw=0.7)
-    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
-    axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -80,7 +80,7 @@ def of_start(content: dict, init: str) -> Iterator[Titled]:
     yield "what `converged` promises", trust.CONVERGED.of(rows)
     yield "does the covariance hold the truth?", trust.REGIONS.of(rows)
     yield "is the published pose right, by the weight of its mode?", trust.weights_table({"right": summary["trust"]})
-    if summary["recovery"]:
+    if any(t["event_at"] is not None for t in trials):
         yield "around the event", trust.AROUND_EVENT.of(rows)
     if summary["held"]:
         words = {name: content["variants"][name]["summary"] for name in content["summary"]}

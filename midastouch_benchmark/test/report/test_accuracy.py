@@ -3,7 +3,6 @@ import pytest
 
 from midastouch_benchmark.report.front import front_figure
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.report.trial_figures import reliability_figure
 from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
 from midastouch_benchmark.statistics.comparison import compare_variants
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
@@ -70,7 +69,7 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     assert "\n```\nmidastouch benchmark --variant paper 5k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
     assert pictures == {
-        *(f"benchmark_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
+        *(f"benchmark_0_{init}_errors.png" for init in ("paper", "uniform")),
         "benchmark_0_front.png",
     }
     assert all(f"]({picture})" in markdown for picture in pictures)
@@ -81,13 +80,6 @@ def test_without_variants_there_is_no_front(result, tmp_path):
     alone["comparison"] = [row for row in result["comparison"] if row["variant"] == "default"]
     write_results_page([("accuracy.json", alone)], tmp_path)
     assert not list(tmp_path.glob("*front.png"))
-
-
-def test_a_perfect_calibration_lies_on_the_diagonal():
-    figure = reliability_figure(list(LEVELS), {"perfect": (list(LEVELS), {})}, "mass")
-    diagonal, curve = figure.axes[0].lines
-    assert curve.get_xdata() == pytest.approx(curve.get_ydata())
-    assert diagonal.get_xdata() == pytest.approx(diagonal.get_ydata())
 
 
 DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "5k", "fast")}
