@@ -68,7 +68,7 @@ def test_a_step_is_followed_at_once_and_counted(offset, size, sign) -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(offsets, st.integers(-500, 500), st.lists(st.integers(500, 60_000), min_size=3, max_size=40))
-def test_slew_is_followed_within_a_millisecond_and_time_never_runs_backward(offset, ppm, delays) -> None:
+def test_slew_is_followed_and_time_never_runs_backward(offset, ppm, delays) -> None:
     clocks = Clocks(lambda now: offset + now * ppm // 1_000_000, delays)
     estimate = clocks.estimator()
     previous = None

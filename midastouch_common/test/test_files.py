@@ -132,7 +132,7 @@ def test_a_new_folder_takes_the_place_of_nothing(tmp_path, monkeypatch):
             require_new_folder(taken)
 
 
-def test_a_folder_is_for_one_process_alone_until_that_ends_however_it_does(tmp_path):
+def test_a_folder_is_for_one_process_until_that_ends(tmp_path):
     program = "import sys\nfrom midastouch_common.files import sole_use\nwith sole_use(sys.argv[1]): input('in\\n')"
     command = [sys.executable, "-u", "-c", program, tmp_path / "out"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as killed:
@@ -144,7 +144,7 @@ def test_a_folder_is_for_one_process_alone_until_that_ends_however_it_does(tmp_p
         pass
 
 
-def test_the_files_of_a_run_take_the_place_of_those_of_the_run_before_once_they_are_whole(tmp_path):
+def test_whole_files_of_a_run_replace_those_of_the_run_before(tmp_path):
     def names() -> list[str]:
         return sorted(path.name for path in tmp_path.iterdir() if not path.name.startswith("."))
 

@@ -22,12 +22,12 @@ def test_a_missing_module_is_named_with_what_brings_it(name, line):
     assert how_to_install(ModuleNotFoundError(f"No module named '{name}'", name=name)).startswith(line)
 
 
-def test_without_a_clone_an_extra_is_installed_by_its_distributions(monkeypatch, tmp_path):
+def test_without_a_clone_an_extra_is_its_distributions(monkeypatch, tmp_path):
     monkeypatch.setattr(missing_modules, "CLONE", tmp_path)
     assert missing_modules.install_extra("export") == f"{sys.executable} -m pip install h5py pyarrow"
 
 
-def test_a_node_without_one_of_its_libraries_ends_as_of_bad_input(monkeypatch, tmp_path, capsys):
+def test_a_node_without_a_library_ends_as_of_bad_input(monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "pykdtree", None)  # as if it were not installed
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "some_node.py").write_text("import pykdtree\n")

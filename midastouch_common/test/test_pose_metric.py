@@ -56,7 +56,7 @@ def test_weights_replace_the_mean(truth):
     assert pose_metric.particle_rmse(particles, truth, [0.75, 0.25]) == pytest.approx(repeated)
 
 
-def test_equation_4_takes_its_minima_apart_and_closest_mode_does_not(truth):
+def test_only_equation_4_takes_its_minima_apart(truth):
     near, aligned = shifted(truth, 1, 60), shifted(truth, 8, 2)
     e_trans, e_rot = pose_metric.min_cluster_error(np.array([near, aligned]), truth)
     assert (1e3 * e_trans, np.degrees(e_rot)) == pytest.approx((1, 2))

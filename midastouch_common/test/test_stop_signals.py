@@ -94,7 +94,7 @@ def run():
 
 
 @pytest.mark.parametrize("number", STOP)
-def test_before_there_is_anything_to_leave_in_order_the_process_ends_at_once(run, number) -> None:
+def test_with_nothing_to_leave_in_order_it_ends_at_once(run, number) -> None:
     it = run()
     it.send(number)
     assert it.end() == (0, "")
@@ -137,7 +137,7 @@ def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
 
 @pytest.mark.parametrize("options", [("work",), ("work", "importing")])
 @pytest.mark.parametrize("number", STOP)
-def test_a_signal_breaks_off_interruptible_work_but_not_what_cleans_up_after_it(run, number, options) -> None:
+def test_a_signal_breaks_off_work_but_not_its_clean_up(run, number, options) -> None:
     it = run(options=options)
     it.go_on()
     it.until("working")

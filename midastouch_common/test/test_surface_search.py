@@ -6,7 +6,7 @@ import trimesh
 from midastouch_common.surface_search import RaySearch
 
 
-def test_rays_from_within_a_closed_surface_meet_it_and_those_that_leave_it_do_not():
+def test_only_rays_from_within_a_closed_surface_meet_it():
     """Faces of a tenth of a millimetre, as a scan of a small part has them."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=4e-3)
     search = RaySearch(ball.vertices, ball.faces)

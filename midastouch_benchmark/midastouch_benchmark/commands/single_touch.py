@@ -48,14 +48,8 @@ def add_parser(subparsers) -> None:
         metavar="DIR",
         help="real no-contact images; those held out of the training are used (default: invented ones)",
     )
-    parser.add_argument(
-        "--baseline-size",
-        type=arguments.seed,
-        default=5000,
-        metavar="N",
-        help="poses of the smaller book on which codes, image embedding and MinkLoc3D are compared; 0: do not "
-        "(default 5000)",
-    )
+    # in the commands of stored reports, where it turned off a comparison that is no longer made
+    parser.add_argument("--baseline-size", choices=("0",), help=argparse.SUPPRESS)
     parser.add_argument(
         "--exhaustive",
         type=arguments.seed,
@@ -64,7 +58,6 @@ def add_parser(subparsers) -> None:
         help="touches per object that are also compared, map by map, with each pose of a book: what no code can beat; "
         "some seconds each (default 0)",
     )
-    parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     options.add_network_options(parser)
     options.add_json_option(parser)
 
@@ -74,7 +67,6 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from midastouch_common.files import require_file
-    from midastouch_perception.tcn import load_tcn
     from midastouch_tools.machine import machine_info
     from midastouch_tools.progress import progress_bar
 
@@ -88,15 +80,14 @@ def run(args: argparse.Namespace) -> int:
             require_file(codebook, "codebook")
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
     lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
-    minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
-    plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d, args.exhaustive)
+    plan = SingleTouchPlan(args.queries, lighting, args.exhaustive)
     # all of them before the first is measured, so that missing files show at once
     objects = [_load(args, mesh, codebook, networks) for mesh, codebook in wanted]
     results = []
     for mesh, book, path in objects:
         # the seed of an object does not depend on which others are measured
         rng = np.random.default_rng([args.seed, int(mesh.sha256[:8], 16)])
-        with progress_bar(total=plan.touches(networks), unit="touch", desc=mesh.name) as bar:
+        with progress_bar(total=plan.touches, unit="touch", desc=mesh.name) as bar:
             result = measure_object(mesh, book, networks, plan, rng, bar.update)
         files = {"mesh": mesh.path, "codebook_file": path.resolve(), "codebook": dict(book.meta)}
         results.append(files | result)
@@ -106,9 +97,8 @@ def run(args: argparse.Namespace) -> int:
             "seed": args.seed,
             "lighting": args.lighting,
             "backgrounds": args.backgrounds,
-            "baseline_size": args.baseline_size,
             "exhaustive": args.exhaustive,
-            "networks": networks.describe() | {"minkloc3d": minkloc3d and minkloc3d.network_id},
+            "networks": networks.describe(),
         },
         "machine": machine_info(),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,7 +17,16 @@ from ..perception.press_quality import MeasuredPress, as_measured
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth
 
 _ACROSS = 2  # presses side by side
+_SHOWN = 12
 _TITLES = ("image", "difference", "measured", "ideal")
+
+
+def pictures(content: dict) -> Iterator[tuple[str, str, Figure] | str]:
+    """Yield name, caption and figure of some presses of a result; a text says why they are missing."""
+    try:
+        yield "", f"Presses of {content['folder']}", press_figure(_shown(content))
+    except InputError as error:
+        yield f"no pictures of the presses: {error}"
 
 
 def press_figure(presses: list[MeasuredPress]) -> Figure:
@@ -40,32 +51,7 @@ def press_figure(presses: list[MeasuredPress]) -> Figure:
     return figure
 
 
-def depth_figure(content: dict) -> Figure:
-    """Plot measured depth and measured radius over the pressed depth, of every press of an result,
-    with the truth."""
-    known = [row for row in content["presses"] if row["ideal_peak_mm"] is not None]
-    figure = Figure(figsize=(10, 3), layout="constrained")
-    depth, radius = figure.subplots(1, 2)
-    pressed = [row["ideal_peak_mm"] for row in known]
-    depth.plot(pressed, [row["felt_peak_mm"] for row in known], "o", ms=4, color="#1f77b4")
-    depth.plot([0, max(pressed, default=1)], [0, max(pressed, default=1)], color="#2ca02c", lw=1)
-    depth.set_ylabel("deepest measured [mm]", fontsize=9)
-    round_ones = [row for row in known if row["felt_radius_mm"] is not None]
-    measured = [row["felt_radius_mm"] for row in round_ones]
-    radius.plot([row["ideal_peak_mm"] for row in round_ones], measured, "o", ms=4, color="#1f77b4")
-    radius.axhline(500 * content["ball_diameter"], color="#2ca02c", lw=1)
-    radius.set_ylabel("radius measured [mm]", fontsize=9)
-    for axes in (depth, radius):
-        axes.set_xlabel("pressed [mm]", fontsize=9)
-        axes.set_ylim(0, None)
-        axes.grid(color="#eceef1", lw=0.7)
-    return figure
-
-
-_SHOWN = 12
-
-
-def shown_presses(content: dict) -> list[MeasuredPress]:
+def _shown(content: dict) -> list[MeasuredPress]:
     """Measure `_SHOWN` presses again with the network of the result; InputError if it or the images are gone."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:

@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,28 +15,19 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
-from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save
+from midastouch_tools.drawing.figures import save
 from midastouch_tools.drawing.object_view import ObjectView
 from midastouch_tools.drawing.page import Page
 
-from ..speed.scaling import USUAL
 from ..tables.experiments import EXPERIMENTS, written
 from ..tables.table import on_page
 from ..trials.variants import DEFAULT
+from . import presses, single_touch
 from .front import front_figure
-from .trial_figures import final_error_figure, reliability_figure, scaling_figure, stage_figure, trial_error_figure
+from .trial_figures import final_error_figure, trial_error_figure
 
-
-class Picture(NamedTuple):
-    """A picture of a result. name: of its file, after the result's own; what: a figure, or RGB (H, W, 3) uint8."""
-
-    name: str
-    caption: str
-    what: Figure | np.ndarray
-
-
-Pictures = Iterator[Picture | str]
-"""Pictures of a result; a text says why one is missing."""
+Pictures = Iterator[tuple[str, str, Figure | np.ndarray] | str]
+"""End of the file's name, caption, and a figure or RGB (H, W, 3) uint8; a text says why a picture is missing."""
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:
@@ -93,26 +83,27 @@ def _add_section(page: Page, kind: str, content: dict, stem: Path) -> None:
         if isinstance(picture, str):
             page.note(picture)
             continue
-        path = stem.with_name(f"{stem.name}{picture.name}.png")
-        if isinstance(picture.what, Figure):
-            save(picture.what, path)
+        name, caption, what = picture
+        path = stem.with_name(f"{stem.name}{name}.png")
+        if isinstance(what, Figure):
+            save(what, path)
         else:
             with atomic_path(path) as temporary:
-                Image.fromarray(picture.what).save(temporary)
-        page.picture(path, picture.caption)
+                Image.fromarray(what).save(temporary)
+        page.picture(path, caption)
 
 
 def _evaluation(content: dict) -> Pictures:
-    yield Picture("", "Final errors over all trials", final_error_figure(content["trials"]))
+    yield ("", "Final errors over all trials", final_error_figure(content["trials"]))
     for sequence in content["sequences"]:
         name = sequence["sequence"]
         own = [t for t in content["trials"] if t["sequence"] == name]
         stem = re.sub(r"[^0-9A-Za-z]+", "_", name)
         figure = trial_error_figure(f"{name}, {len(own)} trials", own)
-        yield Picture(f"_{stem}_errors", f"{name}, init {content['config']['init']}: errors over the frames", figure)
+        yield (f"_{stem}_errors", f"{name}, init {content['config']['init']}: errors over the frames", figure)
         if Path(sequence["mesh"]).is_file():
             caption = "true path (green) and published poses of the second half of every trial (red)"
-            yield Picture(f"_{stem}_paths", f"{name}: {caption}", _paths(sequence, own))
+            yield (f"_{stem}_paths", f"{name}: {caption}", _paths(sequence, own))
         else:
             yield f"no picture of the paths: the mesh {sequence['mesh']} is not there"
 
@@ -128,52 +119,18 @@ def _paths(sequence: dict, trials: list[dict]) -> np.ndarray:
     return ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900).paths(truth, estimates)
 
 
-_KIND_STYLES = {
-    "one_mode": {"color": MODE_COLOUR},
-    "several_modes": {"color": PARTICLE_COLOUR},
-    "converged": {"color": ESTIMATE_COLOUR},
-    "right": {"color": "#2a8f4e"},
-}
-
-
 def _benchmark(content: dict) -> Pictures:
-    for init, summary in content["summary"].get(DEFAULT, {}).items():
+    for init in content["summary"].get(DEFAULT, {}):
         trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
-        yield Picture(f"_{init}_errors", f"Start {init}: final errors", final_error_figure(trials))
-        curves = {
-            (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
-            for kind, one in summary["coverage"].items()
-            if one["frames"]
-        }
-        figure = reliability_figure(content["levels"], curves, "mass of the published Gaussian around the pose")
-        yield Picture(f"_{init}_coverage", f"Start {init}: how often the truth lies within", figure)
+        yield (f"_{init}_errors", f"Start {init}: final errors", final_error_figure(trials))
     if len(content["variants"]) > 1 and content["comparison"]:
         caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
-        yield Picture("_front", caption, front_figure(content["comparison"], content["variants"]))
+        yield ("_front", caption, front_figure(content["comparison"], content["variants"]))
 
 
-def _presses(content: dict) -> Pictures:
-    from .presses import depth_figure, press_figure, shown_presses
-
-    yield Picture("_depths", "Measured over pressed depth", depth_figure(content))
-    try:
-        yield Picture("", f"Presses of {content['folder']}", press_figure(shown_presses(content)))
-    except InputError as error:
-        yield f"no pictures of the presses: {error}"
-
-
-def _single_touch(content: dict) -> Pictures:
-    from .single_touch import pictures
-
-    return (each if isinstance(each, str) else Picture(*each) for each in pictures(content))
-
-
-_SCALED = f"The other number is {USUAL:,}. CPU time counts all threads"
 _PICTURES: dict[str, Callable[[dict], Pictures]] = {
     "evaluate": _evaluation,
     "benchmark": _benchmark,
-    "evaluate-perception presses": _presses,
-    "single-touch": _single_touch,
-    "bench": lambda content: iter([Picture("", "Milliseconds per call", stage_figure(content))]),
-    "bench-scale": lambda content: iter([Picture("", _SCALED, scaling_figure(content["scaling"]))]),
+    "evaluate-perception presses": presses.pictures,
+    "single-touch": single_touch.pictures,
 }

@@ -1,4 +1,4 @@
-"""Figures over trials: errors over the frames, final errors, calibration, times per stage, time over size."""
+"""Figures over trials: errors over the frames, final errors."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from midastouch_tools.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, style_error_axes
-
-from ..speed.scaling import USUAL
 
 _ESTIMATES = (
     ("e", "particles", PARTICLE_COLOUR),
@@ -58,68 +56,4 @@ def final_error_figure(trials: list[dict]) -> Figure:
         style_error_axes(axes, f"final {label}", "")
         axes.set_xticks(np.arange(len(objects)), objects, fontsize=9)
     axes.legend(frameon=False, fontsize=9)
-    return figure
-
-
-def stage_figure(speed: dict) -> Figure:
-    """Plot the milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
-    stages = {
-        "tdn_ms": "TDN", "tcn_ms": "TCN", "filter_ms": "filter", "deferred_ms": "after the answer",
-        "align_ms": "alignment", "lookup_ms": "look-up",
-    }  # fmt: skip
-    timed: dict[str, dict] = {}
-    for key, label in stages.items():
-        stage = speed.get(key, {})
-        timed |= {label: stage} if "p50" in stage else {f"{label}, {state}": each for state, each in stage.items()}
-    rows = timed.values()
-    figure = Figure(figsize=(9, 0.45 * len(timed) + 1.4), layout="constrained")
-    axes = figure.subplots()
-    y = np.arange(len(timed))[::-1]
-    axes.barh(y, [r["p95"] for r in rows], height=0.6, color="#d5dbe3", label="p95")
-    axes.barh(y, [r["p50"] for r in rows], height=0.6, color=MODE_COLOUR, alpha=0.8, label="p50")
-    axes.plot([r["cpu"] for r in rows], y, "k|", ms=14, mew=2, label="CPU time")
-    axes.set_yticks(y, list(timed), fontsize=9)
-    axes.set_xlabel("ms per call", fontsize=9)
-    axes.legend(frameon=False, fontsize=9)
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure
-
-
-def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Plot observed over predicted fractions `levels` (L,); the diagonal is perfect calibration. curves: observed
-    fractions (L,) and line style, by name."""
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)
-    for name, (observed, style) in curves.items():
-        axes.plot([0, *levels], [0, *np.array(observed, float)], label=name, **style)
-    axes.set_xlabel(f"predicted share: {label}", fontsize=9)
-    axes.set_ylabel("observed share", fontsize=9)
-    axes.set(xlim=(0, 1), ylim=(0, 1))
-    axes.grid(color="#eceef1", lw=0.7)
-    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure
-
-
-# varied number, constant number, label
-_COLUMNS = ("particles", "poses", "hypotheses at the start"), ("poses", "particles", "codebook poses")
-
-
-def scaling_figure(points: list[dict]) -> Figure:
-    """Plot CPU time of a step and memory, each over hypotheses and over poses, all logarithmic."""
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
-    for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):
-        shown = sorted((point for point in points if point[kept] == USUAL), key=lambda point: point[varied])
-        numbers = [point[varied] for point in shown]
-        for axes, values in (
-            (of_time, [point["step_ms"]["cpu"] for point in shown]),
-            (of_memory, [point["memory_mb"] for point in shown]),
-        ):
-            axes.loglog(numbers, values, "o-", color=MODE_COLOUR, ms=5, lw=1.4)
-            style_error_axes(axes, "", "")
-        of_memory.set_xlabel(label, fontsize=9)
-    for axes, label in zip(columns[0], ("CPU ms a step", "memory MiB"), strict=True):
-        axes.set_ylabel(label, fontsize=9)
     return figure

@@ -1,9 +1,4 @@
-"""Single-touch figures of one object: of our codes, and of the paper's other ways to encode a touch.
-
-All ways are compared on a smaller book, because an entry of the others costs a rendered image and two networks. Image
-embedding and MinkLoc3D have a book made as in the paper: images of its poses, through the depth network, under the
-same kind of light as the queries but through other sensors. Our codes keep theirs, encoded from rendered maps.
-"""
+"""Single-touch figures of one object: of its codes, and of comparing each touch with every pose."""
 
 from __future__ import annotations
 
@@ -15,19 +10,16 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.tcn import AnyCodeNet
 
 from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
 from .matches import BOOK, SingleTouchErrors, best_matches, exhaustive_matches, mean_summary, single_touch_errors
-from .simulated_touch import Encoder, Lighting, TouchSimulator
+from .simulated_touch import Lighting, TouchSimulator
 
 OURS = "tcn"
-BASELINES = ("image_embedding", "minkloc3d")
 _SAMPLING = ContactSampling(free_fraction=0.0)
 MAPS = {"measured_maps": "penetration", "true_maps": "truth"}
 """Maps of `Percepts` with which a touch is compared exhaustively, by the name of the comparison."""
-BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
 _QUANTILES = 501
 CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "error", "touches")
@@ -37,25 +29,17 @@ CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "err
 class SingleTouchPlan:
     """Settings of a single-touch measurement.
 
-    Attributes: queries: number of touches; lighting; baseline_size: poses of the book on which the ways are compared, 0
-    for none; minkloc3d: that network, if there are weights; exhaustive: touches compared with each pose of a book.
+    Attributes: queries: number of touches; lighting; exhaustive: touches compared with each pose of a book.
     """
 
     queries: int
     lighting: Lighting
-    baseline_size: int = 0
-    minkloc3d: AnyCodeNet | None = None
     exhaustive: int = 0
 
     @property
-    def baseline_queries(self) -> int:
-        """Number of the first queries, on which the ways are compared."""
-        return min(self.queries, BASELINE_QUERIES) if self.baseline_size else 0
-
-    def touches(self, networks: Networks) -> int:
-        """Return the number of touches to simulate for one object, for a progress bar."""
-        compared = self.baseline_size if other_encoders(networks, self)[0] else 0
-        return self.queries + compared + len(MAPS) * self.exhaustive
+    def touches(self) -> int:
+        """Number of touches to simulate for one object, for a progress bar."""
+        return self.queries + len(MAPS) * self.exhaustive
 
 
 def measure_object(
@@ -69,66 +53,17 @@ def measure_object(
     """Return one object's entry of the `single-touch` JSON; `errors`: quantiles; `cells`: rows of `CELL_COLUMNS`."""
     simulator = TouchSimulator(mesh, networks, plan.lighting)
     poses = sample_contact_poses(mesh, plan.queries, rng, networks.sensor, _SAMPLING)
-    ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
-    others, missing = other_encoders(networks, plan)
-    split = plan.baseline_queries if others else 0
-    compared, in_contact = _encode(simulator, poses[:split], ours | others, rng, progress)
-    rest, in_contact_rest = _encode(simulator, poses[split:], ours, rng, progress)
-    codes = np.concatenate([part[OURS] for part in (compared, rest) if OURS in part])
+    codes, in_contact = simulator.encode(poses, networks.tcn, rng, progress)
     errors = single_touch_errors(codebook.poses, poses, best_matches(codebook.codes, codes), rng)
-    baselines: dict = dict.fromkeys(BASELINES) | {"missing": missing}
-    if plan.baseline_size:
-        split = plan.baseline_queries
-        queries = compared | {OURS: codes[:split]}
-        baselines |= _compare(simulator, codebook, poses[:split], queries, others, plan, rng, progress)
     return {
         "object": mesh.name,
         "queries": plan.queries,
-        "missed": int(plan.queries - in_contact.sum() - in_contact_rest.sum()),
+        "missed": int((~in_contact).sum()),
         "summary": errors.summary(),
-        "baselines": baselines,
         "exhaustive": _exhaustive(simulator, codebook, networks, plan, rng, progress),
         "errors": _quantiles(errors),
         "cells": error_by_place(poses, errors.six_vector.normalised),
     }
-
-
-def _encode(simulator, poses, encoders, rng, progress) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    if len(poses) == 0:
-        return {}, np.zeros(0, bool)
-    return simulator.encode(poses, encoders, rng, progress)
-
-
-def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str, Encoder], dict[str, str]]:
-    """Return the encoders of the baselines that can run here, and the reasons why the others cannot."""
-    if not plan.baseline_size:
-        return {}, dict.fromkeys(BASELINES, "not asked for")
-    encoders: dict[str, Encoder] = {}
-    missing = {}
-    if networks.tdn.has_embedding:
-        encoders["image_embedding"] = lambda percepts: networks.tdn.embedding(percepts.difference)  # type: ignore[attr-defined] # `has_embedding`
-    else:
-        missing["image_embedding"] = f"the depth network {networks.tdn.network_id} does not give its bottleneck"
-    if plan.minkloc3d is not None:
-        encoders["minkloc3d"] = lambda percepts: plan.minkloc3d.encode(percepts.penetration)
-    else:
-        missing["minkloc3d"] = "no weights given"
-    return encoders, missing
-
-
-def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -> dict:
-    """Return the `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
-    chosen = _some_entries(codebook, plan.baseline_size, rng)
-    book = {OURS: codebook.codes[chosen]}
-    if others:
-        book |= simulator.encode(codebook.poses[chosen], others, rng, progress)[0]
-    errors = {
-        way: single_touch_errors(codebook.poses[chosen], poses, best_matches(codes, queries[way]), rng)
-        for way, codes in book.items()
-    }
-    details = {way: one.summary() | {"errors": _quantiles(one)} for way, one in errors.items()}
-    values = {way: one["normalised_top25_error"] for way, one in details.items()}
-    return {"book_size": len(chosen), "queries": len(poses), **values, "details": details}
 
 
 def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | None:
@@ -138,7 +73,7 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
     poses = sample_contact_poses(simulator.mesh, plan.exhaustive, rng, networks.sensor, _SAMPLING)
     percepts = list(simulator.percepts(poses, rng))
     maps = {way: np.concatenate([getattr(one, name) for one in percepts]) for way, name in MAPS.items()}
-    chosen = _some_entries(codebook, BOOK, rng)
+    chosen = np.sort(rng.choice(len(codebook.poses), min(BOOK, len(codebook.poses)), replace=False))
     book = codebook.poses[chosen]
     codes = np.concatenate([networks.tcn.encode(one.penetration) for one in percepts])
     matches = {OURS: best_matches(codebook.codes[chosen], codes)} | {
@@ -150,11 +85,6 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
     nearest = errors[OURS].nearest / errors[OURS].six_vector.random.mean()
     errors_of = {way: each.six_vector.normalised for way, each in errors.items()}
     return {"book_size": len(chosen), "errors": errors_of | {"nearest_entry": nearest}}
-
-
-def _some_entries(codebook: Codebook, size: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw the entries (min(size, M),) of a smaller book."""
-    return np.sort(rng.choice(len(codebook.poses), min(size, len(codebook.poses)), replace=False))
 
 
 def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
@@ -179,15 +109,11 @@ def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
 def summarise_objects(objects: list[dict]) -> dict:
     """Return the fields of one object as means over all of them (`missed`: their sum), and the `objects`."""
     name = objects[0]["object"] if len(objects) == 1 else f"mean of {len(objects)} objects"
-    known = {way: [one["baselines"].get(way) for one in objects] for way in (OURS, *BASELINES)}
-    known = {way: [error for error in errors if error is not None] for way, errors in known.items()}
-    baselines = {way: float(np.mean(errors)) if errors else None for way, errors in known.items()}
     return {
         "object": name,
         "queries": objects[0]["queries"],
         "missed": sum(one["missed"] for one in objects),
         "summary": mean_summary([one["summary"] for one in objects]),
-        "baselines": baselines | {"missing": objects[0]["baselines"]["missing"]},
         "exhaustive": _limits(objects),
         "cell_columns": CELL_COLUMNS,
         "objects": objects,

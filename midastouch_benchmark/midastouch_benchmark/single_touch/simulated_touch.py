@@ -8,7 +8,7 @@ of the full image and the image of the reduced map differ by 0.2 grey levels RMS
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn import AnyCodeNet
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
 from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.optics import TactoOptics
@@ -59,19 +60,13 @@ class Lighting:
 class Percepts:
     """Results of the first stage for N touches.
 
-    Attributes: difference: (N, 160, 120, 3) float32 grey levels, image minus background; penetration: (N, 160, 120)
-    float32 m, 0 where nothing is touched; in_contact: (N,) bool, whether it passes for a contact; truth: (N, 160, 120)
-    float32 m, the true penetration.
+    Attributes: penetration: (N, 160, 120) float32 m, 0 where nothing is touched; in_contact: (N,) bool, whether it
+    passes for a contact; truth: (N, 160, 120) float32 m, the true penetration.
     """
 
-    difference: np.ndarray
     penetration: np.ndarray
     in_contact: np.ndarray
     truth: np.ndarray
-
-
-Encoder = Callable[[Percepts], np.ndarray]
-"""Unit codes (N, D) of N touches."""
 
 
 class TouchSimulator:
@@ -95,7 +90,7 @@ class TouchSimulator:
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
             in_contact = np.array([contact.in_contact for contact in contacts])
             measured = np.stack([contact.penetration for contact in contacts])
-            yield Percepts(difference, measured, in_contact, penetration)
+            yield Percepts(measured, in_contact, penetration)
 
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
@@ -121,24 +116,22 @@ class TouchSimulator:
     def encode(
         self,
         poses: np.ndarray,
-        encoders: Mapping[str, Encoder],
+        tcn: AnyCodeNet,
         rng: np.random.Generator,
         progress: Callable[[int], object] = lambda touches: None,
-    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Return codes (N, D) by encoder of the touches at `poses` (N, 4, 4), and which (N,) pass for a contact.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the codes (N, D) of the touches at `poses` (N, 4, 4), and which (N,) pass for a contact.
 
         A touch that does not gets a random code, as in the paper (appendix C). Raises InputError if hardly any does.
         """
-        codes: dict[str, list[np.ndarray]] = {name: [] for name in encoders}
-        touching = []
+        codes, touching = [], []
         for percepts in self.percepts(poses, rng):
             touching.append(percepts.in_contact)
-            for name, encoder in encoders.items():
-                encoded = encoder(percepts)
-                missed = np.flatnonzero(~percepts.in_contact)
-                random = rng.standard_normal((len(missed), encoded.shape[1]))
-                encoded[missed] = random / np.linalg.norm(random, axis=1, keepdims=True)
-                codes[name].append(encoded)
+            encoded = tcn.encode(percepts.penetration)
+            missed = np.flatnonzero(~percepts.in_contact)
+            random = rng.standard_normal((len(missed), encoded.shape[1]))
+            encoded[missed] = random / np.linalg.norm(random, axis=1, keepdims=True)
+            codes.append(encoded)
             progress(len(percepts.in_contact))
         in_contact = np.concatenate(touching)
         if in_contact.mean() < _LEAST_IN_CONTACT:
@@ -146,4 +139,4 @@ class TouchSimulator:
                 f"{self.mesh.name}: {in_contact.sum()} of {len(in_contact)} touches pass for a contact; "
                 "does the mesh fit the sensor?"
             )
-        return {name: np.concatenate(parts) for name, parts in codes.items()}, in_contact
+        return np.concatenate(codes), in_contact

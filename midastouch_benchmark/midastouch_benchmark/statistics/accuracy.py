@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from scipy.stats import chi2
 
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
@@ -101,7 +100,6 @@ def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
 def _summary(trials: list[dict], in_full: bool) -> dict:
     out = summarise_trials(trials) | {
         "coverage": coverage(trials),
-        "recovery": recovery(trials),
         "filter_stages_ms": {
             name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials]))
             for name in dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
@@ -129,29 +127,13 @@ def compact_trials(trials: list[dict]) -> list[dict]:
     ]
 
 
-def recovery(trials: list[dict]) -> dict | None:
-    """Return the recovery of the filter after an event; None if no trial has one. trials: with an event; recovered:
-    those right from some frame to the end; median_frames, p90_frames: of sliding until that frame."""
-    disturbed = [t for t in trials if t["event_at"] is not None]
-    if not disturbed:
-        return None
-    frames = [frames_until_right(t) for t in disturbed if t["right_from_frame"] is not None]
-    out: dict[str, float] = {"trials": len(disturbed), "recovered": len(frames)}
-    if frames:
-        out |= {"median_frames": float(np.median(frames)), "p90_frames": float(np.percentile(frames, 90))}
-    return out
-
-
 def coverage(trials: list[dict]) -> dict[str, dict]:
     """Return by kind of frame: frames, their number; observed, fraction of them whose truth lies within each of
-    `LEVELS`; median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
+    `LEVELS`."""
     out = {}
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
-        observed = observed_fractions(counts)
-        # the median of a chi-square of six degrees, from the fractions within each level
-        nees = float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6)) if observed[-1] >= 0.5 else None
-        out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": nees}
+        out[kind] = {"frames": int(counts.sum()), "observed": observed_fractions(counts)}
     return out
 
 

@@ -6,10 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from midastouch_filter.core.state import CONVERGED
-from midastouch_tools.text_table import number
-
-from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
 from .accuracy import final_errors, is_right, wrong_converged
 from .intervals import ENOUGH, bootstrap_interval, identity
@@ -18,12 +14,10 @@ from .intervals import ENOUGH, bootstrap_interval, identity
 def compare_variants(trials: list[dict]) -> list[dict]:
     """Return one row per init and variant; all rows of an init are over the trials that every variant has run.
 
-    Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
-    the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
-    mean time of the whole frame. Differences are taken trial by trial, each with its 95 % `_interval` over slides (None
-    with a single slide): `difference_mm`, of the mean final particle error; `right_difference`, of the fraction right
-    at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`, of
-    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+    Differences to the default are taken trial by trial, each with its 95 % `_interval` over slides (None with a single
+    slide): `difference_mm`, of the mean final particle error; `right_difference`, of the fraction right at the end;
+    `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`, of the filter's
+    mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
     """
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
@@ -42,17 +36,7 @@ def compare_variants(trials: list[dict]) -> list[dict]:
 
 
 def _row(trials: list[dict], default: list[dict]) -> dict:
-    one, base = _figures(trials), _figures(default)
-    ratios = {
-        name: one[key] / base[key] if base[key] else None
-        for name, key in (
-            ("error_ratio", "e_trans_mm"),
-            ("rotation_ratio", "e_rot_deg"),
-            ("estimate_ratio", "estimate_trans_mm"),
-            ("filter_ratio", "cpu_ms_filter"),
-            ("time_ratio", "ms"),
-        )
-    }
+    one = _figures(trials)
     groups = [(t["object"], t["slide"]) for t in trials]
     differences: dict[str, float | list[float]] = {}
     for name, figure in _PAIRED.items():
@@ -60,7 +44,7 @@ def _row(trials: list[dict], default: list[dict]) -> dict:
         known = of_trials[np.isfinite(of_trials)]
         differences[name] = float(known.mean()) if len(known) else None
         differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups)
-    row = one | ratios | differences
+    row = one | differences
     return row | {"verdict": verdict(row)}
 
 
@@ -99,25 +83,12 @@ _PAIRED = {
 
 
 def _figures(trials: list[dict]) -> dict:
-    def mean(key: str) -> float:
-        return float(np.nanmean(final_errors(trials, key)))
-
-    def median(key: str) -> float:
-        return float(np.nanmedian(final_errors(trials, key)))
-
     return {
         "trials": len(trials),
-        "e_trans_mm": mean("e_trans_mm"),
-        "e_rot_deg": mean("e_rot_deg"),
-        "closest_mode_mm": median("min_cluster_trans_mm"),
-        "closest_mode_deg": median("min_cluster_rot_deg"),
-        "estimate_trans_mm": median("estimate_trans_mm"),
+        **{key: float(np.nanmean(final_errors(trials, key))) for key in ("e_trans_mm", "e_rot_deg")},
         "right": sum(map(is_right, trials)) / len(trials),
-        "converged": sum(trial["final"]["state"] == CONVERGED for trial in trials) / len(trials),
         "wrong_converged": wrong_converged(trials),
-        "ms_filter": float(np.mean([t["ms"]["filter"] for t in trials])),
         "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
-        "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
     }
 
 
@@ -128,31 +99,6 @@ def pareto_front(rows: list[dict], error: str) -> list[dict]:
         if not front or row[error] < front[-1][error]:
             front.append(row)
     return front
-
-
-def front_text(rows: list[dict]) -> str:
-    """Return a text: the default is on the front, or the variants that are both faster and more exact, with numbers."""
-    (default,) = (row for row in rows if row["variant"] == DEFAULT)
-    if default["trials"] < ENOUGH:
-        return f"too few trials ({default['trials']}) to say where the default lies"
-    better = [
-        f"{row['variant']} ({difference_text(row)} mm, {number(row['filter_ratio'], 2)} of the time)"
-        for row in rows
-        if row["e_trans_mm"] < default["e_trans_mm"] and row["cpu_ms_filter"] < default["cpu_ms_filter"]
-    ]
-    if not better:
-        return "the default lies on the front: no variant is both faster and more exact"
-    return f"faster than the default and more exact: {', '.join(better)}"
-
-
-def difference_text(row: dict) -> str:
-    """Return the difference of the mean error to the default's, with its 95 % interval, as text."""
-    if row["trials"] < ENOUGH:
-        return "too few"
-    if row["difference_mm"] is None:
-        return "-"
-    interval = row.get("difference_mm_interval")
-    return f"{row['difference_mm']:+.1f}" + ("" if interval is None else " ({:+.1f} ... {:+.1f})".format(*interval))
 
 
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from ..statistics.comparison import front_text, rows_by_init
+from ..statistics.comparison import rows_by_init
 from ..trials.variants import DEFAULT
 from . import accuracy, checks, comparisons, exploring, motion, perception, soft_gel, speed, trust
 from .table import Table, listed, text
@@ -80,7 +80,7 @@ def of_start(content: dict, init: str) -> Iterator[Titled]:
     yield "what `converged` promises", trust.CONVERGED.of(rows)
     yield "does the covariance hold the truth?", trust.REGIONS.of(rows)
     yield "is the published pose right, by the weight of its mode?", trust.weights_table({"right": summary["trust"]})
-    if summary["recovery"]:
+    if any(t["event_at"] is not None for t in trials):
         yield "around the event", trust.AROUND_EVENT.of(rows)
     if summary["held"]:
         words = {name: content["variants"][name]["summary"] for name in content["summary"]}
@@ -95,8 +95,7 @@ def _variants(content: dict) -> Iterator[Titled]:
     """Yield a table for each start of variants against the default on the same trials; none without variants."""
     for init, rows in rows_by_init(content["comparison"]).items():
         if len(rows) > 1:
-            title = f"variants, start: {init}; {front_text(rows)}"
-            yield title, comparisons.compared_table(content | {"comparison": rows})
+            yield f"variants, start: {init}", comparisons.compared_table(content | {"comparison": rows})
 
 
 def _campaign(content: dict) -> str:

@@ -104,8 +104,8 @@ COMMANDS = {
     "soft_gel": f"{_PERCEPTION} gel --meshes ../shared/meshes/ycb --touches 20",
     "single_touch": f"{_SINGLE_TOUCH} --queries 2000",
     "single_touch_random": f"{_SINGLE_TOUCH} --queries 500 --lighting random "
-    "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
-    "single_touch_limit": f"{_SINGLE_TOUCH} --queries 100 --baseline-size 0 --exhaustive 15",
+    "--backgrounds ../shared/data/digit_backgrounds",
+    "single_touch_limit": f"{_SINGLE_TOUCH} --queries 100 --exhaustive 15",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_arm": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy arm",

@@ -41,7 +41,7 @@ def test_names_of_constants_may_change_and_values_may_not():
     assert differences(one, changed) == {PERCEPTION: [], ESTIMATES: ["constant B"]}
 
 
-def test_what_another_machine_rounds_otherwise_is_no_other_constant():
+def test_rounding_of_another_machine_is_no_other_constant():
     before = {"A": [4.5e-19, 0.333333341], "B": ["id", 9e-10]}
     assert not constants.changed(before, {"A": [0.333333311, -5.8e-19], "B": ["id", 9e-10]})
     assert constants.changed(before, {"A": [0.0, 0.33334], "B": ["other", 9e-10]}) == ["A", "B"]

@@ -29,7 +29,7 @@ def test_another_shape_does_not_agree(probe):
     assert not probe.agrees(Probe(probe.values[:, :1], [0]))
 
 
-def test_a_steady_probe_allows_some_times_what_nudges_did_and_ends_before_they_lead_elsewhere(probe):
+def test_a_steady_probe_ends_before_nudges_lead_elsewhere(probe):
     nudges = [Probe(probe.values + np.array([[0, 0], [5e-4, 0], [8e-3, 0]]), [0, 0]), probe]
     steady = probe.steadied(nudges)
     assert steady.values.tolist() == [[1, 10], [2, 20]]

@@ -46,7 +46,7 @@ def test_surer_and_less_sure_constants_surprise_more(objects):
     assert surprise(objects, TRUE) < min(surprise(objects, sure), surprise(objects, unsure))
 
 
-def test_a_truth_that_was_excluded_surprises_by_so_much_and_no_more():
+def test_an_excluded_truth_surprises_by_so_much_and_no_more():
     excluded = Judged(np.array([[1e-3], [1.0]]), np.ones(1), np.array([False, True]))
     sure = dataclasses.replace(NOISE, map_patches=1e3)
     less_sure = dataclasses.replace(NOISE, map_patches=3.0, residual_floor=0.024)

@@ -9,7 +9,7 @@ def slide(code: list[list[float]], contradicted: list[list[float]], truth: int) 
     return WeighedSlide(np.ones(len(code)), np.array(code), np.array(contradicted), truth)
 
 
-def test_an_object_that_explains_the_touches_becomes_probable_and_none_where_none_does():
+def test_only_an_object_that_explains_touches_becomes_probable():
     own = slide([[3.0, 0.0]] * 20, [[0.0, 1.0]] * 20, 0)
     for one in (own, slide([[0.0, 0.0]] * 20, [[1.0, 1.0]] * 20, 2)):
         probabilities = one.probabilities(NOISE)
@@ -18,7 +18,7 @@ def test_an_object_that_explains_the_touches_becomes_probable_and_none_where_non
         assert one.surprise(NOISE) < np.log(3)
 
 
-def test_an_object_without_a_hypothesis_keeps_what_is_known_of_it():
+def test_an_object_without_a_hypothesis_keeps_its_evidence():
     probabilities = slide([[3.0], [0.0]], [[0.0], [0.0]], 0).probabilities(NOISE)
     np.testing.assert_array_equal(probabilities[0], probabilities[1])
 

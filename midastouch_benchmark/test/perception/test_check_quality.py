@@ -153,7 +153,7 @@ def real():
 
 
 @pytest.mark.slow
-def test_alarms_are_counted_with_the_right_and_with_a_touched_background(real):
+def test_alarms_are_counted_with_right_and_touched_backgrounds(real):
     rng = np.random.default_rng(7)
     digit = PressedSensor(real, no_contact_image(real, rng)[None], 3e-3, rng)
     presses = BallPresses(digit.presses(8), digit.background, None)

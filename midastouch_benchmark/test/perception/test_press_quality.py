@@ -180,33 +180,19 @@ def test_visible_contact_is_the_largest_change(sensor):
     assert not visible_contact(np.zeros_like(difference), sensor).any()
 
 
-@pytest.mark.parametrize(("name", "radius", "scale"), [("d20641", 4.4e-3, 18680), ("vocdex", 3e-3, 18500)])
-def test_real_presses(shared, name, radius, scale):
-    """What must hold whatever the network: presses are found and bulge, and the ideal caps are those of the labels."""
-
+@pytest.mark.parametrize(("name", "radius", "scale"), [("d20641", 4.4e-3, 18680.0), ("vocdex", 3e-3, 18500.0)])
+def test_a_ball_on_sensors_never_seen_has_about_its_size(shared, name, radius, scale):
     presses = load_ball_presses(shared / f"data/digit_real/sphere_presses_{name}")
-    some = presses.only(list(presses.images)[::5])
+    some = presses.only(sorted(presses.images)[::3])
     tdn = load_tdn("fast", SensorModel.load("digit_real").at_scale(scale))
     rows, summary = measure_presses(tdn, some, radius)
     assert summary["labelled"]
-    assert summary["recall"] == 1
-    assert summary["bulges_share"] > 0.6
-    for row in rows:
-        wide = some.circles[row["image"]][2] / scale
-        flat = 1e3 * (radius - np.sqrt(radius**2 - wide**2))
-        assert 0.93 < row["ideal_peak_mm"] / flat < 1.1, "dome and perspective change a cap little"
-
-
-@pytest.mark.parametrize(
-    ("folder", "radius", "scale"),
-    [("sphere_presses_d20641", 4.4e-3, 18680.0), ("sphere_presses_vocdex", 3e-3, 18500.0)],
-)
-def test_a_ball_on_sensors_never_seen_is_measured_as_one_of_about_its_size(shared, folder, radius, scale):
-    presses = load_ball_presses(shared / "data/digit_real" / folder)
-    some = presses.only(sorted(presses.images)[::3])
-    summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real").at_scale(scale)), some, radius)[1]
     assert summary["recall"] == summary["bulges_share"] == 1
     assert 0.5 < summary["peak_ratio"] < 1.4
     assert 0.65e3 * radius < summary["felt_radius_mm"] < 1.6e3 * radius
     assert summary["iou"] > 0.75
     assert summary["outside_share"] < 0.05
+    for row in rows:
+        wide = some.circles[row["image"]][2] / scale
+        flat = 1e3 * (radius - np.sqrt(radius**2 - wide**2))
+        assert 0.93 < row["ideal_peak_mm"] / flat < 1.1, "dome and perspective change a cap little"

@@ -1,11 +1,8 @@
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
-from midastouch_benchmark.report.front import front_figure, label_points
+from midastouch_benchmark.report.front import front_figure
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.report.trial_figures import reliability_figure
 from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
 from midastouch_benchmark.statistics.comparison import compare_variants
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
@@ -72,7 +69,7 @@ def test_a_benchmark_has_its_section(result, tmp_path):
     assert "\n```\nmidastouch benchmark --variant paper 5k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
     assert pictures == {
-        *(f"benchmark_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
+        *(f"benchmark_0_{init}_errors.png" for init in ("paper", "uniform")),
         "benchmark_0_front.png",
     }
     assert all(f"]({picture})" in markdown for picture in pictures)
@@ -83,13 +80,6 @@ def test_without_variants_there_is_no_front(result, tmp_path):
     alone["comparison"] = [row for row in result["comparison"] if row["variant"] == "default"]
     write_results_page([("accuracy.json", alone)], tmp_path)
     assert not list(tmp_path.glob("*front.png"))
-
-
-def test_a_perfect_calibration_lies_on_the_diagonal():
-    figure = reliability_figure(list(LEVELS), {"perfect": (list(LEVELS), {})}, "mass")
-    diagonal, curve = figure.axes[0].lines
-    assert curve.get_xdata() == pytest.approx(curve.get_ydata())
-    assert diagonal.get_xdata() == pytest.approx(diagonal.get_ydata())
 
 
 DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "5k", "fast")}
@@ -105,14 +95,14 @@ def comparison() -> list[dict]:
     ]
 
 
-def test_every_start_has_its_panel_with_every_variant(comparison):
+def test_every_start_has_its_panel(comparison):
     figure = front_figure(comparison, DESCRIPTIONS)
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
         "start: paper, 5 trials each",
         "start: uniform, 5 trials each",
     ]
     for axes in figure.axes:
-        assert {text.get_text() for text in axes.texts} == {"default", "paper", "5k", "fast"}
+        assert {text.get_text() for text in axes.texts} == {"default", "5k", "fast"}  # "paper" is far from the front
         assert axes.get_xscale() == "log"
 
 
@@ -123,34 +113,3 @@ def test_the_front_joins_what_nothing_beats(comparison):
         marked = lines[label]
         assert marked.get_xydata().tolist() == [point]
         assert marked.get_marker() not in {line.get_marker() for line in lines.values() if line is not marked}
-
-
-def boxes(points: np.ndarray) -> tuple[list, object]:
-    """Drawn extents of the labels and of the axes."""
-    figure = Figure(figsize=(8, 6), layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    axes.plot(*points.T, "o")
-    figure.draw_without_rendering()
-    label_points(axes, points.tolist(), [f"variant_{k}" for k in range(len(points))])
-    canvas.draw()
-    # the extent of the writing alone, without the line
-    extents = [super(type(text), text).get_window_extent(canvas.get_renderer()) for text in axes.texts]
-    return extents, axes.get_window_extent()
-
-
-@pytest.mark.parametrize("spread", [0.3, 0.05])
-def test_labels_neither_overlap_nor_leave_the_axes(spread):
-    rng = np.random.default_rng(0)
-    outliers = np.array([[1.0, 1.0], [-1.0, 0.9]])
-    extents, frame = boxes(np.concatenate([outliers, spread * rng.standard_normal((18, 2))]))
-    assert len(extents) == 20
-    for i, one in enumerate(extents):
-        assert frame.x0 <= one.x0 < one.x1 <= frame.x1
-        assert frame.y0 <= one.y0 < one.y1 <= frame.y1
-        assert not any(one.overlaps(other) for other in extents[:i])
-
-
-def test_a_crowd_in_one_place_is_drawn_apart():
-    extents, _ = boxes(np.full((20, 2), 0.5))
-    assert not any(a.overlaps(b) for i, a in enumerate(extents) for b in extents[:i])

@@ -12,7 +12,7 @@ from midastouch_tools.result_file import to_json
 
 @pytest.fixture
 def result(tmp_path) -> dict:
-    """What `evaluate-presses` says of a blob painted in three colours."""
+    """What `evaluate-perception presses` says of a blob painted in three colours."""
     folder = tmp_path / "presses"
     folder.mkdir()
     rows, columns = np.mgrid[:320, :240]
@@ -33,12 +33,12 @@ def write(result, folder) -> str:
     return write_results_page([("presses.json", result)], folder).read_text()
 
 
-def test_the_section_shows_presses_and_depths(result, tmp_path):
+def test_the_section_shows_presses(result, tmp_path):
     content = write(result, tmp_path)
     assert result["network"] in content
-    for picture in ("evaluate_perception_presses_0_depths.png", "evaluate_perception_presses_0.png"):
-        assert f'src="{picture}"' in content
-        assert (tmp_path / picture).stat().st_size > 5000
+    picture = "evaluate_perception_presses_0.png"
+    assert f'src="{picture}"' in content
+    assert (tmp_path / picture).stat().st_size > 5000
 
 
 def test_without_images_or_with_another_network_it_says_so(result, tmp_path):

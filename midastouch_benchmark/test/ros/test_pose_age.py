@@ -11,7 +11,7 @@ def test_images_come_as_fast_as_the_machine_can_follow():
 
 
 @pytest.mark.dds
-def test_every_image_finds_its_transform_and_is_followed_by_a_step():
+def test_every_image_finds_its_transform_and_has_a_step():
     steps = []
     result = pose_age(lambda: steps.append(1), images=20)
     age = result["pose_age_ms"]

@@ -46,19 +46,18 @@ def test_touches_are_seen_and_their_codes_repeat_with_the_seed(kind, mesh, poses
     simulator = TouchSimulator(mesh, networks(), Lighting(kind))
     seen = []
 
-    def encoder(percepts):
-        seen.append(percepts)
-        area = percepts.penetration.reshape(len(percepts.in_contact), -1).sum(axis=1)
+    def encode(penetration):
+        seen.append(penetration)
+        area = penetration.reshape(len(penetration), -1).sum(axis=1)
         return np.stack([np.cos(area), np.sin(area)], axis=1)
 
-    codes, in_contact = simulator.encode(poses, {"area": encoder}, np.random.default_rng(1))
-    assert [len(p.in_contact) for p in seen] == [20, 5]
+    tcn = SimpleNamespace(encode=encode)
+    codes, in_contact = simulator.encode(poses, tcn, np.random.default_rng(1))
+    assert [len(each) for each in seen] == [20, 5]
     assert in_contact.mean() > 0.8
-    np.testing.assert_array_equal(
-        codes["area"], simulator.encode(poses, {"area": encoder}, np.random.default_rng(1))[0]["area"]
-    )
+    np.testing.assert_array_equal(codes, simulator.encode(poses, tcn, np.random.default_rng(1))[0])
     # two sensors, two no-contact images; the images themselves differ from them by what is touched
-    assert 0.02 < (seen[0].penetration > 0).mean() < 0.7
+    assert 0.02 < (seen[0] > 0).mean() < 0.7
 
 
 def test_given_backgrounds_are_used(mesh):
@@ -73,13 +72,12 @@ def test_a_touch_that_is_not_felt_has_a_random_code(mesh, poses):
     away = poses.copy()
     away[::2, :3, 3] += 0.05 * away[::2, :3, 2]
     simulator = TouchSimulator(mesh, networks(), Lighting())
-    codes, in_contact = simulator.encode(
-        away, {"one": lambda p: np.ones((len(p.in_contact), 8)) / np.sqrt(8)}, np.random.default_rng(0)
-    )
+    tcn = SimpleNamespace(encode=lambda maps: np.ones((len(maps), 8)) / np.sqrt(8))
+    codes, in_contact = simulator.encode(away, tcn, np.random.default_rng(0))
     assert not in_contact[::2].any()
-    assert np.linalg.norm(codes["one"], axis=1) == pytest.approx(1)
-    assert len(np.unique(codes["one"][~in_contact], axis=0)) == (~in_contact).sum()
-    assert len(np.unique(codes["one"][in_contact], axis=0)) == 1
+    assert np.linalg.norm(codes, axis=1) == pytest.approx(1)
+    assert len(np.unique(codes[~in_contact], axis=0)) == (~in_contact).sum()
+    assert len(np.unique(codes[in_contact], axis=0)) == 1
 
 
 def test_fcrn_is_shown_whole_camera_images(mesh, poses):
@@ -93,4 +91,4 @@ def test_fcrn_is_shown_whole_camera_images(mesh, poses):
 def test_networks_that_feel_nothing_are_refused(mesh, poses):
     simulator = TouchSimulator(mesh, networks(threshold=300), Lighting())
     with pytest.raises(InputError, match="block: 0 of 25 touches"):
-        simulator.encode(poses, {}, np.random.default_rng(0))
+        simulator.encode(poses, SimpleNamespace(encode=lambda maps: np.ones((len(maps), 1))), np.random.default_rng(0))

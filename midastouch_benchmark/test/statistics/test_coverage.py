@@ -37,7 +37,7 @@ def test_nees_averages_six_for_a_right_covariance():
     assert np.mean(values) == pytest.approx(6, abs=0.5)
 
 
-def test_a_right_covariance_covers_as_often_as_it_says_and_a_small_one_less():
+def test_a_right_covariance_covers_as_it_says_a_small_one_less():
     fractions = []
     for scale in (1.0, 2.0):
         coverage = Coverage()

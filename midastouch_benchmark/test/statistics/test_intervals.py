@@ -32,7 +32,7 @@ def test_one_wrong_frame_makes_nothing_surer_than_none():
 
 
 @pytest.mark.parametrize("slides", [50, 100])
-def test_the_interval_of_a_rare_fraction_covers_it_as_often_as_it_says(slides):
+def test_the_interval_of_a_rare_fraction_covers_as_it_says(slides):
     """One slide in forty has frames at a wrong pose, a third of them."""
     rng, above = np.random.default_rng(0), 0
     for _ in range(400):

@@ -103,15 +103,6 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert run_campaign(other, [saved_mesh], log, replace(here, deadline=0))[1] == 4
 
 
-@pytest.mark.slow
-def test_a_seed_fixes_a_trial(plan, saved_mesh, here, tmp_path):
-    plan = replace(plan, variants=("default",))
-    runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name), here)[0] for name in ("a", "b")]
-    errors = [[t["final"]["e_trans_mm"] for t in trials] for trials in runs]
-    assert errors[0] == errors[1]
-    assert errors[0][0] != errors[0][1]
-
-
 def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log, here):
     trials, missing = run_campaign(plan, [saved_mesh], log, replace(here, deadline=0))
     assert (trials, missing) == ([], 4)

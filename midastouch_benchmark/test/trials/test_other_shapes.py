@@ -21,13 +21,13 @@ def distances(change, mesh: ObjectMesh) -> np.ndarray:
     return np.linalg.norm(points - mesh.closest_points(points)[0], axis=1)
 
 
-def test_a_scaled_object_is_three_percent_larger_or_smaller_and_in_place(eyebolt):
+def test_a_scaled_object_differs_by_three_percent_in_place(eyebolt):
     sizes = {round(scaled(eyebolt, np.random.default_rng(k)).diagonal / eyebolt.diagonal, 4) for k in range(8)}
     assert sizes == {1.03, round(1 / 1.03, 4)}
     assert scaled(eyebolt, np.random.default_rng(0)).bounds.mean(axis=0) == pytest.approx(eyebolt.bounds.mean(axis=0))
 
 
-def test_what_sticks_out_farthest_is_missing_and_the_rest_is_there(eyebolt):
+def test_only_what_sticks_out_farthest_is_missing(eyebolt):
     away = distances(cut_off, eyebolt)
     assert 0.8 < (away < 1e-4).mean() < 0.97
     changed = cut_off(eyebolt, np.random.default_rng(0))
@@ -44,7 +44,7 @@ def test_a_noisy_scan_is_off_by_half_a_millimetre(eyebolt):
     assert np.sqrt(np.square(distances(noisy, eyebolt)).mean()) == pytest.approx(5e-4, rel=0.3)
 
 
-def test_slides_over_the_changed_objects_are_kept_apart_from_plain_ones(eyebolt, tmp_path, monkeypatch):
+def test_slides_over_changed_objects_are_kept_apart(eyebolt, tmp_path, monkeypatch):
     touched = {}
 
     def simulate(mesh, sensor, length, seed, out, progress, leap):

@@ -44,7 +44,7 @@ def test_trials_have_the_keys_of_the_file_format(evaluated):
     json.dumps(to_json(evaluated), allow_nan=False)
 
 
-def test_final_errors_are_those_of_the_last_frame_and_smaller_than_the_first(evaluated):
+def test_final_errors_are_the_last_frames_and_smaller(evaluated):
     for trial in evaluated[1]:
         assert trial["final"]["e_trans_mm"] == trial["per_frame"]["e_trans_mm"][-1]
         assert max(trial["final"][f"{what}_trans_mm"] for what in ("e", "estimate")) < trial["initial"]["e_trans_mm"]
@@ -161,7 +161,7 @@ def test_a_symmetric_pose_is_as_good_where_the_yardstick_says_so(poses):
         assert lenient["final"][key] == pytest.approx(0, abs=1e-5)
 
 
-def test_a_truth_among_the_modes_is_told_of_every_ambiguous_frame(poses):
+def test_a_truth_among_modes_is_told_of_each_ambiguous_frame(poses):
     frames = [TrialFrame(i, Measurement(True), {}, pose, pose) for i, pose in enumerate(poses)]
     second = poses.copy()
     second[40:] = HALF_TURN @ second[40:]

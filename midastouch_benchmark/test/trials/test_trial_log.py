@@ -75,7 +75,7 @@ def complete(log, run, **options):
         return run_open(run, UNITS, log, Workforce(cluster, **options))
 
 
-def test_only_what_the_log_lacks_is_run_and_all_is_returned_in_order(log):
+def test_only_what_the_log_lacks_is_run(log):
     log.add("a1", {"found": -1})
     run, reported = Run(), []
     trials, missing = complete(log, run, start_progress=lambda total: reported.append(total) or reported.append)
@@ -90,7 +90,7 @@ def test_what_is_done_is_not_run_again(log):
     assert run.asked == []
 
 
-def test_after_the_deadline_nothing_is_started_and_the_rest_is_counted(log):
+def test_after_the_deadline_the_rest_is_counted(log):
     log.add("a1", {"found": 2})
     assert complete(log, Run(), deadline=-np.inf) == ([{"found": 2}], 2)
 

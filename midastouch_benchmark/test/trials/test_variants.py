@@ -12,7 +12,7 @@ from midastouch_filter.paper_filter import PaperConfig
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_every_variant_is_a_valid_setting_that_differs_from_the_default(name):
+def test_every_variant_is_valid_and_differs_from_the_default(name):
     variant = VARIANTS[name]
     config = variant.config(FilterConfig(), threads=1)
     if variant.method:
@@ -59,7 +59,7 @@ def test_presets_are_variants_whatever_the_settings_given():
         assert config == FilterConfig(**PRESETS["fast"])
 
 
-def test_names_and_sets_are_chosen_once_each_with_the_default_first():
+def test_names_and_sets_are_chosen_once_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
     assert chosen_variants(["paper", "gates", "no_repeat_gate"]) == [DEFAULT, "paper", "no_rest_gate", "no_repeat_gate"]
     assert chosen_variants(["all"]) == list(VARIANTS)

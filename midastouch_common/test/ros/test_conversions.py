@@ -150,7 +150,7 @@ def test_stamps_round_trip_to_the_nanosecond():
         assert arrays.stamp_ns(c.stamp_from_ns(nanoseconds)) == nanoseconds
 
 
-def test_stamps_beyond_what_a_message_holds_are_the_nearest_it_does():
+def test_stamps_beyond_a_messages_range_are_the_nearest_in_it():
     """A message may say more nanoseconds than a second has, and so lie beyond its own range."""
     latest = arrays.stamp_ns(Time(sec=2**31 - 1, nanosec=2**32 - 1))
     assert c.stamp_from_ns(latest).sec == 2**31 - 1

@@ -83,7 +83,7 @@ def subscribers(graph) -> int:
     return graph.companion.count_subscribers("words")
 
 
-def test_a_parameter_under_its_former_name_does_not_keep_it_from_being_active(graph):
+def test_a_former_parameter_name_does_not_keep_it_inactive(graph):
     node = graph.add(Reader, {"path": "other"})
     assert (node.active, node.loaded) == (True, "other")
 
@@ -173,7 +173,7 @@ def test_a_bug_while_it_stops_is_named_too(graph):
     assert subscribers(graph) == 0
 
 
-def test_an_override_of_a_topic_that_is_not_there_fails_the_activation(graph):
+def test_an_override_of_an_unknown_topic_fails_the_activation(graph):
     graph.add(Reader, {**WAITING, "qos_overrides./wrods.subscription.depth": 3})
     received = graph.listen(DiagnosticArray, "/diagnostics")
     assert graph.change_state("reader", "configure")
@@ -184,7 +184,7 @@ def test_an_override_of_a_topic_that_is_not_there_fails_the_activation(graph):
 
 
 @pytest.mark.parametrize(("file", "error"), [("bad", InputError), ("bug", ZeroDivisionError), ("deaf", InputError)])
-def test_a_start_by_itself_raises_what_went_wrong_and_leaves_nothing_behind(graph, file, error):
+def test_a_failed_start_by_itself_leaves_nothing_behind(graph, file, error):
     with pytest.raises(error):
         graph.add(Reader, {"file": file})
     graph.spin_until(lambda: "reader" not in graph.companion.get_node_names(), "the node's end")
@@ -196,7 +196,7 @@ def test_a_start_by_itself_ends_active(graph):
     assert graph.publisher(String, "words")
 
 
-def test_parameters_are_locked_while_what_was_made_of_them_is_in_use(graph):
+def test_parameters_are_locked_while_they_are_in_use(graph):
     node = graph.add(Reader, WAITING)
     assert graph.set_parameter("reader", "file", "other").successful
     wanted = RclpyParameter.Type.STRING  # Kilted names its number

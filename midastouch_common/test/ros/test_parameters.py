@@ -94,7 +94,7 @@ def test_a_former_name_counts_for_the_present_one_with_a_warning(graph):
 @pytest.mark.parametrize(
     ("overrides", "complaint"), [({"deepness": 0}, "'depth' must be in"), ({"deepness": 2, "depth": 2}, "'depth' only")]
 )
-def test_an_illegal_former_name_is_refused_naming_the_present_one(graph, overrides, complaint):
+def test_an_illegal_former_name_is_refused_with_the_new_one(graph, overrides, complaint):
     with pytest.raises(InputError, match=complaint):
         graph.add(_Renamed, overrides)
 

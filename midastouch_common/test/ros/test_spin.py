@@ -82,7 +82,7 @@ def ended(*arguments: str, **options) -> subprocess.CompletedProcess:
     ("moment", "number"),
     [("making", signal.SIGINT), ("working", signal.SIGTERM), ("idle", signal.SIGINT), ("idle", signal.SIGTERM)],
 )
-def test_told_to_stop_at_any_moment_and_again_meanwhile_it_ends_well(moment, number):
+def test_told_to_stop_at_any_moment_it_ends_well(moment, number):
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, "stay"], text=True, bufsize=1, **pipes)
     try:

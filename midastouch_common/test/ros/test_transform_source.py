@@ -81,7 +81,7 @@ def test_source_reports_a_jump_and_can_be_rewound(listening):
     assert isinstance(listening.lookup(SECOND), Wait)
 
 
-def test_nothing_after_a_jump_is_answered_before_the_jump_is_reported(listening):
+def test_a_jump_is_reported_before_later_answers(listening):
     """Nothing spins between the jump and the question: the node's own thread is in a timer of its."""
     listening.send(stamped(50 * SECOND, 0.1))
     listening.tf.publish(TFMessage(transforms=[stamped(1 * SECOND, 0.2)]))
@@ -108,7 +108,7 @@ def test_asking_right_after_a_jump_is_never_fatal(listening):
         listening.source.newest(*FRAMES)
 
 
-def test_static_transforms_that_come_last_find_the_history_of_the_moving_ones(listening):
+def test_late_static_transforms_find_the_moving_ones_history(listening):
     for stamp in (1, 2):
         listening.send(stamped(stamp * SECOND, 0.1 * stamp, "base_link", "tool"))
     assert isinstance(listening.lookup(3 * SECOND // 2), Wait)
@@ -168,7 +168,7 @@ def test_the_time_of_other_frames_is_their_own(tree, edge):
     assert not isinstance(listening.lookup(51 * SECOND), Wait)
 
 
-def test_the_newest_pose_is_that_of_the_newest_stamp_that_all_links_have(tree):
+def test_the_newest_pose_is_of_the_newest_common_stamp(tree):
     listening, send = tree
     send(52, ("world", "base_link"), x=2.0)
     send(60, ("tool", "finger"), x=0.25)

@@ -98,7 +98,7 @@ def test_clear_forgets_what_waits():
     assert world.unreported() == (1, "no transform yet: newest is 0")
 
 
-def test_a_wait_is_reported_once_per_item_when_the_first_has_waited_for_a_while():
+def test_a_long_wait_is_reported_once_per_item():
     world = World(timeout=10.0)
     world.queue.push(1, "item 1")
     world.now = 0.01

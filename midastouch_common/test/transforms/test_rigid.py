@@ -25,7 +25,7 @@ def random_poses(n: int, seed: int) -> list[tuple]:
 
 
 @given(seed=seeds, fraction=st.floats(0, 1))
-def test_interpolation_is_lerp_and_slerp_for_both_signs_of_a_quaternion(seed, fraction):
+def test_interpolation_is_lerp_and_slerp_for_both_signs(seed, fraction):
     start, end = random_poses(2, seed)
     rotation = Slerp([0, 1], Rotation.from_quat([start[3:], end[3:]]))(fraction).as_matrix()
     place = (1 - fraction) * np.array(start[:3]) + fraction * np.array(end[:3])
