@@ -30,7 +30,8 @@ class Rig:
     """With `use_sim_time`, the time that stamps are of is on `/clock`.
 
     Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
-    arm goes along with the twists; depth [m]; state of the contact; force [N]; late [s], of the stamps; bad, what is not finite."""
+    arm goes along with the twists; depth [m]; state of the contact; force [N]; late [s], of the
+    stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
