@@ -131,6 +131,15 @@ def test_arrays_are_those_of_the_file_and_lie_on_the_disk(tmp_path):
         found["table"][0] = 1.0
 
 
+def test_what_cannot_be_mapped_is_refused(tmp_path):
+    np.savez_compressed(tmp_path / "small.npz", a=np.zeros(3))
+    with pytest.raises(ValueError, match=r"a\.npy is compressed"):
+        mapped_npz(tmp_path / "small.npz")
+    np.savez(tmp_path / "objects.npz", a=np.array([{}], object))
+    with pytest.raises(ValueError, match="holds objects"):
+        mapped_npz(tmp_path / "objects.npz")
+
+
 def sites_of(poses):
     """Contact points (S, 3) of poses, each once."""
     return np.unique((poses[:, :3, 3] + PRESS * poses[:, :3, 2]).round(6), axis=0)

@@ -129,6 +129,21 @@ def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
     graph.spin_until(lambda: any(s.level == b"\x00" for m in statuses for s in m.status), "a status without alarm")
 
 
+def test_a_background_of_another_gel_is_named(graph, kept):
+    """A gel was changed: the light is as it was, the grains are not. Of 301 images of touches 16 are compared."""
+    rng = np.random.default_rng(4)
+    digit = PressedSensor(SensorModel.load("digit_real"), lit_gel()[None], 3e-3, rng)
+    own, other = (2 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240, 1)), (0, 0), 1.5)[..., None] for _ in range(2))
+    presses = [digit.image([(60 + 40 * k, 160, 1.0e-3)]) for k in range(4)]
+    touches = [np.clip(each + own, 0, 255).astype(np.uint8) for each in presses]
+    background = kept(np.clip(digit.background + other, 0, 255).astype(np.uint8))
+    start(graph, sensor_model="digit_real", background=background)
+    feed, warned = Feed(graph), warnings_of(graph)
+    for k in range(301):
+        feed.touches(touches[k % 4])
+    graph.spin_until(lambda: any("of another gel: the fine texture" in text for text in warned()), "the alarm")
+
+
 def test_two_publishers_of_the_images_are_named(graph, depth, background):
     """Two drivers that were started by mistake, or a bag beside a live camera."""
     start(graph, depth, background=background)

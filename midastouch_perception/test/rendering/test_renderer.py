@@ -99,6 +99,8 @@ def test_batches_equal_single_renders(tool, sensor):
     poses = sample_contact_poses(tool, 9, np.random.default_rng(0), sensor)
     one_by_one = np.concatenate([renderer.render(pose[None]) for pose in poses])
     np.testing.assert_array_equal(renderer.render(poses), one_by_one)
+    with pytest.raises(ValueError, match=r"\(N, 4, 4\)"):
+        renderer.render(poses[0])
 
 
 def test_the_gel_keeps_the_object_s_shape_and_follows_beside_it(cap, real):

@@ -40,6 +40,15 @@ def test_slopes_are_as_steep_as_true_however_noisy_the_colours(noise):
         assert steepness(slopes, truth, rows) == pytest.approx(1, abs=0.05)
 
 
+def test_few_presses_in_one_place_say_little_of_others():
+    rng = np.random.default_rng(1)
+    colours, slopes = press(rng, 3.0)
+    weight = np.zeros(SIZE, np.float32)
+    weight[:25] = 1
+    response = ColourResponse(NormalEquations.of(colours, slopes, weight).solve())
+    assert 0.4 < steepness(response.slopes(colours), slopes, slice(60, 80)) < 1.6
+
+
 def test_a_glint_is_no_wall():
     """Colours far beyond those of the presses: the polynomial alone would make slopes of hundreds of them."""
     rng, equations = np.random.default_rng(0), NormalEquations()

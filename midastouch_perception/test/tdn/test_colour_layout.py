@@ -52,7 +52,7 @@ def test_what_was_turned_since_the_no_contact_image_is_named(name):
     assert "capture_background" in turned_since(wrong, digit())
 
 
-def test_grey_is_not_judged_and_what_is_too_dark_or_bright_is_named():
+def test_grey_is_not_judged_unless_too_dark_or_bright():
     for level, said in ((100, ""), (0, "black"), (255, "saturated")):
         grey = np.full((320, 240, 3), level, np.uint8)
         found = image_problem(grey, shipped_layout())

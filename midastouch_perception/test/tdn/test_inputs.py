@@ -34,6 +34,13 @@ def test_relative_light_looks_alike_under_any_lamps(lamps):
     assert (np.abs(seen) <= np.abs(contact) + 1e-3).all(), "what is dark is not enlarged"
 
 
+@pytest.mark.parametrize("kind", ["additive", "relative"])
+def test_a_black_image_is_finite(kind):
+    background, _ = scene()
+    assert np.isfinite(ContactLight(background, kind).difference(np.zeros_like(background))).all()
+    assert np.isfinite(ContactLight(np.zeros_like(background), kind).difference(background)).all()
+
+
 def test_a_lasting_change_is_learned_and_taken_off():
     rows, columns = np.mgrid[-1:1:160j, -1:1:120j]
     tint = np.stack([4 + 2 * columns, -3 + rows, np.zeros_like(rows)], axis=-1).astype(np.float32)
