@@ -48,10 +48,7 @@ def generate_launch_description():
 
 
 def start(context):
-    """Start `all_in_one`, with the nodes `tdn`, `tcn` and `particle_filter`.
-
-    An argument that is empty leaves its parameter to the files.
-    """
+    """Start `all_in_one`: `tdn`, `tcn` and `particle_filter`. An empty argument leaves its parameter to the files."""
     given = context.launch_configurations
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     all_three = {"use_sim_time": given["use_sim_time"] == "true"}
@@ -60,9 +57,7 @@ def start(context):
     if given["sensor_model"]:
         all_three["sensor_model"] = given["sensor_model"]
     of_tdn = {name: given[name] for name in ("serial", "background") if given[name]}
-    parameters = {}
-    if given["seed"]:
-        parameters["seed"] = int(given["seed"])
+    parameters = {"seed": int(given["seed"])} if given["seed"] else {}
     if given["object"]:
         kind = Path(given["sensor_model"]).stem
         kind = "" if kind in ("", "digit_tacto") else f"_{kind}"

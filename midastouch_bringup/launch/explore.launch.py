@@ -1,7 +1,6 @@
 """A simulated finger or arm explores an object by itself, until the filter knows its pose. No hardware, no data.
 
-The first run makes the codebooks under out/ of the current folder; later runs reuse them. `midastouch run explore` does
-the same, and also takes keys and ends with a page of results.
+The first run makes codebooks under out/. `midastouch run explore` does the same, takes keys and ends with a page.
 """
 
 import subprocess
@@ -18,7 +17,7 @@ from launch_ros.substitutions import ExecutableInPackage
 
 SHARE = get_package_share_directory("midastouch_bringup")
 YES_NO = ["true", "false"]
-REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"  # this machine alone, unless the user has chosen otherwise
 ARM = LaunchConfiguration("arm")
 ARGUMENTS = {
     "arm": ("finger", "What moves the sensor: finger (no mechanics), or mujoco (a UR in MuJoCo)"),
@@ -42,41 +41,27 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
         for name, (v, text) in ARGUMENTS.items()
     ]
-    return LaunchDescription(
-        [
-            # not on the rest of the network, unless the user has chosen otherwise
-            SetEnvironmentVariable(REACH, EnvironmentVariable(REACH, default_value="LOCALHOST")),
-            *declared,
-            OpaqueFunction(function=prepare, condition=IfCondition(LaunchConfiguration("prepare"))),
-            OpaqueFunction(function=name_files),
-            included("digit_sim"),
-            included("localization"),
-            included("rviz", IfCondition(LaunchConfiguration("use_rviz"))),
-            OpaqueFunction(function=start),
-        ]
-    )
-
-
-def included(name, condition=None):
-    """Another of our launch files. It receives the arguments of this one by name."""
-    source = PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py")
-    return IncludeLaunchDescription(source, condition=condition)
+    rviz = PythonLaunchDescriptionSource(f"{SHARE}/launch/rviz.launch.py")
+    actions = [
+        SetEnvironmentVariable(REACH, EnvironmentVariable(REACH, default_value="LOCALHOST")),
+        OpaqueFunction(function=prepare),
+        IncludeLaunchDescription(PythonLaunchDescriptionSource(f"{SHARE}/launch/digit_sim.launch.py")),
+        IncludeLaunchDescription(PythonLaunchDescriptionSource(f"{SHARE}/launch/localization.launch.py")),
+        IncludeLaunchDescription(rviz, condition=IfCondition(LaunchConfiguration("use_rviz"))),
+        OpaqueFunction(function=start),
+    ]
+    return LaunchDescription([*declared, *actions])
 
 
 def prepare(context):
-    """Have the command make the codebooks that are missing, before anything is started."""
-    given = context.launch_configurations
-    midastouch = ExecutableInPackage("midastouch", "midastouch_tools").perform(context)
-    words = [f"{name}:={given[name]}" for name in ("arm", "object", "mesh", "codebook", "objects")]
-    subprocess.run([midastouch, "run", "explore", *words, "--prepare"], check=True)
-
-
-def name_files(context):
-    """Replace the names of bundled objects by their files; the explored object is among `objects`, if there are any."""
+    """Make missing codebooks by the command; replace names of objects by files, the explored one among `objects`."""
     given, quick = context.launch_configurations, "out/cache/codebooks/{}_10000.npz"
-    given["mesh"] = (
-        given["mesh"] or f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
-    )
+    if given["prepare"] == "true":
+        midastouch = ExecutableInPackage("midastouch", "midastouch_tools").perform(context)
+        words = [f"{name}:={given[name]}" for name in ("arm", "object", "mesh", "codebook", "objects")]
+        subprocess.run([midastouch, "run", "explore", *words, "--prepare"], check=True)
+    if not given["mesh"]:
+        given["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
     name = Path(given["mesh"]).stem
     given["codebook"] = given["codebook"] or str(Path(quick.format(name)).resolve())
     others = [one.strip() for one in given["objects"].split(",") if one.strip() not in ("", name)]
@@ -85,21 +70,22 @@ def name_files(context):
 
 
 def start(context):
-    """Start what moves the sensor, and `explorer`."""
+    """Start what moves the sensor, and `explorer`; the others stay once it has ended well."""
     given = context.launch_configurations
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     frames = {"base_frame_id": given["tf_prefix"] + "base_link"} if given["tf_prefix"] else {}
     frames |= {"sensor_frame_id": given["sensor_prefix"] + "digit_gel_frame"} if given["sensor_prefix"] else {}
-    clock = {"use_sim_time": given["use_sim_time"] == "true"}
-    touched, seed = {"mesh": given["mesh"]}, {"seed": int(given["seed"])}
-    finger, explorer = {**frames, **touched, **seed}, {**clock, **frames, **touched, **seed}
-    explorer["start_paused"] = given["start_paused"] == "true"
-    nodes = [("midastouch_motion", "explorer", explorer)]
-    if given["arm"] == "finger":
-        nodes += [("midastouch_simulation", "simulated_finger", finger)]
-    else:
-        nodes += [("midastouch_simulation", "mujoco_arm", {**frames, **touched})]
-        nodes += [("midastouch_motion", "contact_controller", {**clock, **frames})]
+    timed, touching = {"use_sim_time": given["use_sim_time"] == "true", **frames}, {"mesh": given["mesh"], **frames}
+    seed, paused = {"seed": int(given["seed"])}, {"start_paused": given["start_paused"] == "true"}
+    explorer = ("midastouch_motion", "explorer", timed | touching | seed | paused)
+    finger = [("midastouch_simulation", "simulated_finger", touching | seed)]
+    mujoco = [("midastouch_simulation", "mujoco_arm", touching), ("midastouch_motion", "contact_controller", timed)]
+    nodes = [explorer, *(finger if given["arm"] == "finger" else mujoco)]
+
+    def ended(event, context):
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
     return [
         Node(
             package=package,
@@ -112,9 +98,3 @@ def start(context):
         )
         for package, executable, parameters in nodes
     ]
-
-
-def ended(event, context):
-    """End the launch with exit code 1 if a node has died; the others stay once the explorer has ended well."""
-    if event.returncode and not context.is_shutdown:
-        raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")

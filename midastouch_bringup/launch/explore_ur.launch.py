@@ -36,14 +36,8 @@ def generate_launch_description():
         for name, (v, text) in ARGUMENTS.items()
     ]
     live_ur = PythonLaunchDescriptionSource(f"{SHARE}/launch/live_ur.launch.py")
-    return LaunchDescription(
-        [
-            *declared,
-            OpaqueFunction(function=check),
-            IncludeLaunchDescription(live_ur),
-            OpaqueFunction(function=start),
-        ]
-    )
+    check_first, start_last = OpaqueFunction(function=check), OpaqueFunction(function=start)
+    return LaunchDescription([*declared, check_first, IncludeLaunchDescription(live_ur), start_last])
 
 
 def check(context):

@@ -54,9 +54,8 @@ def generate_launch_description():
 
 def included(name, condition=None):
     """Another of our launch files. It receives the arguments of this one by name."""
-    return IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py"), condition=condition
-    )
+    source = PythonLaunchDescriptionSource(f"{SHARE}/launch/{name}.launch.py")
+    return IncludeLaunchDescription(source, condition=condition)
 
 
 def arm(context):
