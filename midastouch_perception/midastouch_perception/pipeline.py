@@ -27,9 +27,11 @@ _EXPLAINED_BY_CONTACT = 0.6
 """Smallest fraction of a change that a contact's shape explains. It lies between the smallest of real presses, even
 faint ones, and of touches on measured gel (0.70), and the largest of simulated slow changes of the light (0.51)."""
 _COVERED = 0.85  # of the image; too little of a larger contact's outline is in view
-_SHAPED_LEVEL, _SHAPED_FRACTION = 1.5, 0.06
-"""Least root mean square [grey levels] and fraction of energy of a change beside slow light that only a contact makes.
-Lamps that change by 0.7 to 1.5 leave up to 0.02 of the energy, presses that cover the view 0.17 or more."""
+_SHAPED_LEVEL = 1.5  # grey levels, least root mean square beside slow light of a change that only a contact makes
+_BEGINS, _LASTS = 0.5, 0.06
+"""Least fraction of a change's energy beside slow light with which a contact begins and lasts. First touches have 0.66 or
+more and broad lobes of the lamps up to 0.47; lamps that change by 0.7 to 1.5 leave 0.02, presses that cover the view
+0.17 or more."""
 _QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
 
@@ -122,9 +124,9 @@ class DepthStage:
         if self._tdn.sensor.light != "relative":
             return contact
         level, fraction = beside_light(changed)
-        shaped = level > _SHAPED_LEVEL and fraction > _SHAPED_FRACTION
+        shaped = level > _SHAPED_LEVEL and fraction > _LASTS
         touching = self._last is not None and self._last.in_contact
-        if shaped and (touching or (self._was_free and not covered)):
+        if shaped and (touching or (self._was_free and not covered and fraction > _BEGINS)):
             return contact
         explained = explained_fraction(difference, penetration, self._tdn.sensor.pixel_size, least_change=0.0)
         if not covered and (explained is None or explained >= _EXPLAINED_BY_CONTACT):

@@ -30,7 +30,7 @@ def test_custom_messages_are_known(tmp_path):
     fields = {f.name: f.default for f in dataclasses.fields(STORE.types[kind])}
     assert {"state", "reason", "ess", "skipped_counts"} <= fields.keys()
     assert STORE.types[kind].STATE_CONVERGED == "converged"
-    content = STORE.types["midastouch_msgs/msg/TactileContact"](header(SECOND, GEL_FRAME), True, 2e-5, 1e-3)
+    content = STORE.types["midastouch_msgs/msg/TactileContact"](header(SECOND, GEL_FRAME), True, "contact", 2e-5, 1e-3)
     data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
     path = write(tmp_path / "x.mcap", Message("/tactile/contact", content.__msgtype__, SECOND, data))
     with AnyReader([path]) as reader:
