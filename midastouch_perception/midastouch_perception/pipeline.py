@@ -85,9 +85,9 @@ class DepthStage:
         if not same_background:
             self._drift, self._was_free = LightDrift(), False
         contact = self._contact(image, background, changed)
-        if contact.state == ContactState.FREE:
+        if not contact.in_contact:
             self._drift.learn(changed)
-            self._was_free = True
+        self._was_free |= contact.state == ContactState.FREE
         self._image, self._background, self._last = image, background, contact
         return contact
 
