@@ -29,8 +29,8 @@ faint ones, and of touches on measured gel (0.70), and the largest of simulated 
 _COVERED = 0.85  # of the image; too little of a larger contact's outline is in view
 _SHAPED_LEVEL = 1.5  # grey levels, least root mean square beside slow light of a change that only a contact makes
 _BEGINS, _LASTS = 0.5, 0.06
-"""Least fraction of a change's energy beside slow light with which a contact begins and lasts. First touches have 0.66 or
-more and broad lobes of the lamps up to 0.47; lamps that change by 0.7 to 1.5 leave 0.02, presses that cover the view
+"""Least fraction of a change's energy beside slow light with which a contact begins and lasts. First touches have 0.66
+or more and broad lobes of the lamps up to 0.48; lamps that change by 0.7 to 1.5 leave 0.02, presses that cover the view
 0.17 or more."""
 _QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
