@@ -37,6 +37,20 @@ class ContactState(str, enum.Enum):
     SATURATED = "saturated"
     UNKNOWN = "unknown"
 
+    @property
+    def problem(self) -> str:
+        """Why the depth cannot be read, and what to do; empty if it can."""
+        return _PROBLEMS.get(self, "")
+
+
+_PROBLEMS = {
+    ContactState.SATURATED: "the contact covers the view, so it may be deeper than `depth` says: press less",
+    ContactState.UNKNOWN: (
+        "the image shows a change that is neither the light's nor a contact: if nothing touches, call "
+        "capture_background; otherwise calibrate this sensor"
+    ),
+}
+
 
 @dataclasses.dataclass(frozen=True)
 class Contact:

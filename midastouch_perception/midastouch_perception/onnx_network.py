@@ -30,30 +30,28 @@ class OnnxNetwork:
     """Network in an ONNX file, run with at most `threads` threads and no more than there are cores.
 
     backend: as for `load_backend`. Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>";
-    card, the model card (JSON next to the file); outputs, their names; backend, the name of the one in use. Raises
-    InputError: unknown name, no such file, not an ONNX network, missing or broken card, unusable backend.
+    card, the model card (JSON next to the file); backend, the name of the one in use. Raises InputError: unknown name,
+    no such file, not an ONNX network, missing or broken card, unusable backend.
     """
 
     def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1, backend: str = CPU):
         path = network_path(kind, name_or_path)
         self._backend = load_backend(path, threads, backend)
-        self._inputs, self.outputs = list(self._backend.inputs), self._backend.outputs
         self.backend = self._backend.name
         self.card, self._path = read_card(path), path
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
     def require_inputs(self, *names: str) -> None:
         """Raise InputError unless these are the network's inputs: depth and code networks are easily mixed up."""
-        if tuple(self._inputs) != names:
+        if tuple(self._backend.inputs) != names:
             raise InputError(
-                f"{self._path}: a network of {', '.join(self._inputs)}, not of {', '.join(names)}; "
+                f"{self._path}: a network of {', '.join(self._backend.inputs)}, not of {', '.join(names)}; "
                 "are depth and code network mixed up?"
             )
 
-    def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
-        """Run the network on its inputs in their declared order, float32 with the batch first; return the output of
-        that name, by default the first."""
-        return self._backend.run(dict(zip(self._inputs, inputs, strict=True)), output or self.outputs[0])
+    def run(self, *inputs: np.ndarray) -> np.ndarray:
+        """Run the network on its inputs in their order, float32 with the batch first; return its first output."""
+        return self._backend.run(dict(zip(self._backend.inputs, inputs, strict=True)), self._backend.outputs[0])
 
 
 def read_card(network: Path) -> dict:

@@ -100,10 +100,17 @@ def lit(image, light, rng):
     return np.clip(np.rint(image * light + rng.normal(0, 1, image.shape)), 0, 255).astype(np.uint8)
 
 
+def resting(sensor):
+    """A no-contact image (320, 240, 3) of a sensor of this model."""
+    if sensor.lamps == "digit":
+        return MeasuredSensor(MeasuredOptics.load("d20641"), sensor, np.random.default_rng(0)).background
+    small = SensorCalibration.default(sensor).background
+    return np.clip(np.rint(cv2.resize(small, (240, 320), interpolation=cv2.INTER_CUBIC)), 0, 255).astype(np.uint8)
+
+
 def test_light_that_changes_slowly_is_no_contact():
     mini, rng = SensorModel.load("gelsight_mini"), np.random.default_rng(0)
-    background = cv2.resize(SensorCalibration.default(mini).background, (240, 320), interpolation=cv2.INTER_CUBIC)
-    background = np.clip(np.rint(background), 0, 255).astype(np.uint8)
+    background = resting(mini)
     stage = DepthStage(load_tdn("fast", mini))
     images = [lit(background, light, rng) for light in lamps(60, 0.3)]
     assert not any(stage.process(image, background).in_contact for image in images)
@@ -132,14 +139,6 @@ def test_lamps_that_jump_are_no_contact():
             slope_x, slope_y = rng.uniform(-gradient, gradient, (2, 3))
             light = rng.uniform(0.7, 1.5, 3) * (1 + slope_x * across + slope_y * down)
             assert stage.process(lit(background, light, rng), background).state == ContactState.FREE
-
-
-def resting(sensor):
-    """A no-contact image (320, 240, 3) of a sensor of this model."""
-    if sensor.lamps == "digit":
-        return MeasuredSensor(MeasuredOptics.load("d20641"), sensor, np.random.default_rng(0)).background
-    small = SensorCalibration.default(sensor).background
-    return np.clip(np.rint(cv2.resize(small, (240, 320), interpolation=cv2.INTER_CUBIC)), 0, 255).astype(np.uint8)
 
 
 # A flat face on flat gel has no slope anywhere: no image shows it.

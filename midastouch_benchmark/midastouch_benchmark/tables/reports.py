@@ -146,11 +146,16 @@ def reported() -> list[str]:
 
 def report(name: str) -> dict:
     """Return the content of a report; FileNotFoundError if `reported` does not name it."""
+    return json.loads(_read(name).read_text())
+
+
+def _read(name: str) -> Path:
+    """Return the file of a report, noting that it is read; FileNotFoundError as in `report`."""
     for names in _readers:
         names.add(name)
     if _only_of_today and stale([name]):
         raise FileNotFoundError(f"reports/*/{name}.json: of earlier code; made by: {COMMANDS[name]}")
-    return json.loads(report_path(name).read_text())
+    return report_path(name)
 
 
 _readers: list[set[str]] = []
@@ -209,8 +214,7 @@ def stale(names: Iterable[str]) -> list[str]:
 
 def benchmark_summary(name: str) -> dict:
     """Return the summary of a benchmark of the filter as shipped, which has one way to start."""
-    report(name)  # notes that it is read, and refuses one that is missing or of earlier code
-    path = report_path(name)
+    path = _read(name)
     return copy.deepcopy(_summary_in(path, path.stat().st_mtime_ns))
 
 

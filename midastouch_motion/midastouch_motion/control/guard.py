@@ -12,6 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_perception.contact import ContactState
+
+UNREAD = {
+    ContactState.SATURATED.value: "the contact covers the view: how deep it is cannot be seen",
+    ContactState.UNKNOWN.value: "the image shows neither a contact nor a free gel",
+}
+"""Why an image does not show the depth, by the state of its contact; other states do."""
 
 
 @dataclass

@@ -26,16 +26,11 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..control import skills
 from ..control.contact_servo import Measured, centre_of, slope_of
-from ..control.guard import Seen
+from ..control.guard import UNREAD, Seen
 from .contact_controller_parameters import PARAMETERS, controller_of
 from .skill_of_goal import SKILL_OF
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
-
-_UNREAD = {
-    TactileContact.STATE_SATURATED: "the contact covers the view: how deep it is cannot be seen",
-    TactileContact.STATE_UNKNOWN: "the image shows neither a contact nor a free gel",
-}
 
 
 class ContactController(ManagedNode):
@@ -147,7 +142,7 @@ class ContactController(ManagedNode):
         depth = contact.depth if contact.in_contact else 0.0
         self._controller.servo.measure(now, Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points)))
         self._image, self._area = stamp, float(contact.area)
-        self._seen.unread = _UNREAD.get(contact.state, "")
+        self._seen.unread = UNREAD.get(contact.state, "")
         self._seen.image = self._controller.guard.counted(now, stamp)
         if self._goal is not None:
             self._feed_back()

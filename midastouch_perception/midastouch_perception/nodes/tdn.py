@@ -32,16 +32,9 @@ from ..tdn.colour_layout import exposure_problem, turned_since
 from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
 from .capture_service import CaptureService
+from .contact_message import contact_to_msg
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
-
-_NOT_READ = {
-    ContactState.SATURATED: "the contact covers the view, so it may be deeper than `depth` says: press less",
-    ContactState.UNKNOWN: (
-        "the image shows a change that is neither the light's nor a contact: if nothing touches, call "
-        "capture_background; otherwise calibrate this sensor"
-    ),
-}
 
 SILENT_S = 5.0
 """Time without an image [s] after which the diagnostics warn."""
@@ -191,14 +184,7 @@ class TdnNode(ManagedNode):
         return "the sensor is touching something; lift the finger off and try again"
 
     def _publish(self, header: Header, contact: Contact) -> None:
-        message = TactileContact(
-            header=header,
-            in_contact=contact.in_contact,
-            state=contact.state.value,
-            area=contact.area_m2,
-            depth=contact.depth_m,
-        )
-        self._contact.publish(message)
+        self._contact.publish(contact_to_msg(contact, header))
         self._state = contact.state
         if self._sink is None or self._points.get_subscription_count() > 0:
             points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._map_sensor)
@@ -216,10 +202,6 @@ class TdnNode(ManagedNode):
             return turned
         return self._touched.problem or self._fit.problem
 
-    def _unread(self) -> str:
-        """Return why the depth cannot be read; empty if it can, or while the fit check may yet find a deeper reason."""
-        return _NOT_READ.get(self._state, "") if self._fit.quiet is not None else ""
-
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
@@ -232,7 +214,7 @@ class TdnNode(ManagedNode):
             or self._fit_problem()
             or self._gel.problem
             or self._calibration.problem
-            or self._unread()
+            or (self._state.problem if self._fit.quiet is not None else "")  # before, it may find a deeper reason
         ):
             return diagnostics.WARN, problem, values
         if self._background.change > self.parameters["still_threshold"]:

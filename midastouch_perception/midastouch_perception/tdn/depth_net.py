@@ -55,11 +55,6 @@ class DepthNet(ABC):
     def backend(self) -> str:
         return self._network.backend
 
-    @property
-    @abstractmethod
-    def has_embedding(self) -> bool:
-        """True if the network also outputs its bottleneck."""
-
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Return the network's input for image and background: `shown` of their `change`."""
         return self.shown(self.change(image, background))

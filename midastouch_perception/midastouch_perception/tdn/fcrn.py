@@ -31,7 +31,6 @@ class FcrnDepthNet(DepthNet):
     It works at the image's resolution and takes some 0.2 s per frame on one core.
     """
 
-    has_embedding = False
     uses_calibration = False
 
     def __init__(

@@ -15,7 +15,6 @@ from .fcrn import FcrnDepthNet
 from .inputs import difference_input, geometry_input
 from .slope_fusion import depth_below_gel, joined_depth
 
-EMBEDDING = "embedding"  # name of the network's second output
 _LEARNT_ON = {"additive": "digit_tacto", "relative": "digit_real"}
 """The sensor in the middle of those that a network was trained for, by `SensorModel.light`."""
 
@@ -65,17 +64,6 @@ class TactileDepthNet(DepthNet):
         if difference.ndim == 3:
             return joined_depth(plain_slopes(difference), penetration, self.sensor.pixel_size)
         return np.stack([self._joined(*each) for each in zip(difference, penetration, strict=True)])
-
-    @property
-    def has_embedding(self) -> bool:
-        return EMBEDDING in self._network.outputs
-
-    def embedding(self, difference: np.ndarray) -> np.ndarray:
-        """Return bottleneck features (N, E) float32, L2-normalised, of difference images (N, 160, 120, 3).
-
-        This is the image embedding that the paper compares its codes with (appendix B). Requires `has_embedding`.
-        """
-        return self._network.run(*self._batch(difference), output=EMBEDDING)
 
     def _batch(self, difference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         batch = difference_input(np.atleast_1d(difference).reshape(-1, *difference.shape[-3:]))

@@ -24,6 +24,7 @@ from midastouch_common.transforms.queue import Wait
 from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
+from midastouch_perception.nodes.contact_message import contact_to_msg
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import read_background
 from midastouch_simulation.camera import no_contact_image
@@ -173,12 +174,9 @@ class DigitSim(ManagedNode):
         header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
         self._images.publish(frame.image, header, self._calibration, _JPEG_QUALITY)
         header = Header(stamp=stamp, frame_id=self._frames[1])
-        truth = frame.truth
-        contact = TactileContact(header=header, in_contact=truth.in_contact, state=truth.state.value)
-        contact.area, contact.depth = truth.area_m2, truth.depth_m
-        self._contact.publish(contact)
+        self._contact.publish(contact_to_msg(frame.truth, header))
         if self._penetration.get_subscription_count():
-            self._penetration.publish(image_to_msg(truth.penetration, "32FC1", header))
+            self._penetration.publish(image_to_msg(frame.truth.penetration, "32FC1", header))
 
     def _on_time_jump(self, stamp: int) -> None:
         self._shutter.restart()
