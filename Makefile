@@ -1,5 +1,5 @@
 # make demo | make test | make test-all | make bench | make lint | make soak [MINUTES=10] [MESH=mug.ply] | make audit
-# make evidence [ARGS=--list] | make evidence-check
+# make evidence [ARGS=--list] | make evidence-check | make docs
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
 # Another ROS distribution, in an environment of its own, here .venv-kilted: make ROS=kilted test
 
@@ -8,6 +8,9 @@ MINUTES ?= 10
 TESTS ?= not slow
 # Not what the environment may say: a name as short as this may mean anything there.
 ROS := jazzy
+# A file at a time on every core, which needs no threads beside.
+PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest \
+	--numprocesses logical --maxprocesses 4 --dist loadfile
 BIN := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))/bin
 
 # Without bytecode, every process of the tests would compile all modules and tests again.
@@ -19,20 +22,18 @@ ifdef ROS_DISTRO
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test test-all bench evidence evidence-check lint soak audit setup
+.PHONY: demo test test-all bench evidence evidence-check lint soak audit docs setup
 .DEFAULT_GOAL := demo
 
 demo: setup
 	$(BIN)/midastouch demo
 
-# The tests with these marks: not what takes long. A file at a time on every core, which needs no threads beside: under
-# four minutes on two.
+# The tests with these marks: not what takes long.
 test: lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "$(TESTS)" \
-		--numprocesses logical --maxprocesses 4 --dist loadfile
+	$(PYTEST) -m "$(TESTS)"
 
 test-all: lint
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 # Speed of every stage, then run time against error on two of our objects: under a quarter of an hour on two cores.
 bench: setup
@@ -59,6 +60,12 @@ audit:
 	$(PYTHON) -m venv out/audit
 	out/audit/bin/pip install --quiet pip-audit==2.10.1
 	out/audit/bin/pip-audit --require-hashes --disable-pip --requirement tools/requirements/lock_$(ROS).txt
+
+# The documents and the reference of the Python packages as HTML, in out/docs.
+docs: setup
+	$(BIN)/python -m pip --disable-pip-version-check install --quiet --no-deps \
+		--requirement tools/requirements/docs_lock.txt
+	$(BIN)/properdocs build --quiet
 
 lint: setup
 	$(BIN)/ruff check .

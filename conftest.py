@@ -8,6 +8,7 @@ that name inside it, unless that is loaded already.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -36,9 +37,10 @@ if TYPE_CHECKING:
 settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
 
-
-# what tests of several packages share
-sys.path.insert(0, str(Path(__file__).parent / "tests"))
+# what tests share, in any folder of tests; each such module has a name of its own
+_ROOT = Path(__file__).parent
+_SHARED = (path for path in _ROOT.glob("*/test/**/*.py") if not re.match("test_|conftest", path.name))
+sys.path[:0] = map(str, (_ROOT / "tests", *sorted({path.parent for path in _SHARED})))
 pytest_plugins = ["meshes", "sensors", "sequences", "pictured_run"]
 
 # Programs that tests start inherit both. Only this machine hears them.
@@ -52,10 +54,19 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def _heeding_signals() -> Iterator[None]:
     """Puts the handlers of signals back: an executable's `main`, called in this process, leaves them ignored, and the
     processes that later tests start would inherit that."""
-    former = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    former = {
+        number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    }
     yield
     for number, handler in former.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def signals_are_heard(_heeding_signals: None) -> None:
+    """As in a terminal, also when the tests themselves were started with nohup or in the background of a script."""
+    for number in (signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.fixture

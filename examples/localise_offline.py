@@ -3,8 +3,13 @@
 midastouch simulate handle_tool --seed 3 --out out/slide
 midastouch build-codebook handle_tool
 python examples/localise_offline.py out/slide
+
+For an object of your own, name its mesh and codebook, too:
+
+python examples/localise_offline.py out/part_slide part.ply out/codebooks/part.npz
 """
 
+import inspect
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +21,7 @@ from midastouch_common.errors import InputError
 from midastouch_filter import Estimate, ParticleFilter, measurement_of
 from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
 from midastouch_tools.datasets import Sequence, load_sequence
+from midastouch_tools.processes.foreground import ended_by_signals
 
 HANDLE_TOOL = bundled_objects()["handle_tool"]
 
@@ -31,9 +37,14 @@ def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: Particle
 
 
 def run(main: Callable[..., None], manual: str) -> None:
-    """Call the main function of an example with its command-line arguments; print the manual after an InputError."""
+    """Call the main function of an example with its command-line arguments; print the manual after an InputError, or
+    for arguments that it does not have."""
+    words = sys.argv[1:]
+    if any(word.startswith("-") for word in words) or len(words) > len(inspect.signature(main).parameters):
+        sys.exit(manual)
     try:
-        main(*sys.argv[1:])
+        with ended_by_signals():
+            main(*words)
     except InputError as error:
         sys.exit(f"{error}\n\n{manual}")
 

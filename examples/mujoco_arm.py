@@ -13,6 +13,7 @@ from simulated_finger import BASE_FROM_OBJECT, SPEED, STEP, along, run
 
 from midastouch_common import se3
 from midastouch_perception import ObjectMesh, bundled_objects
+from midastouch_tools.processes.foreground import ended_by_signals
 
 CELL = 1e-3  # m
 HOME = [0.0, 0.7, 1.4, 1.0, 0.0, -1.6]  # rad
@@ -123,7 +124,8 @@ def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    tool = ObjectMesh.load(bundled_objects()["handle_tool"])
-    path = along_the_grip(tool, 0.35)
-    # a touch looks the same all around the grip: the filter gets the pose at which the slide begins
-    run(Arm(tool, along(path, lifted=TOO_DEEP + 8e-3)), len(path) * STEP / SPEED, start_given=True)
+    with ended_by_signals():
+        tool = ObjectMesh.load(bundled_objects()["handle_tool"])
+        path = along_the_grip(tool, 0.35)
+        # a touch looks the same all around the grip: the filter gets the pose at which the slide begins
+        run(Arm(tool, along(path, lifted=TOO_DEEP + 8e-3)), len(path) * STEP / SPEED, start_given=True)

@@ -6,6 +6,7 @@ midastouch run localization object:=handle_tool
 python examples/simulated_finger.py
 """
 
+import sys
 import time
 from collections import deque
 from collections.abc import Callable
@@ -14,6 +15,7 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -24,10 +26,13 @@ from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transf
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception import ObjectMesh, SensorModel, bundled_objects
 from midastouch_simulation.slide import simulate_slide
+from midastouch_tools.processes.foreground import ended_by_signals
 
 BASE_FROM_OBJECT = se3.translation([0.5, 0.0, 0.2])
 SECOND = 1_000_000_000  # ns
 TICK, TIMEOUT = SECOND // 100, SECOND // 5
+START_S = 10.0  # s, until nodes that run are known
+KNOWN = 5e-3  # m, error of a filter that has taken the start
 SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; m above its start
 
 
@@ -35,8 +40,8 @@ class Engine(Node):
     """Node that publishes the poses of gel and object on TF, and prints how well the filter knows the gel's pose.
 
     motion: returns the gel's pose T_obj_gel (4, 4) at a number of seconds after the start, for ascending times; it
-    lasts `seconds`. It starts once the filter sees that nothing touches; with `start_given` the node then sends the
-    filter the pose, to a few millimetres. An engine's time is its own: this one waits for a slow filter.
+    lasts `seconds`. It starts once the filter sees that nothing touches; with `start_given` the node sends it the pose,
+    to a few millimetres, until it has it. An engine's time is its own: this one waits for a slow filter.
     """
 
     def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, start_given: bool):
@@ -70,9 +75,10 @@ class Engine(Node):
     def on_status(self, status: FilterStatus) -> None:
         """Begin once the filter works."""
         if status.state == FilterStatus.STATE_NO_CONTACT and self.began is None:
-            self.began = self.now
-            if self.start_given:
-                self.start.publish(start_at(self.past[-1][1]))
+            if self.start_given and not self.error < KNOWN:
+                self.start.publish(start_at(self.past[-1][1]))  # again, as a node that was just found may miss it
+            else:
+                self.began = self.now
         if status.state != FilterStatus.STATE_WAITING:
             self.state, self.answered = status.state, stamp_ns(status.header.stamp)
 
@@ -96,9 +102,14 @@ def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
 
 
 def run(motion: Callable[[float], np.ndarray], seconds: float, start_given: bool = False) -> None:
-    """Move the finger until the motion is over."""
-    rclpy.init()
+    """Move the finger until the motion is over; end with the program's manual if sensor or filter do not run."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     engine = Engine(motion, seconds, start_given)
+    begin = time.monotonic()
+    while missing := [topic for topic in ("image_raw", "filter_status") if engine.count_publishers(topic) == 0]:
+        if time.monotonic() - begin > START_S:
+            sys.exit(f"nothing publishes {' and '.join(missing)}; start first:\n{sys.modules['__main__'].__doc__}")
+        rclpy.spin_once(engine)
     while not engine.done:
         rclpy.spin_once(engine)
     engine.tell()
@@ -119,6 +130,7 @@ def along(path: np.ndarray, lifted: float = LIFTED) -> Callable[[float], np.ndar
 
 
 if __name__ == "__main__":
-    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
-    slide = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.3, np.random.default_rng(3), STEP)
-    run(along(slide), len(slide) * STEP / SPEED)
+    with ended_by_signals():
+        mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
+        slide = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.3, np.random.default_rng(9), STEP)
+        run(along(slide), len(slide) * STEP / SPEED)

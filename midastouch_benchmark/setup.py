@@ -33,13 +33,14 @@ setup(
         "pillow",
         "scipy",
         "tabulate",
+        "trimesh",
     ],
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
-    extras_require={"test": ["hypothesis", "pytest"]},
+    extras_require={"cluster": ["distributed"], "test": ["hypothesis", "pytest"]},
     # found by the `midastouch` command of midastouch_tools
     entry_points={
         "midastouch.commands": [

@@ -20,7 +20,6 @@ setup(
     ],
     install_requires=[
         "digit_driver",
-        "distributed",
         "matplotlib",
         "mcap",
         "midastouch_bringup",

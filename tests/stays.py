@@ -17,7 +17,7 @@ from types import CodeType, FrameType
 
 WORK = {
     "run": "launch.service:run",
-    "benchmark": "midastouch_benchmark.trials.campaign:run_campaign",
+    "benchmark": "midastouch_benchmark.trials.campaign:run",
     "evaluate": "midastouch_benchmark.trials.sequence_trials:run_sequence",
 }
 """Function with which the work starts, by command: the launch, the trials, the first sequence."""

@@ -72,3 +72,10 @@ def test_every_room_is_in_the_table_and_the_readme_is_short():
     }
     assert {room for room in rooms - listed if room.split("/")[1] not in ("nodes", "ros")} == set()
     assert len(DOCUMENTS["README.md"].encode()) <= 7200, "the first page is short"
+
+
+def test_every_tutorial_says_how_long_it_takes():
+    tutorials = {name: text for name, text in DOCUMENTS.items() if name.startswith("docs/tutorials/")}
+    assert len(tutorials) >= 9
+    said = {name: re.findall(r"^\*\*Time\*\*: .*(minute|hour)", text, flags=re.M) for name, text in tutorials.items()}
+    assert [name for name, times in said.items() if len(times) != 1] == []

@@ -6,7 +6,7 @@ import sys
 
 from documents import DOCUMENTS, ROOT, table
 
-from midastouch_tools.ros_distribution import KNOWN
+from midastouch_tools.machine import KNOWN
 
 
 def test_every_package_is_in_the_table():

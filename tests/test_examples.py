@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from ros_graph import open_graph
 
 from midastouch_tools.cli import main
 from midastouch_tools.processes.process import find_executable
@@ -71,6 +72,9 @@ def nodes(name, folder):
     pytest.importorskip(ENGINES[name], reason="not installed: tools/requirements/mujoco.txt")
     setups = [["midastouch", "run", setup, "object:=handle_tool"] for setup in ("digit_sim", "localization")]
     running = [subprocess.Popen([find_executable(program), *words], cwd=folder) for program, *words in setups]
+    with open_graph() as graph:
+        for topic in ("image_raw", "filter_status"):
+            graph.spin_until(lambda topic=topic: graph.companion.count_publishers(topic) > 0, topic)
     yield
     for process in running:
         process.send_signal(signal.SIGINT)
@@ -82,13 +86,43 @@ def nodes(name, folder):
 @pytest.mark.usefixtures("nodes")
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engine_moves_a_sensor_that_is_found(name, folder):
-    # where a live path ends depends on the load; there, other places may be under comparison again
+    # which images a live filter sees depends on the load, and so does the state in which the path happens to end
     lines = lines_of(name, [], folder)
     sure = [error_mm(line) for line in lines if line.startswith("converged")]
     assert sure, lines
     assert max(sure) < 5, lines
-    assert lines[-1].startswith(("converged", "ambiguous")), lines
+    assert error_mm(lines[-1]) < 5, lines
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_example_is_ended_by_a_signal_without_a_traceback(number):
+    command = [sys.executable, "-u", str(EXAMPLES / "simulated_finger.py")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert "no filter_status yet" in process.stdout.readline()
+        process.send_signal(number)
+        assert process.stderr.read() == ""
+    assert process.returncode == 128 + number
+
+
+@pytest.mark.slow
+@pytest.mark.dds
+@pytest.mark.parametrize("name", ENGINES)
+def test_an_engine_without_nodes_says_which_to_start(name, tmp_path):
+    pytest.importorskip(ENGINES[name], reason="not installed: tools/requirements/mujoco.txt")
+    done = subprocess.run([sys.executable, str(EXAMPLES / f"{name}.py")], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("nothing publishes image_raw and filter_status; start first:\n")
+    assert "\nmidastouch run localization object:=handle_tool\n" in done.stderr
 
 
 def test_every_example_is_run():
     assert {*ARGUMENTS, *ENGINES} == {path.stem for path in EXAMPLES.glob("*.py")}
+
+
+@pytest.mark.parametrize("words", [["--help"], ["a", "b", "c", "d"]])
+def test_an_example_with_other_arguments_shows_its_manual(words):
+    command = [sys.executable, str(EXAMPLES / "localise_offline.py"), *words]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Localise a recorded slide")

@@ -65,7 +65,7 @@ def test_the_table_of_numbers_has_the_same_units():
 
 @pytest.mark.parametrize(("message", "filled_from"), [("FilterStatus", Status), ("Suggestion", Suggestion)])
 def test_units_are_those_of_what_the_filter_sends(message, filled_from):
-    sent = dict(re.findall(r"(\w+) \[([\w^]+)\]", filled_from.__doc__))
+    sent = dict(re.findall(r"(\w+) : \[([\w^]+)\]", filled_from.__doc__))
     assert len(sent) >= 3
     of_message = {ALIASES.get(name, name): unit for (of, name), unit in numbers().items() if of == message}
     assert {name: of_message[name] for name in sent} == sent

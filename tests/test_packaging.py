@@ -32,11 +32,11 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }  # fmt: skip
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
-PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree"}
+PIP_ONLY = {"igl", "mcap", "pykdtree"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
-    "h5py", "libusb_package", "mujoco", "onnx", "onnxscript", "open3d", "openvino", "pyarrow", "rerun", "rerun_cli",
-    "rtde_control", "rtde_receive", "safetensors", "torch",
+    "distributed", "h5py", "libusb_package", "mujoco", "onnx", "onnxscript", "open3d", "openvino", "pyarrow", "rerun",
+    "rerun_cli", "rtde_control", "rtde_receive", "safetensors", "torch",
 }  # fmt: skip
 # Imported module -> its distribution on PyPI, where the names differ.
 DISTRIBUTIONS = {

@@ -50,6 +50,16 @@ def test_lock_holds_every_pin(root, distribution, python):
 
 
 @pytest.mark.parametrize("python", SUPPORTED)
+def test_make_docs_adds_what_it_needs_and_replaces_nothing(root, python):
+    folder = root / "tools" / "requirements"
+    added = pins(folder / "docs_lock.txt", python)
+    assert pins(folder / "docs.txt", python).items() <= added.items()
+    for distribution in DISTRIBUTIONS:
+        assert not added.keys() & pins(lock(root, distribution), python).keys()
+    assert added.keys() == pins(folder / "docs_lock.txt", python, "aarch64").keys()
+
+
+@pytest.mark.parametrize("python", SUPPORTED)
 def test_distributions_differ_in_ros_alone_and_bring_no_torch(root, python):
     """What makes estimates is the same, and so are they. ROS names the libraries that its build tools need."""
     jazzy, kilted = (
@@ -75,6 +85,7 @@ def test_every_package_is_locked_by_its_content(root, distribution):
     lines = lock(root, distribution).read_text().splitlines()
     packages = [line for line in lines if "==" in line]
     assert len(packages) > 100
+    packages += [line for line in (root / "tools/requirements/docs_lock.txt").read_text().splitlines() if "==" in line]
     assert [line for line in packages if not re.search(r"( --hash=sha256:[0-9a-f]{64})+$", line)] == []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from urllib.parse import unquote, urlparse
 
@@ -36,14 +37,18 @@ class Intrinsics:
 
 
 def load_intrinsics(url: str, size: tuple[int, int]) -> Intrinsics:
-    """Read ``file:///path/to.yaml`` or a plain path; an empty ``url`` means uncalibrated.
+    """Read intrinsics from a file.
 
-    Args:
-        url: of the file.
-        size: width and height of the images that it must be for, pixels.
+    Parameters
+    ----------
+    url
+        ``file:///path/to.yaml`` or a plain path; empty means uncalibrated.
+    size : width and height [pixels] of the images that they must be for
 
-    Raises:
-        InputError: it cannot be read, is not camera info, or is for images of another size.
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not camera info, or is for images of another size.
     """
     if not url:
         return Intrinsics(*size)
@@ -76,7 +81,7 @@ def _read(url: str) -> Intrinsics:
             r=r,
             p=p,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"camera_info_url: {path} is not camera info ({error!r}); "
             "write it with camera_calibration or camera_info_manager"
@@ -87,4 +92,6 @@ def _numbers(values: list, count: int | None = None) -> tuple[float, ...]:
     numbers = tuple(float(value) for value in values)
     if count is not None and len(numbers) != count:
         raise ValueError(f"{len(numbers)} numbers instead of {count}")
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("numbers that are not finite")
     return numbers

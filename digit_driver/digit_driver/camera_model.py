@@ -83,10 +83,17 @@ class CameraModel:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> CameraModel:
-        """Load a shipped model by name (`digit`, `gelsight_mini`) or a YAML file of the same form by path.
+        """Load a camera model.
 
-        Raises:
-            InputError: there is no such model, or a line of the file, which is named, is missing or wrong.
+        Parameters
+        ----------
+        name_or_path
+            A shipped model (`digit`, `gelsight_mini`), or a YAML file of the same form.
+
+        Raises
+        ------
+        InputError
+            There is no such model, or a line of the file, which is named, is missing or wrong.
         """
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
@@ -116,7 +123,17 @@ class CameraModel:
         return self.modes[name]
 
     def upright(self, image: np.ndarray, mode: CameraMode) -> np.ndarray:
-        """Return the published image of a camera image (H, W, 3) uint8 that may be reduced: crop, turn, scale it."""
+        """Crop, turn and scale an image of the camera.
+
+        Parameters
+        ----------
+        image : (H, W, 3) uint8, which may be reduced
+        mode
+
+        Returns
+        -------
+        (height, width, 3) uint8, to publish
+        """
         scale = image.shape[1] / mode.width
         column, row, width, height = (round(value * scale) for value in mode.crop)
         part = image[row : row + height, column : column + width]
@@ -128,16 +145,29 @@ class CameraModel:
 
 
 def decode(data: bytes, pixel_format: int, width: int, height: int, reduction: int = 1) -> np.ndarray:
-    """Decode one buffer to a (height, width, 3) uint8 RGB image, a JPEG's sides divided by ``reduction`` (rounded up).
+    """Decode one buffer.
 
-    Args:
-        data: the used part of the buffer.
-        pixel_format: ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``.
-        width, height: size of the camera's image.
-        reduction: 1, 2, 4 or 8: a large JPEG is decoded several times faster at an eighth of its size.
+    Parameters
+    ----------
+    data
+        The used part of the buffer.
+    pixel_format
+        `PIX_FMT_YUYV` or `PIX_FMT_MJPEG`.
+    width, height : size of the camera's image [pixels]
+    reduction
+        1, 2, 4 or 8: divides a JPEG's sides, which are rounded up. A large one is decoded several times faster at an
+        eighth of its size.
 
-    Raises:
-        CorruptFrameError: the buffer does not hold one whole image.
+    Returns
+    -------
+    (height, width, 3) uint8 RGB
+
+    Raises
+    ------
+    CorruptFrameError
+        The buffer does not hold one whole image.
+    ValueError
+        Another pixel format.
     """
     if pixel_format == PIX_FMT_YUYV:
         if len(data) != 2 * width * height:

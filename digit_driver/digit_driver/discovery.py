@@ -53,11 +53,23 @@ def find_cameras(model: CameraModel, sysfs: Path = SYSFS_VIDEO, dev: Path = DEV)
 
 
 def select_camera(model: CameraModel, cameras: list[UsbCamera], serial: str) -> UsbCamera:
-    """Return the sensor meant by ``serial``; an empty serial means the only one present.
+    """Select one of the sensors that are plugged in.
 
-    Raises:
-        DeviceError: it is not plugged in (it may be later).
-        InputError: several sensors match, so the user must choose one.
+    Parameters
+    ----------
+    model
+        Kind of sensor, for messages.
+    cameras
+        Result of `find_cameras`.
+    serial
+        Serial number; empty for the only sensor that is present.
+
+    Raises
+    ------
+    DeviceError
+        It is not plugged in (it may be later).
+    InputError
+        Several sensors match, so the user must choose one.
     """
     matching = [camera for camera in cameras if not serial or camera.serial == serial]
     if len(matching) == 1:

@@ -40,12 +40,16 @@ class ReaderTiming:
 
 
 class FrameReader:
-    """Owner of ``camera`` and of the thread that reads it.
+    """Owner of a camera and of the thread that reads it.
 
-    Args:
-        camera: used by the thread alone, except for ``set_leds``.
-        on_event: called in the thread after every frame and every change of state; must return quickly.
-        timing: by default that of `ReaderTiming`.
+    Parameters
+    ----------
+    camera
+        Used by the thread alone, except for ``set_leds``.
+    on_event
+        Called in the thread after every frame and every change of state; must return quickly.
+    timing
+        By default that of `ReaderTiming`.
     """
 
     def __init__(

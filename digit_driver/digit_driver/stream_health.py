@@ -138,9 +138,11 @@ def _values(evidence: StreamEvidence, clock: ClockOffset) -> dict[str, str]:
 class StreamMonitor:
     """Monitor of one stream; used by one thread.
 
-    Args:
-        monotonic_ns: the host's monotonic clock.
-        offset: from it to wall time.
+    Parameters
+    ----------
+    monotonic_ns : the host's monotonic clock [ns]
+    offset
+        From that clock to wall time.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns, offset: ClockOffset | None = None) -> None:
@@ -173,7 +175,13 @@ class StreamMonitor:
         return stamp_ns
 
     def report(self, reader: ReaderStatus, jitter_limit: float) -> HealthReport:
-        """Return the verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
+        """Judge the stream as it is now.
+
+        Parameters
+        ----------
+        reader
+        jitter_limit : [s] that stamps may be off even spacing
+        """
         rate = self._rate.rate(self._monotonic_ns()) if self._rate else None
         backward = self._rate.backward if self._rate else 0
         evidence = StreamEvidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from midastouch_common.errors import InputError
+from midastouch_common.torn_frames import TornFrames
 
 from . import videodev2 as v4l2
 from .camera_model import CameraMode, CameraModel, decode
@@ -28,7 +29,7 @@ class V4l2Settings:
     Attributes:
         camera: the kind of sensor.
         serial: of the sensor; empty for the only one present.
-        video_device: device node to use instead of searching by serial; empty for searching.
+        video_device: device node to use; empty for searching. If `serial` is another sensor's, that one is used.
         resolution: name of one of the camera's modes; empty for the first.
         fps: one of that mode's rates; 0 for the first.
         leds: brightness of red, green and blue, 0...15.
@@ -62,10 +63,13 @@ class V4l2Settings:
 class V4l2Camera:
     """The sensor itself. One thread opens, reads and closes it; any thread may call ``set_leds``.
 
-    Args:
-        settings: with which to open it.
-        system: the kernel.
-        find: lists the sensors of a model present. Every ``open`` calls it, since replugging renumbers the nodes.
+    Parameters
+    ----------
+    settings
+    system
+        The kernel.
+    find
+        Lists the sensors of a model that are present. Every ``open`` calls it, since replugging renumbers the nodes.
     """
 
     def __init__(
@@ -84,6 +88,7 @@ class V4l2Camera:
         self._firmware: int | None = None
         self._pixel_format = self._mode.pixel_format
         self._stream: V4l2Stream | None = None
+        self._torn = TornFrames()
         # LEDs are set from other threads; the descriptor must not be closed (and reused) under them.
         self._lock = threading.Lock()
 
@@ -95,16 +100,17 @@ class V4l2Camera:
             DeviceError: it cannot be opened now.
         """
         self.close()
-        digit, nodes = self._locate()
+        digit, nodes, warnings = self._locate()
         self._firmware = digit.firmware if digit else None
         stream = V4l2Stream(nodes, self._system)
         with self._lock:
             self._stream = stream
         self._clock_is_good = False  # whether the kernel's stamps have been credible
+        self._torn = TornFrames()
         try:
             self._pixel_format = self._agree_on_format(stream)
             fps = stream.set_rate(self._rate)
-            warnings = self._light_up()
+            warnings += self._light_up()
             stream.start()
         except (DeviceError, InputError):
             self.close()
@@ -120,7 +126,7 @@ class V4l2Camera:
         """Wait at most ``timeout`` seconds for the next frame and return it; None if none came.
 
         Raises:
-            CorruptFrameError: a frame came, but damaged, or too late.
+            CorruptFrameError: a frame came, but damaged, torn, or too late.
             DeviceError: the sensor is gone; close it, and perhaps open it again.
         """
         stream = self._stream
@@ -132,8 +138,11 @@ class V4l2Camera:
         if filled.damaged:
             raise CorruptFrameError(f"frame {filled.sequence}: the camera reports a damaged transfer")
         mode = self._mode
-        image = decode(filled.data, self._pixel_format, mode.width, mode.height, mode.reduction)
-        return Frame(self._camera.upright(image, mode), self._stamp(filled), filled.sequence)
+        decoded = decode(filled.data, self._pixel_format, mode.width, mode.height, mode.reduction)
+        image = self._camera.upright(decoded, mode)
+        if self._torn.torn(image):
+            raise CorruptFrameError(f"frame {filled.sequence}: torn, its parts are of two frames")
+        return Frame(image, self._stamp(filled), filled.sequence)
 
     def close(self) -> None:
         """Release the sensor. May be called at any time and more than once."""
@@ -158,15 +167,38 @@ class V4l2Camera:
                 value = max(rgb) if self._has_old_firmware else rgb[0] << 8 | rgb[1] << 4 | rgb[2]
                 self._stream.set_control(v4l2.CID_ZOOM_ABSOLUTE, value, "setting the LEDs")
 
-    def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...]]:
-        if self._settings.video_device:
-            node = Path(self._settings.video_device)
-            digit = find_by_node(node, self._find(self._camera))
-            # A udev link keeps naming the same sensor. A number goes to another sensor once ours is unplugged.
-            if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
-                return digit, (node,)
-        digit = select_camera(self._camera, self._find(self._camera), self._serial)
-        return digit, digit.nodes
+    def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...], list[str]]:
+        """Return the sensor if its USB device is known, the nodes to try, and warnings.
+
+        A serial number outweighs a node, whose number depends on the order in which sensors are plugged in.
+        """
+        present = self._find(self._camera)
+        if not self._settings.video_device:
+            digit = select_camera(self._camera, present, self._serial)
+            return digit, digit.nodes, []
+        node, wanted = Path(self._settings.video_device), self._settings.serial
+        owner = find_by_node(node, present)
+        if wanted and (owner is None or owner.serial != wanted):
+            known = self._opened_serial or any(camera.serial == wanted for camera in present)
+            if owner is None and not known:
+                return None, (node,), [f"video_device: it is not known whether {node} is the sensor {wanted}"]
+            digit = select_camera(self._camera, present, wanted)
+            now = f"the sensor {owner.serial or 'without serial number'}" if owner else "another device"
+            return digit, digit.nodes, [f"video_device: {node} is {now}; took {digit}, as `serial` says"]
+        # A udev link keeps naming the same sensor. A number goes to another sensor once ours is unplugged.
+        if not self._opened_serial or node.is_symlink() or (owner and owner.serial == self._opened_serial):
+            return owner, (node,), self._doubts_about(node, owner, len(present))
+        digit = select_camera(self._camera, present, self._serial)
+        return digit, digit.nodes, []
+
+    def _doubts_about(self, node: Path, owner: UsbCamera | None, present: int) -> list[str]:
+        if self._settings.serial or node.is_symlink() or present < 2:
+            return []
+        which = f"the sensor {owner.serial or 'at USB ' + owner.usb_path}" if owner else "an unknown device"
+        return [
+            f"video_device: {node} is {which} now, but {present} sensors are plugged in and their numbers change with "
+            "the order; set `serial`, too"
+        ]
 
     def _agree_on_format(self, stream: V4l2Stream) -> int:
         """Return the pixel format; raises InputError if the camera lacks the size and the formats of the model."""

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import functools
 import os
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from fake_kernel import FakeKernel
 
 from digit_driver.discovery import find_cameras

@@ -229,6 +229,13 @@ _HANDLERS = {
 }
 
 
+def yuyv(luma: np.ndarray) -> bytes:
+    """YUYV bytes of a grey landscape image (H, W)."""
+    out = np.full((*luma.shape, 2), 128, np.uint8)
+    out[..., 0] = luma
+    return out.tobytes()
+
+
 def picture(sequence: int, width: int = 320, height: int = 240) -> bytes:
     """YUYV bytes: mid-grey that changes from frame to frame, the landscape image's top right quarter red."""
     luma = np.full((height, width), 100 + sequence % 50, np.uint8)

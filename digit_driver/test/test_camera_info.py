@@ -35,6 +35,8 @@ def test_reads_what_ros_tools_write(tmp_path: Path, scheme) -> None:
         ("just a string", "{}", "camera_info_manager"),
         (yaml.safe_dump({**CONTENT, "camera_matrix": {"data": [1, 2]}}), "{}", "instead of 9"),
         (yaml.safe_dump({**CONTENT, "image_width": 640}), "{}", "640x320 images.*240x320"),
+        (yaml.safe_dump({**CONTENT, "camera_matrix": {"data": [float("nan")] * 9}}), "{}", "not finite"),
+        (yaml.safe_dump({**CONTENT, "image_width": float("inf")}), "{}", "infinity"),
         ("!!python/object/apply:os.system ['true']", "{}", "python/object"),
         ("", "/nowhere/absent.yaml", r"absent\.yaml"),
         ("", "http://somewhere/c.yaml", "file://"),

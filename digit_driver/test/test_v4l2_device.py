@@ -4,7 +4,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
-from fake_kernel import FakeDigit
+from fake_kernel import FakeDigit, yuyv
 
 from digit_driver import videodev2 as v4l2
 from digit_driver.camera_model import CameraModel
@@ -86,6 +86,54 @@ def test_video_device_overrides_the_search(kernel, device) -> None:
     kernel.plug(FakeDigit("D2", "1-2", number=2))
     info = device(video_device="/dev/video2").open()
     assert (info.name, info.serial) == ("/dev/video2", "D2")
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_serial_number_outweighs_the_node_of_another_sensor(kernel, device, tmp_path, linked) -> None:
+    """As after a start at which the sensors came in another order."""
+    kernel.plug(FakeDigit("D2", "1-1", number=0))
+    kernel.plug(FakeDigit("D1", "1-2", number=2))
+    node = tmp_path / "by-path"
+    node.symlink_to("/dev/video0")
+    info = device(serial="D1", video_device=str(node) if linked else "/dev/video0").open()
+    assert (info.name, info.serial) == ("/dev/video2", "D1")
+    (warning,) = info.warnings
+    assert "is the sensor D2; took D1 at USB 1-2" in warning
+
+
+def test_a_serial_number_that_is_not_there_is_waited_for(kernel, device) -> None:
+    kernel.plug(FakeDigit("D2", number=0))
+    digit = device(serial="D1", video_device="/dev/video0")
+    with pytest.raises(DeviceError, match="no DIGIT D1 found"):
+        digit.open()
+    kernel.plug(FakeDigit("D1", "1-2", number=2))
+    assert digit.open().serial == "D1"
+
+
+def test_serial_and_node_that_agree_open_without_a_word(kernel, device) -> None:
+    kernel.plug(FakeDigit("D1", "1-1", number=0))
+    kernel.plug(FakeDigit("D1", "1-2", number=2))
+    info = device(serial="D1", video_device="/dev/video2").open()
+    assert (info.name, info.serial, info.warnings) == ("/dev/video2", "D1", ())
+
+
+def test_a_node_that_no_sensor_is_known_to_own_is_opened_with_a_warning(kernel, device) -> None:
+    kernel.plug(FakeDigit("D1", number=0, vendor="1234"))
+    info = device(serial="D1", video_device="/dev/video0").open()
+    assert (info.name, info.serial) == ("/dev/video0", "")
+    assert "it is not known whether /dev/video0 is the sensor D1" in info.warnings[0]
+
+
+def test_a_bare_number_among_several_sensors_is_told_to_change(kernel, device, tmp_path) -> None:
+    kernel.plug(FakeDigit("D1", "1-1", number=0))
+    assert device(video_device="/dev/video0").open().warnings == ()
+    kernel.plug(FakeDigit("D2", "1-2", number=2))
+    (warning,) = device(video_device="/dev/video2").open().warnings
+    assert "is the sensor D2 now" in warning
+    assert "set `serial`, too" in warning
+    link = tmp_path / "digit_D2"
+    link.symlink_to("/dev/video2")
+    assert device(video_device=str(link)).open().warnings == ()
 
 
 def test_a_link_of_udevs_means_whatever_is_plugged_in_there(kernel, device, tmp_path) -> None:
@@ -198,6 +246,32 @@ def test_a_frame_that_waited_for_a_halted_process_is_dropped(kernel, device) -> 
         digit.read(1.0)
     camera.stamp_shift_ns = 0
     assert digit.read(1.0).stamp_monotonic_ns > first
+
+
+def touched(step: int) -> np.ndarray:
+    """A landscape image (240, 320) of grey levels with a contact that slides along its rows and noise."""
+    y, x = np.mgrid[0:240, 0:320]
+    across, down = (x - 90 - 12 * step) / 40, (y - 120) / 40
+    bump = np.exp(-2 * (across**2 + down**2))
+    noise = np.random.default_rng(step).normal(0, 1.5, bump.shape)
+    return np.clip(np.rint(110 + 120 * bump * across + noise), 0, 255).astype(np.uint8)
+
+
+def test_torn_frames_are_dropped(kernel, device) -> None:
+    """Upper rows of one frame, lower rows of the next, as a DIGIT hands them out now and then."""
+    camera, digit = kernel.plug(FakeDigit()), device()
+    camera.picture = yuyv(touched(0))
+    digit.open()
+    for step in range(4):
+        camera.picture = yuyv(touched(step))
+        assert digit.read(1.0) is not None
+    torn = touched(4)
+    torn[118:] = touched(5)[118:]
+    camera.picture = yuyv(torn)
+    with pytest.raises(CorruptFrameError, match="torn"):
+        digit.read(1.0)
+    camera.picture = yuyv(touched(5))
+    assert digit.read(1.0).sequence == 5
 
 
 def test_leds_may_be_set_while_the_device_is_opened_and_closed(kernel, device) -> None:

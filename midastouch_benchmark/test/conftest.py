@@ -200,7 +200,7 @@ def make_trial():
             "filter_stages_ms": {"motion": 1.0},
             "right_m": 0.01,
             "coverage": dict.fromkeys(KINDS, counts),
-            "reliability": {"frames": weights, "right": weights, "weight": [0.9 * count for count in weights]},
+            "reliability": {"frames": weights, "right": weights},
         } | changes
 
     return make

@@ -1,5 +1,6 @@
 """Perception and filter in one process."""
 
+import atexit
 import tempfile
 from pathlib import Path
 
@@ -29,7 +30,7 @@ ARGUMENTS = {
     "init_mode": ("", "Start: uniform over the surface, pose (at initial_pose), or wait for a pose"),
     "preset": ("", "Filter settings between run time and error: fast, balanced or paper"),
     "fingers": ("", "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ','"),
-    "seed": ("", "Seed of the filter, and of what is simulated"),
+    "seed": ("", "Seed of the filter and of the simulation"),
     "sensor_model": ("", "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file"),
     "tf_prefix": ("", "Put before the arm's frames and joints, as in the UR driver"),
     "sensor_prefix": ("", "Put before the sensor's frames; for several sensors, e.g. left_"),
@@ -63,9 +64,8 @@ def start(context):
         kind = "" if kind in ("", "digit_tacto") else f"_{kind}"
         parameters["mesh"] = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
         parameters["codebook"] = str(Path(f"out/codebooks/{given['object']}{kind}.npz").resolve())
-    parameters |= {
-        name: given[name] for name in ("mesh", "codebook", "objects", "init_mode", "preset", "fingers") if given[name]
-    }
+    own = ("mesh", "codebook", "objects", "init_mode", "preset", "fingers")
+    parameters |= {name: given[name] for name in own if given[name]}
     if given["objects"]:  # object and mesh then say only what is simulated
         parameters |= {"mesh": "", "codebook": ""}
     if given["tf_prefix"]:
@@ -76,6 +76,7 @@ def start(context):
     nodes = {"tdn": all_three | of_tdn, "tcn": all_three, "particle_filter": all_three | parameters}
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
         yaml.safe_dump({f"/**/{name}": {"ros__parameters": {**values}} for name, values in nodes.items()}, file)
+    atexit.register(Path(file.name).unlink, missing_ok=True)
     respawn = given["use_respawn"] == "true"
 
     def ended(event, context):

@@ -22,7 +22,7 @@ ARGUMENTS = {
     "mesh": ("", "Mesh of the object, metres: a path or package://..."),
     "sensor_model": ("", "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file"),
     "sensor_prefix": ("", "Put before the sensor's frames; for several sensors, e.g. left_"),
-    "seed": ("", "Seed of the filter, and of what is simulated"),
+    "seed": ("", "Seed of the filter and of the simulation"),
 }
 # TF of the whole robot; ("/tf", "tf") is that of the namespace alone
 TF = [("/tf", "/tf"), ("/tf_static", "/tf_static")]

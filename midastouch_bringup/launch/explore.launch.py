@@ -16,7 +16,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
 SHARE = get_package_share_directory("midastouch_bringup")
-YES_NO = ["true", "false"]
+WORDS = ["true", "false"], ["finger", "mujoco"]
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"  # this machine alone, unless the user has chosen otherwise
 ARM = LaunchConfiguration("arm")
 ARGUMENTS = {
@@ -27,7 +27,7 @@ ARGUMENTS = {
     "mesh": ("", "Mesh of the object, metres: a path or package://..."),
     "codebook": ("", "Codebook of that mesh; empty: one is made"),
     "objects": ("ball,eyebolt,handle_tool,star_knob", "Objects it may be besides, for the filter, separated by ','"),
-    "seed": ("2", "Seed of the filter, and of what is simulated; with some it gives up"),
+    "seed": ("2", "Seed of the filter and of the simulation; with some it gives up"),
     "start_paused": ("false", "The explorer waits for ~/resume"),
     "prepare": ("true", "Make the codebooks that are missing first"),
     "use_rviz": ("true", "Start RViz"),
@@ -38,7 +38,7 @@ ARGUMENTS = {
 def generate_launch_description():
     """Make missing codebooks, then start `digit_sim`, the localisation, the simulated finger or arm, and `explorer`."""
     declared = [
-        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        DeclareLaunchArgument(name, default_value=v, description=text, choices=next((c for c in WORDS if v in c), None))
         for name, (v, text) in ARGUMENTS.items()
     ]
     rviz = PythonLaunchDescriptionSource(f"{SHARE}/launch/rviz.launch.py")

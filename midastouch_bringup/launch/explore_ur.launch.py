@@ -14,6 +14,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
 YES_NO = ["true", "false"]
+UR_WRENCH = "/force_torque_sensor_broadcaster/wrench"
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -36,14 +37,7 @@ def generate_launch_description():
         for name, (v, text) in ARGUMENTS.items()
     ]
     live_ur = PythonLaunchDescriptionSource(f"{SHARE}/launch/live_ur.launch.py")
-    check_first, start_last = OpaqueFunction(function=check), OpaqueFunction(function=start)
-    return LaunchDescription([*declared, check_first, IncludeLaunchDescription(live_ur), start_last])
-
-
-def check(context):
-    """Raise before anything is started: what has begun would go on."""
-    if context.launch_configurations["arm"] == "rtde" and not context.launch_configurations["tcp_offset"]:
-        raise RuntimeError("tcp_offset:=[x, y, z, rx, ry, rz]: as on the teach pendant, zeros if none is set there")
+    return LaunchDescription([*declared, IncludeLaunchDescription(live_ur), OpaqueFunction(function=start)])
 
 
 def start(context):
@@ -71,6 +65,7 @@ def start(context):
     if given["arm"] == "rtde":
         ur_speed = {"robot_ip": given["robot_ip"], **tool, **gel, **lifecycle}
         nodes.append((LifecycleNode, "midastouch_motion", "ur_speed", ur_speed))
+    wrench = [("wrench", UR_WRENCH)] if given["arm"] == "ur_driver" else []
     respawn = given["use_respawn"] == "true"
 
     def ended(event, context):
@@ -87,6 +82,7 @@ def start(context):
             name=name,
             namespace=given["namespace"],
             parameters=[*files, parameters],
+            remappings=wrench,
             ros_arguments=["--log-level", given["log_level"]],
             output="screen",
             respawn=respawn and name != "explorer",

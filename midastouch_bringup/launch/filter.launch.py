@@ -27,7 +27,7 @@ ARGUMENTS = {
     "init_mode": ("", "Start: uniform over the surface, pose (at initial_pose), or wait for a pose"),
     "preset": ("", "Filter settings between run time and error: fast, balanced or paper"),
     "fingers": ("", "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ','"),
-    "seed": ("", "Seed of the filter, and of what is simulated"),
+    "seed": ("", "Seed of the filter and of the simulation"),
     "sensor_model": ("", "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file"),
     "tf_prefix": ("", "Put before the arm's frames and joints, as in the UR driver"),
     "sensor_prefix": ("", "Put before the sensor's frames; for several sensors, e.g. left_"),

@@ -63,6 +63,8 @@ def arm(context):
     given = context.launch_configurations
     if given["arm"] != "running" and not given["robot_ip"] and given["use_mock_hardware"] == "false":
         raise RuntimeError(f"arm:={given['arm']}: at which address? Give that of its controller, robot_ip:=ADDRESS")
+    if given["arm"] == "rtde" and not given["tcp_offset"]:
+        raise RuntimeError("tcp_offset:=[x, y, z, rx, ry, rz]: as on the teach pendant, zeros if none is set there")
     if given["arm"] == "ur_driver":
         words = ["robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"]
         if not given["kinematics_params_file"]:  # with the nominal one the tool may be centimetres off
@@ -76,8 +78,6 @@ def arm(context):
         return []
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     parameters = {name: given[name] for name in ("robot_ip", "tf_prefix") if given[name]}
-    if given["tcp_offset"]:
-        parameters["tcp_offset"] = LaunchConfiguration("tcp_offset")
     respawn = given["use_respawn"] == "true"
 
     def ended(event, context):
@@ -90,7 +90,7 @@ def arm(context):
             package="midastouch_motion",
             executable="ur_tf",
             namespace=given["namespace"],
-            parameters=[*files, parameters],
+            parameters=[*files, parameters, {"tcp_offset": LaunchConfiguration("tcp_offset")}],
             ros_arguments=["--log-level", given["log_level"]],
             output="screen",
             respawn=respawn,

@@ -13,6 +13,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = get_package_share_directory("midastouch_bringup")
 YES_NO = ["true", "false"]
+TURNS = ["0", "90", "180", "270"]
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": (f"{SHARE}/config/midastouch.yaml", "Parameters of all nodes"),
@@ -22,6 +23,8 @@ ARGUMENTS = {
     "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
     "use_sim_time": ("true", "Take the time from /clock"),
     "bag": ("", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    "remap": ("", "Topics of a bag that are played on others: FROM:=TO, separated by spaces"),
+    "rotation": ("0", "Turn of the images, degrees counter-clockwise; 90 for those in the camera's own order"),
     "rate": ("", "Recorded seconds per second; 0: as fast as the filter follows"),
     "loop": ("false", "Play again and again"),
     "background": ("", "No-contact image of this sensor, or a folder of its images; empty: from the first images"),
@@ -32,7 +35,12 @@ ARGUMENTS = {
 def generate_launch_description():
     """Start node `replay`, the localisation and RViz."""
     declared = [
-        DeclareLaunchArgument(name, default_value=v, description=text, choices=YES_NO if v in YES_NO else None)
+        DeclareLaunchArgument(
+            name,
+            default_value=v,
+            description=text,
+            choices=YES_NO if v in YES_NO else TURNS if name == "rotation" else None,
+        )
         for name, (v, text) in ARGUMENTS.items()
     ]
     return LaunchDescription(
@@ -65,7 +73,12 @@ def start(context):
     """Start node `replay`. An argument that is empty leaves its parameter to the files."""
     given = context.launch_configurations
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
-    parameters = {"source": ParameterValue(LaunchConfiguration("bag"), value_type=str), "loop": given["loop"] == "true"}
+    parameters = {
+        "source": ParameterValue(LaunchConfiguration("bag"), value_type=str),
+        "remap": ParameterValue(LaunchConfiguration("remap"), value_type=str),
+        "rotation": int(given["rotation"]),
+        "loop": given["loop"] == "true",
+    }
     if given["rate"]:
         parameters["rate"] = float(given["rate"])
 

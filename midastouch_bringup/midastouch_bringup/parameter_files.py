@@ -15,10 +15,22 @@ EVERY_NODE = "**"
 
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
-    """Read the parameters in a ROS parameter file, by node name (of `/**/NODE`, NODE in any namespace); names of nested
-    ones are joined by dots.
+    """Read the parameters in a ROS parameter file.
 
-    Raises InputError for a file that is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
+    Parameters
+    ----------
+    path
+        The YAML file.
+
+    Returns
+    -------
+    dict
+        Parameters by node name (of `/**/NODE`, NODE in any namespace); names of nested ones are joined by dots.
+
+    Raises
+    ------
+    InputError
+        The file is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
     """
     document = read_yaml(path, "parameter")
     if not isinstance(document, dict):

@@ -21,7 +21,8 @@ from midastouch_tools.ros.launch_file import declared, path_of
 
 ROOT = Path(__file__).parents[2]
 FACTS = yaml.safe_load((ROOT / "tests" / "facts" / "launch.yaml").read_text())
-RTDE = {"arm": "rtde", "robot_ip": "the.arm"}
+WITHOUT_TOOL = {"arm": "rtde", "robot_ip": "the.arm"}
+RTDE = WITHOUT_TOOL | {"tcp_offset": "[0.0, 0.0, 0.1, 0.0, 0.0, 0.0]"}
 CHAIN = {"mount_tf", "digit_driver", "tdn", "tcn", "particle_filter"}
 
 
@@ -188,8 +189,7 @@ def test_an_exploration_gives_all_nodes_one_object_and_seed(tmp_path, given, arm
 
 def test_an_arm_that_explores_has_a_box_and_waits_for_a_person(tmp_path):
     assert "ur_speed" not in started("explore_ur", tmp_path)
-    tcp = {"tcp_offset": "[0.0, 0.0, 0.1, 0.0, 0.0, 0.0]"}
-    words = {"mesh": "a.ply", "tf_prefix": "a_", "sensor_prefix": "b_", **RTDE, **tcp}
+    words = {"mesh": "a.ply", "tf_prefix": "a_", "sensor_prefix": "b_", **RTDE}
     found = started("explore_ur", tmp_path, **words)
     assert CHAIN | {"ur_tf", "ur_speed", "contact_controller", "recorder", "explorer"} == found.keys()
     assert found["explorer"]["start_paused"] is True
@@ -205,10 +205,33 @@ def test_an_arm_that_explores_has_a_box_and_waits_for_a_person(tmp_path):
         assert found[node]["sensor_frame_id"] == "b_digit_gel_frame"
 
 
+@pytest.fixture
+def ur_driver(tmp_path, monkeypatch):
+    """A package `ur_robot_driver` whose launch file starts nothing."""
+    (index := tmp_path / "share/ament_index/resource_index/packages").mkdir(parents=True)
+    (index / "ur_robot_driver").touch()
+    (launch := tmp_path / "share/ur_robot_driver/launch").mkdir(parents=True)
+    nothing = (
+        "from launch import LaunchDescription\ndef generate_launch_description():\n    return LaunchDescription([])\n"
+    )
+    (launch / "ur_control.launch.py").write_text(nothing)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}{os.pathsep}{os.environ['AMENT_PREFIX_PATH']}")
+
+
+@pytest.mark.usefixtures("ur_driver")
+def test_the_force_of_the_ur_driver_is_used_and_recorded(tmp_path):
+    given = {"arm": "ur_driver", "use_mock_hardware": "true"}
+    for words, remapped in ((given, True), (RTDE, False)):
+        processes = carried_out("explore_ur", tmp_path, **words)
+        for node in ("contact_controller", "recorder"):
+            assert ("wrench:=/force_torque_sensor_broadcaster/wrench" in processes[node]) == remapped
+
+
 @pytest.mark.parametrize(
     ("name", "given", "reason"),
     [
-        ("explore_ur", RTDE, "tcp_offset:=.*as on the teach pendant"),
+        ("explore_ur", WITHOUT_TOOL, "tcp_offset:=.*as on the teach pendant"),
+        ("live_ur", WITHOUT_TOOL, "tcp_offset:=.*as on the teach pendant"),
         ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
         ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
         ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),

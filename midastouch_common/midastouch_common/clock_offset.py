@@ -19,14 +19,15 @@ STEP_NS = 5_000_000
 
 
 class ClockOffset:
-    """Running estimate of wall time minus monotonic time, nanoseconds.
+    """Running estimate of wall time minus monotonic time [ns].
 
-    One measurement reads the wall clock between two readings of the monotonic clock, ``PAIRS`` times, and
-    keeps the tightest pair: its error is at most half the time between its two readings. Measurements are
-    low-passed, because a preempted process measures badly; a step (see ``STEP_NS``) is adopted at once.
+    One measurement reads the wall clock between two readings of the monotonic clock, ``PAIRS`` times, and keeps the
+    tightest pair: its error is at most half the time between its two readings. Measurements are low-passed, because a
+    preempted process measures badly; a step (see ``STEP_NS``) is adopted at once.
 
-    Args:
-        monotonic_ns, wall_ns: the two clocks.
+    Parameters
+    ----------
+    monotonic_ns, wall_ns : the two clocks [ns]
     """
 
     def __init__(

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import hashlib
 import itertools
 import os
+import re
 import shutil
+import stat
+import tempfile
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +23,19 @@ from .errors import InputError
 
 
 def expanded(path: str | os.PathLike, parameter: str) -> Path:
-    """Return the path with `~` expanded; InputError naming the parameter if the home directory is unknown."""
+    """Expand `~` in a path.
+
+    Parameters
+    ----------
+    path
+    parameter
+        Name of the parameter, for the message.
+
+    Raises
+    ------
+    InputError
+        The home directory is unknown.
+    """
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -47,6 +63,18 @@ def require_file(path: str | os.PathLike, what: str) -> Path:
     return path
 
 
+@contextlib.contextmanager
+def readable(path: str | os.PathLike, what: str, fix: str) -> Iterator[None]:
+    """Raise any failure inside as an InputError that names `path`, `what` (such as "not a codebook"), reason and `fix`.
+
+    For readers of binary files: NumPy, zipfile and zlib raise a different type for each way a file can be broken.
+    """
+    try:
+        yield
+    except Exception as error:
+        raise InputError(f"{path}: {what} ({error}); {fix}") from error
+
+
 def read_yaml(path: str | os.PathLike, what: str) -> Any:
     """Return the content of a YAML file; InputError naming `what` (such as "sensor model") if missing or not YAML."""
     path = require_file(path, what)
@@ -55,7 +83,7 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; check the {what} file") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: not YAML: {' '.join(str(error).split())}; correct the {what} file") from error
+        raise InputError(f"{path}: not YAML: {error}; correct the {what} file") from error
 
 
 def require_new_folder(path: str | os.PathLike) -> Path:
@@ -82,12 +110,34 @@ def _holds_nothing(folder: Path) -> bool:
         return False
 
 
-def require_place(path: str | os.PathLike) -> Path:
-    """Return `path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
-    path = expanded(path, "file")
-    above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
-    if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: no file can be written there; name another")
+def require_place(path: str | os.PathLike, what: str = "file") -> Path:
+    """Return `path` with ~ expanded.
+
+    Parameters
+    ----------
+    path
+    what
+        "file", "folder" or "file or folder".
+
+    Raises
+    ------
+    InputError
+        It cannot be written there, even after the folders above it are made.
+    """
+    path = expanded(path, what)
+    absolute = path.absolute()
+    above = next(folder for folder in (absolute, *absolute.parents) if os.access(folder, os.F_OK))
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            is_folder = stat.S_ISDIR(path.stat().st_mode)
+            if is_folder and what == "file":
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            if not is_folder and what != "folder":
+                above = absolute.parent
+        with tempfile.TemporaryFile(dir=above):  # some file systems refuse although their permissions allow it
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: no {what} can be written there ({error.strerror}); name another") from error
     return path
 
 
@@ -104,18 +154,18 @@ def sole_use(folder: str | os.PathLike) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise InputError(
-                f"{folder}: another run that is under way writes there; await its end, or start this one elsewhere"
+                f"{folder}: another run is writing there; wait until it ends, or start this one in another folder"
             ) from error
         yield
 
 
 @contextlib.contextmanager
-def whole_folder(folder: str | os.PathLike) -> Iterator[Path]:
+def whole_folder(folder: str | os.PathLike, keep_failed: bool = False) -> Iterator[Path]:
     """Yield a fresh folder for the files of a run. In the end they take the place of those of the run before, all at
     once; other files in `folder` stay.
 
-    Of a run that fails the files are kept in a folder `failed` until the next that does not, of one that is interrupted
-    or dies nothing. InputError while another process is at work there.
+    Of a run that fails, is interrupted or dies nothing is kept; with `keep_failed` the files of one that fails are, in
+    a folder `failed`, until the next that does not. InputError while another process is at work there.
     """
     folder = Path(folder)
     fresh, listed = folder / ".unfinished", folder / ".made"
@@ -134,7 +184,8 @@ def whole_folder(folder: str | os.PathLike) -> Iterator[Path]:
                 (fresh / name).rename(folder / name)
             listed.write_text("\n".join(names))
         except Exception:
-            listed.write_text("\n".join({*former, fresh.rename(next_new_folder(folder / "failed")).name}))
+            if keep_failed:
+                listed.write_text("\n".join({*former, fresh.rename(next_new_folder(folder / "failed")).name}))
             raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
@@ -168,25 +219,62 @@ def _called(temporary: Path, path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def temporary_beside(path: str | os.PathLike) -> Iterator[Path]:
+    """Yield a free path next to `path`, with its suffix; a file or folder that is there in the end is removed.
+
+    What processes that were killed left of the same `path` is removed first. Their locks are gone: each process that
+    writes into a folder in this way has it locked with others, and removes only while it has it alone.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    name = f".{path.stem}.{{}}{path.suffix}"
+    temporary = path.with_name(name.format(uuid.uuid4().hex[:8]))
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a folder that cannot be listed, a file system without locks
+            lock = os.open(path.parent, os.O_RDONLY)
+            stack.callback(os.close, lock)
+            with contextlib.suppress(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                left = re.compile("[0-9a-f]{8}".join(map(re.escape, name.split("{}"))))
+                for other in path.parent.iterdir():
+                    if left.fullmatch(other.name):
+                        _remove(other)
+            fcntl.flock(lock, fcntl.LOCK_SH)
+        stack.callback(_remove, temporary)
+        yield temporary
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def temporary_folder(use: str) -> Iterator[Path]:
+    """Yield a new folder among the system's temporary files, removed in the end; that of a process of the same `use`
+    that was killed is removed first. InputError if another user has taken the name of the folder around it."""
+    around = Path(tempfile.gettempdir()) / f"midastouch_{use}_{os.getuid()}"
+    around.mkdir(mode=0o700, exist_ok=True)
+    if around.lstat().st_uid != os.getuid():
+        raise InputError(f"{around}: belongs to another user; set TMPDIR to a folder of your own")
+    with temporary_beside(around / use) as folder:
+        folder.mkdir()
+        yield folder
+
+
+@contextlib.contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a temporary path next to `path`; rename it to `path` on success, remove it on any failure.
 
     The temporary name keeps the suffix (writers choose their format by it). Works for files and folders;
     an existing folder at `path` is replaced. An OSError that names no file, or an error that names the
-    temporary path, is raised with the name of `path`.
+    temporary path, is raised with the name of `path`. What killed processes left is removed, as by `temporary_beside`.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{path.suffix}")
-    try:
-        with naming(path), _called(temporary, path):
-            yield temporary
-            if temporary.is_dir() and path.is_dir():
-                shutil.rmtree(path)
-            temporary.replace(path)
-    except BaseException:
-        if temporary.is_dir():
-            shutil.rmtree(temporary, ignore_errors=True)
-        else:
-            temporary.unlink(missing_ok=True)
-        raise
+    with temporary_beside(path) as temporary, naming(path), _called(temporary, path):
+        yield temporary
+        if temporary.is_dir() and path.is_dir():
+            shutil.rmtree(path)
+        temporary.replace(path)

@@ -1,25 +1,26 @@
-"""Reading of image files and compressed images; incomplete ones are refused.
+"""Reading of image files and compressed images; damaged ones are refused.
 
-OpenCV silently fills the missing part of a cut-off JPEG with grey, which a network takes for a touch.
+OpenCV fills the missing or damaged part of a JPEG with colours of its own, which a network takes for a touch. Pillow
+does so, too, unless the damage looks like a marker.
 """
 
 from __future__ import annotations
 
 import os
-import re
+import zlib
 from collections.abc import Collection
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+import midastouch_kernels as kernels
+
 from .errors import InputError
 from .files import require_file
 
 SUFFIXES = ".png", ".jpg", ".jpeg"
-_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", 0xD9
-# 0xff followed by 0 or by a restart number (0xd0 to 0xd7) is part of the compressed pixels and starts no segment.
-_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+_JPEG_BEGIN, _PNG_BEGIN = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 
 
 class BrokenImageError(InputError):
@@ -29,16 +30,34 @@ class BrokenImageError(InputError):
 def decode_image(data: bytes | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.ndarray:
     """Return the pixels (H, W, 3) uint8 BGR of a JPEG, PNG or BMP, given as bytes or uint8 (N,).
 
-    `flags` are those of OpenCV's imdecode, for grey or reduced images. Raises BrokenImageError if the data are no image
-    or cut off; the message does not name the source.
+    `flags` are those of OpenCV's imdecode, for grey or reduced images. Raises BrokenImageError if the data are no
+    image, cut off or damaged; the message does not name the source.
     """
-    content = bytes(data)
-    if content.startswith(_JPEG_BEGIN) and not _has_end(content):
-        raise BrokenImageError(f"JPEG of {len(content)} bytes is cut off: it has no end")
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flags) if content else None
+    content = np.frombuffer(bytes(data), np.uint8)
+    if content[:2].tobytes() == _JPEG_BEGIN and (fault := kernels.jpeg_fault(content)):
+        raise BrokenImageError(f"JPEG of {len(content)} bytes {fault}")
+    if content[:8].tobytes() == _PNG_BEGIN and (fault := _png_fault(content.data)):
+        raise BrokenImageError(f"PNG of {len(content)} bytes {fault}")
+    pixels = cv2.imdecode(content, flags) if len(content) else None
     if pixels is None:
         raise BrokenImageError("not a readable image")
     return pixels
+
+
+def _png_fault(content: memoryview) -> str:
+    """Return why a PNG is not whole, by the length and the checksum of each of its parts; empty if it is.
+
+    OpenCV takes the colours of some damaged parts, and works for half a minute on a length that is wrong.
+    """
+    at, kind = len(_PNG_BEGIN), b""
+    while kind != b"IEND":
+        if at + 12 > len(content) or (end := at + 12 + int.from_bytes(content[at : at + 4], "big")) > len(content):
+            return "is cut off"
+        kind = bytes(content[at + 4 : at + 8])
+        if zlib.crc32(content[at + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
+            return "is damaged"
+        at = end
+    return ""
 
 
 def read_image_file(path: str | os.PathLike, flags: int = cv2.IMREAD_COLOR) -> np.ndarray:
@@ -58,13 +77,3 @@ def image_files(folder: str | os.PathLike, suffixes: Collection[str] = SUFFIXES)
     Hidden files are left out: those that macOS adds, and those that are still being written."""
     files = sorted(Path(folder).glob("*"))
     return [file for file in files if file.suffix.lower() in suffixes and not file.name.startswith(".")]
-
-
-def _has_end(jpeg: bytes) -> bool:
-    """Return whether the segments of a JPEG lead to its end marker; that of a thumbnail inside a segment is skipped."""
-    at = len(_JPEG_BEGIN)
-    while marker := _MARKER.search(jpeg, at):
-        if marker[1][0] == _JPEG_END:
-            return True
-        at = marker.end() + int.from_bytes(jpeg[marker.end() : marker.end() + 2], "big")
-    return False

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import heapq
-import io
 from functools import cached_property
 from pathlib import Path
 
@@ -20,7 +19,8 @@ import midastouch_kernels as kernels
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
-from .mesh_units import conversion
+from .mesh_files import read_triangles
+from .mesh_units import unit_advice
 from .surface_search import ClosestPointSearch
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
@@ -30,29 +30,9 @@ FEWEST_THREADED_QUERIES = 8
 
 _CREASE_COSINE = np.cos(np.radians(40))
 _SMALL_FACE = 6e-3  # m, longest side: the faces of scans of household objects are 2 to 6 mm wide
+_THINNEST = 1e-4  # m; less is no solid, but a face that was never given its thickness
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 _NO_AREA = 1e-14  # m^2, twice the area
-
-
-def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (V, 3) and faces (F, 3) of a file; raises as trimesh does, and InputError for a cut-off STL."""
-    try:
-        loaded = trimesh.load(path, process=False, force="mesh")
-    except (UnicodeDecodeError, ImportError):
-        # The file has names or comments that are not UTF-8, for which trimesh wants another library. Drop them.
-        loaded = trimesh.load(io.BytesIO(_in_ascii(path)), file_type=path.suffix[1:], process=False, force="mesh")
-    return np.asarray(loaded.vertices, float), np.asarray(loaded.faces)  # type: ignore[attr-defined] # `force` makes it a Trimesh
-
-
-def _in_ascii(path: Path) -> bytes:
-    """Return the file's content with `?` for every character of its text that is not ASCII."""
-    content, binary = path.read_bytes(), b""
-    if path.suffix.lower() == ".ply":
-        content, end, binary = content.partition(b"end_header")
-        binary = end + binary
-    elif path.suffix.lower() == ".stl" and b"facet" not in content:
-        raise InputError(f"{path}: cut off, or no STL; export or copy it again")
-    return content.decode("ascii", "replace").replace("\ufffd", "?").encode() + binary
 
 
 def _same_position(vertices: np.ndarray) -> np.ndarray:
@@ -108,8 +88,17 @@ class ObjectMesh:
     """Triangles of one object in its own frame, metres.
 
     Attributes: vertices (V, 3) float64; faces (F, 3) int32; face_normals (F, 3), outward; face_areas (F,) m^2; name;
-    sha256 of the file, or of the arrays if there is no file; path of the file or None. Faces without area are welded
-    into their neighbours. If the enclosed volume is negative (inverted mesh), all faces are turned round.
+    sha256; path of the file or None. Faces without area are welded into their neighbours. If the enclosed volume is
+    negative (inverted mesh), all faces are turned round.
+
+    Parameters
+    ----------
+    vertices : (V, 3) [m]
+    faces : (F, 3) indices
+    name
+    content
+        SHA-256 of the file, or of the arrays if there is no file.
+    path
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, name: str, content: str, path: Path | None = None):
@@ -129,26 +118,55 @@ class ObjectMesh:
     def load(cls, path: str | Path) -> ObjectMesh:
         """Read a PLY, STL, OBJ or other mesh that trimesh knows, with its own vertex indexing.
 
-        Raises InputError if there is no such file, if it is no mesh, or if the mesh has no faces, has non-finite
-        vertices, is larger than 2 m or is smaller than 1 mm.
+        Parameters
+        ----------
+        path
+            File in metres.
+
+        Returns
+        -------
+        ObjectMesh
+            The mesh, named after the file.
+
+        Raises
+        ------
+        InputError
+            There is no such file, it is no mesh, or the mesh has no faces, has non-finite vertices, is larger than 2 m,
+            smaller than 1 mm or, in any direction, thinner than 0.1 mm.
         """
         path = require_file(path, "mesh")
         if path.suffix.lower() in (".step", ".stp"):
             raise InputError(f"{path}: STEP holds surfaces, no triangles; export it from your CAD as STL, in metres")
         try:
-            vertices, faces = _triangles(path)
+            vertices, faces = read_triangles(path)
         except InputError:
             raise
         except Exception as error:  # trimesh raises a different type for each way a file can be broken
             reason = str(error) or type(error).__name__
             raise InputError(f"{path}: cannot be read as a mesh ({reason}); use PLY, STL or OBJ") from error
         mesh = cls.from_arrays(vertices, faces, path.stem, path)
+        if (thickness := mesh.thickness) < _THINNEST:
+            raise InputError(f"{path}: {1e3 * thickness:.2f} mm thick; give the object a thickness and export it again")
         mesh.sha256, mesh.path = sha256(path), path.resolve()
         return mesh
 
     @classmethod
     def from_arrays(cls, vertices: np.ndarray, faces: np.ndarray, name: str, path: Path | None = None) -> ObjectMesh:
-        """Make a mesh from vertices (V, 3) m and faces (F, 3); InputError as in `load`, naming `path` if given."""
+        """Make a mesh of any thickness from arrays.
+
+        Parameters
+        ----------
+        vertices : (V, 3) [m]
+        faces : indices (F, 3), counter-clockwise seen from outside
+        name
+        path
+            File to name in messages.
+
+        Raises
+        ------
+        InputError
+            As for `load` otherwise.
+        """
         source = path or name
         vertices, faces = np.asarray(vertices, float), np.asarray(faces)
         if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
@@ -166,7 +184,7 @@ class ObjectMesh:
             raise InputError(f"{source}: every face has zero area; export the mesh again")
         extent = np.ptp(vertices[mesh.faces].reshape(-1, 3), axis=0).max()
         if extent > _LARGEST_EXTENT:
-            raise InputError(f"{source}: {extent:.3g} m across; it looks like millimetres, {conversion(path)}")
+            raise InputError(f"{source}: {extent:.3g} m across; {unit_advice(extent, path)}")
         if extent < _SMALLEST_EXTENT:
             raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to touch; export it in metres")
         return mesh
@@ -225,6 +243,12 @@ class ObjectMesh:
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     @property
+    def thickness(self) -> float:
+        """Extent [m] along the principal axis in which it is smallest."""
+        used = self.vertices[self.faces].reshape(-1, 3)
+        return float(np.ptp(used @ np.linalg.eigh(np.cov(used.T))[1][:, 0]))
+
+    @property
     def diagonal(self) -> float:
         """Length [m] of the bounding box's diagonal, the paper's M_diag."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
@@ -235,7 +259,20 @@ class ObjectMesh:
         return float(self.face_areas.sum())
 
     def sample_surface(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw n points uniformly by area: points (n, 3) m, face normals (n, 3), face indices (n,)."""
+        """Draw points uniformly by area.
+
+        Parameters
+        ----------
+        n
+        rng
+
+        Returns
+        -------
+        points, normals : (n, 3)
+            Points [m] and outward normals of their faces.
+        faces : (n,)
+            Indices of the faces.
+        """
         # systematic sampling over the faces: even coverage at the same cost as independent draws
         steps = (rng.permutation(n) + rng.random(n)) / n
         cumulative = np.cumsum(self.face_areas)
@@ -283,9 +320,16 @@ class ObjectMesh:
         return NearestPoints(points), normals
 
     def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
-        """Return outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
+        """Average outward normals: the mean turns gradually over an edge, as a finger pad of finite size does.
 
-        The mean turns gradually over an edge, as a finger pad of finite size does.
+        Parameters
+        ----------
+        points : (N, 3) [m], on the surface
+        radius : standard deviation of the Gaussian [m]
+
+        Returns
+        -------
+        (N, 3) unit normals
         """
         tree, normals = self._normal_samples
         count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))
@@ -301,9 +345,20 @@ class ObjectMesh:
         return ClosestPointSearch(self.vertices, self.faces)
 
     def closest_points(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the exact nearest surface points of points (N, 3): closest (N, 3), distance (N,) m, face (N,).
+        """Find the exact nearest surface points.
 
-        For a point that is not finite the results are NaN and face 0.
+        Parameters
+        ----------
+        points : (N, 3) [m]
+
+        Returns
+        -------
+        closest : (N, 3)
+            Surface points [m]; NaN for a point that is not finite.
+        distance : (N,)
+            Distances [m].
+        face : (N,)
+            Indices of the faces; 0 for a point that is not finite.
         """
         return self._search.query(np.ascontiguousarray(points, float))
 

@@ -57,7 +57,23 @@ def image_from_msg(msg: Any) -> np.ndarray:
 
 
 def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
-    """Return a colour image (height, width, 3) uint8 RGB, contiguous, from a colour message of that size."""
+    """Return the pixels of a colour message.
+
+    Parameters
+    ----------
+    msg
+        `Image`.
+    height, width : size that it must have [pixels]
+
+    Returns
+    -------
+    (height, width, 3) uint8 RGB, contiguous
+
+    Raises
+    ------
+    InputError
+        Another encoding or size, or an incomplete image.
+    """
     if msg.encoding not in _COLOURS:
         raise InputError(f"image encoding '{msg.encoding}' is not one of {', '.join(_COLOURS)}; publish one of these")
     pixels = image_from_msg(msg)
@@ -68,7 +84,24 @@ def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
 
 
 def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:
-    """Return the points (K, 3) of a cloud, or the float32 fields (K, F) in `names`; other fields are ignored."""
+    """Return the points of a cloud, or other float32 fields of it.
+
+    Parameters
+    ----------
+    msg
+        `PointCloud2`.
+    names
+        The F fields to read; others are ignored.
+
+    Returns
+    -------
+    (K, F) float32
+
+    Raises
+    ------
+    InputError
+        The cloud lacks a field, does not hold as many bytes as it says, or holds non-finite points.
+    """
     if not 0 < msg.point_step <= _LARGEST_POINT or msg.row_step < msg.width * msg.point_step:
         raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
     if len(msg.data) != msg.row_step * msg.height:

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 DISTRIBUTIONS = {
-    "distributed": "distributed",
     "igl": "libigl",
     "mcap": "mcap",
     "onnxruntime": "onnxruntime",
@@ -18,6 +17,7 @@ DISTRIBUTIONS = {
 }
 """Distribution on PyPI by module, for modules that neither Ubuntu nor ROS has a package of, to depend on."""
 EXTRAS = {
+    "cluster": ("distributed",),
     "export": ("h5py", "pyarrow"),
     "mujoco": ("mujoco",),
     "open3d": ("libusb-package", "open3d-cpu"),

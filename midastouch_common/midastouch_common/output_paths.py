@@ -15,7 +15,14 @@ CACHED_CODEBOOKS = Path("out/cache/codebooks")
 
 
 def codebook_path(object_name: str, sensor: str = "") -> Path:
-    """Path of an object's codebook by `midastouch build-codebook`; sensor: model by name or file, "" the default."""
+    """Return the path of an object's codebook by `midastouch build-codebook`.
+
+    Parameters
+    ----------
+    object_name
+    sensor
+        Sensor model by name or file; empty for the default.
+    """
     kind = Path(sensor).stem
     return Path("out/codebooks") / f"{object_name}{f'_{kind}' if kind not in ('', SIMULATED) else ''}.npz"
 

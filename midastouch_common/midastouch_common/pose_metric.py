@@ -16,7 +16,17 @@ ROTATION_SCALE = 0.01
 
 
 def pose_errors(poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances (...) [m] and geodesic angles (...) [rad] between poses (..., 4, 4), which broadcast."""
+    """Compare poses by position and by rotation.
+
+    Parameters
+    ----------
+    poses, truth : poses (..., 4, 4), which broadcast
+
+    Returns
+    -------
+    distance, angle : (...)
+        Distances [m] and geodesic angles [rad].
+    """
     poses, truth = np.asarray(poses, float), np.asarray(truth, float)
     distance = np.linalg.norm(poses[..., :3, 3] - truth[..., :3, 3], axis=-1)
     relative = np.swapaxes(poses[..., :3, :3], -1, -2) @ truth[..., :3, :3]
@@ -49,10 +59,20 @@ def six_vectors(poses: np.ndarray) -> np.ndarray:
 
 
 def particle_rmse(poses: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> tuple[float, float]:
-    """Return the root mean square error of a particle set, [m] and [rad]: paper Eq. 3, rotation as geodesic angle.
+    """Return the root mean square error of a particle set: paper equation 3, rotation as geodesic angle.
 
-    The paper resamples at every step, so all its particles have weight 1/N. If yours have other `weights` (N,), the
-    result is the expectation of Eq. 3 over the resampled set.
+    Parameters
+    ----------
+    poses : particles (N, 4, 4)
+    truth : true pose (4, 4)
+    weights
+        (N,), if they are not all the same. The paper resamples at every step, so all its particles have weight 1/N;
+        with weights, the result is the expectation of equation 3 over the resampled set.
+
+    Returns
+    -------
+    translation, rotation : float
+        [m] and [rad].
     """
     distance, angle = pose_errors(poses, truth)
     if weights is None:

@@ -19,7 +19,17 @@ from .errors import InputError
 
 
 def make(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> np.ndarray:
-    """Return transforms (..., 4, 4) from rotation matrices (..., 3, 3) and translations (..., 3), broadcast."""
+    """Make transforms from rotations and translations, which broadcast.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+    translation : (..., 3)
+
+    Returns
+    -------
+    (..., 4, 4)
+    """
     rotation, translation = np.asarray(rotation, float), np.asarray(translation, float)
     shape = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
     out = np.zeros((*shape, 4, 4))
@@ -35,9 +45,21 @@ def translation(vector: npt.ArrayLike) -> np.ndarray:
 
 
 def from_xyzquat(vector: npt.ArrayLike) -> np.ndarray:
-    """Return transforms (..., 4, 4) from rows [x y z qx qy qz qw] (..., 7); quaternions need not be unit.
+    """Convert rows of position and quaternion to transforms.
 
-    Raises InputError on non-finite values and on quaternions shorter than 1e-6.
+    Parameters
+    ----------
+    vector
+        Rows [x y z qx qy qz qw] (..., 7) [m]; quaternions need not be unit.
+
+    Returns
+    -------
+    (..., 4, 4) float64
+
+    Raises
+    ------
+    InputError
+        Other shape, non-finite values, or a quaternion shorter than 1e-6.
     """
     vector = np.asarray(vector, float)
     if vector.shape[-1:] != (7,):
@@ -106,7 +128,16 @@ def rotation_angle(rotation: npt.ArrayLike) -> np.ndarray:
 
 
 def random_rotations(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw rotation matrices (n, 3, 3), uniform over SO(3)."""
+    """Draw rotation matrices, uniform over SO(3).
+
+    Parameters
+    ----------
+    n, rng
+
+    Returns
+    -------
+    (n, 3, 3)
+    """
     return _matrices(rng.standard_normal((n, 4)))
 
 
@@ -118,10 +149,19 @@ def _matrices(quaternions: np.ndarray) -> np.ndarray:
 
 
 def frame_from_normal(normals: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Return rotations (N, 3, 3) whose z axis is the unit normal (N, 3), turned by yaw (N,) rad about it.
+    """Make rotations with a given z axis.
 
-    The frame before the yaw is the branch-free construction of Duff et al. 2017, which has no singular
-    direction (the official code's fallback near the poles tilts poses by up to 26 degrees).
+    The frame before the yaw is the branch-free construction of Duff et al. 2017, which has no singular direction (the
+    official code's fallback near the poles tilts poses by up to 26 degrees).
+
+    Parameters
+    ----------
+    normals : (N, 3) unit vectors, the z axes
+    yaw : (N,) turns about them [rad]
+
+    Returns
+    -------
+    (N, 3, 3)
     """
     n = np.asarray(normals, float)
     sign = np.copysign(1.0, n[:, 2])

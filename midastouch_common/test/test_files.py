@@ -4,6 +4,8 @@ import hashlib
 import os
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +19,7 @@ from midastouch_common.files import (
     require_place,
     sha256,
     sole_use,
+    temporary_folder,
     whole_folder,
 )
 
@@ -35,6 +38,67 @@ def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
     assert list(target.parent.iterdir()) == []
 
 
+KILLED = """
+import os, signal, sys
+from midastouch_common.files import atomic_path, temporary_folder
+with atomic_path(sys.argv[1]) as file, atomic_path(sys.argv[2]) as folder, temporary_folder("test") as other:
+    file.touch()
+    folder.mkdir()
+    (folder / "a").touch()
+    (other / "a").touch()
+    print("written", flush=True)
+    if sys.argv[3] == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    sys.stdin.read()
+"""
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_and_no_other(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setattr(tempfile, "tempdir", None)  # asked once
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / ".slide.notes").touch()
+    (tmp_path / ".slide.0123456g").touch()
+    kept = sorted(tmp_path.iterdir())
+    paths = [tmp_path / "book.npz", tmp_path / "slide"]
+
+    def start(how: str) -> subprocess.Popen:
+        command = [sys.executable, "-c", KILLED, *map(str, paths), how]
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert process.stdout.readline() == "written\n"
+        return process
+
+    def left() -> list[Path]:
+        return sorted({*tmp_path.iterdir(), *tmp_path.glob("tmp/*/.*")} - {*kept})
+
+    def use() -> None:
+        for path in paths:
+            with contextlib.suppress(RuntimeError), atomic_path(path):
+                raise RuntimeError
+        with temporary_folder("test"):
+            pass
+
+    with start("killed") as process:
+        process.wait()
+    assert len(left()) == 3
+    use()
+    assert left() == []
+    with start("lives") as process:
+        there = left()
+        assert len(there) == 3
+        use()
+        assert left() == there
+        process.communicate("")
+    assert left() == paths
+
+
+def test_a_temporary_folder_of_another_user_is_not_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(InputError, match="midastouch_a_12345: belongs to another user; set TMPDIR"):
+        temporary_folder("a").__enter__()
+
+
 def test_a_new_folder_is_numbered_where_its_name_holds_something(tmp_path):
     folder = tmp_path / "presses"
     assert next_new_folder(folder) == folder
@@ -47,10 +111,15 @@ def test_a_new_folder_is_numbered_where_its_name_holds_something(tmp_path):
 
 def test_a_place_where_nothing_can_be_written_is_refused_before(tmp_path):
     require_place(tmp_path / "new" / "deep" / "page.html")
+    require_place(tmp_path / "new" / "deep", "folder")
+    require_place(tmp_path, "folder")
     (tmp_path / "file").touch()
-    for path in (tmp_path, tmp_path / "file" / "page.html"):
-        with pytest.raises(InputError, match=f"{path}.*name another"):
+    require_place(tmp_path / "file")
+    for path in (tmp_path, tmp_path / "file" / "page.html", tmp_path / ("x" * 300), "/proc/page.html"):
+        with pytest.raises(InputError, match=rf"{path}: no file can be written there \(.*name another"):
             require_place(path)
+    with pytest.raises(InputError, match="no folder can be written there"):
+        require_place(tmp_path / "file", "folder")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -155,8 +224,8 @@ def test_whole_files_of_a_run_replace_those_of_the_run_before(tmp_path):
         (fresh / "result.json").write_text("1")
         assert names() == ["thesis.txt"]
     assert names() == ["log", "result.json", "thesis.txt"]
-    for number, error in enumerate((KeyboardInterrupt, ValueError), 2):
-        with contextlib.suppress(error), whole_folder(tmp_path) as fresh:
+    for number, (error, kept) in enumerate([(KeyboardInterrupt, True), (ValueError, True), (ValueError, False)], 2):
+        with contextlib.suppress(error), whole_folder(tmp_path, keep_failed=kept) as fresh:
             (fresh / "result.json").write_text(str(number))
             raise error
     assert names() == ["failed", "log", "result.json", "thesis.txt"]

@@ -1,5 +1,7 @@
 """Images are whole or refused, whatever was cut off."""
 
+import contextlib
+
 import cv2
 import numpy as np
 import pytest
@@ -40,12 +42,75 @@ def test_a_jpeg_is_taken_whole_and_refused_without_its_end(tmp_path, name, dress
             read_image_file(path)
 
 
-@pytest.mark.parametrize("ending", [".png", ".bmp"])
-def test_other_formats_are_refused_as_their_decoder_does(ending):
+DAMAGE = {
+    "zeros": lambda data, at: data[:at] + bytes(200) + data[at + 200 :],
+    "noise": lambda data, at: data[:at] + np.random.default_rng(at).bytes(200) + data[at + 200 :],
+    "lost": lambda data, at: data[:at] + data[at + 200 :],
+    "ones": lambda data, at: data[:at] + b"\xff" * 20 + data[at + 20 :],
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+@pytest.mark.parametrize("name", [*JPEGS, ".png"])
+def test_an_image_damaged_in_the_middle_is_refused(tmp_path, name, damage):
+    """Except where the codes fall into step again, so that all of them decode, which is rare."""
+    whole, path = {**JPEGS, ".png": encoded(".png")}[name], tmp_path / "frame.jpg"
+    places = range(len(whole) // 3, 2 * len(whole) // 3, len(whole) // 60)
+    refused = 0
+    for at in places:
+        path.write_bytes(damage(whole, at))
+        with contextlib.suppress(BrokenImageError):
+            read_image_file(path)
+            continue
+        refused += 1
+    assert refused >= 0.8 * len(places), f"{refused} of {len(places)}"
+    with pytest.raises(BrokenImageError, match=r"frame\.jpg: .*(damaged|cut off|not a readable).*; get the file again"):
+        read_image_file(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "colours"),
+    [
+        ((cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444, cv2.IMWRITE_JPEG_OPTIMIZE, 1), 3),
+        ((cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_411), 3),
+        ((cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_QUALITY, 20), 1),
+    ],
+)
+@pytest.mark.parametrize("shape", [(1, 1), (17, 33), (320, 240)])
+def test_every_whole_jpeg_is_taken(options, colours, shape):
+    picture = PICTURE[: shape[0], : shape[1], :colours]
+    jpeg = cv2.imencode(".jpg", picture, options)[1]
+    assert decode_image(jpeg).shape == (*shape, 3)
+    # with bytes before the end, as of cameras that send whole words
+    assert decode_image(jpeg.tobytes()[:-2] + bytes(4) + b"\xff\xd9").shape == (*shape, 3)
+
+
+def test_the_jpeg_of_a_camera_may_lack_the_usual_tables():
+    jpeg = JPEGS["baseline"]
+    while (at := jpeg.find(b"\xff\xc4")) > 0:
+        jpeg = jpeg[:at] + jpeg[at + 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big") :]
+    np.testing.assert_array_equal(decode_image(jpeg), decode_image(JPEGS["baseline"]))
+    with pytest.raises(BrokenImageError, match="is cut off"):
+        decode_image(jpeg[:-2])
+
+
+@pytest.mark.parametrize(("ending", "fault"), [(".png", "PNG of .* is cut off"), (".bmp", "not a readable image")])
+def test_other_formats_are_refused_if_they_are_cut_off(ending, fault):
     whole = encoded(ending)
     np.testing.assert_array_equal(decode_image(np.frombuffer(whole, np.uint8)), PICTURE)
-    with pytest.raises(BrokenImageError, match="not a readable image"):
+    with pytest.raises(BrokenImageError, match=fault):
         decode_image(whole[: len(whole) // 2])
+
+
+def test_each_part_of_a_png_is_checked():
+    """OpenCV takes half a minute for the wrong length of a part, and the colours of some parts that are damaged."""
+    whole = encoded(".png")
+    length = whole.index(b"IDAT") - 4
+    with pytest.raises(BrokenImageError, match=r"PNG of .* is cut off"):
+        decode_image(whole[:length] + b"\x04\xff\xff\xff" + whole[length + 4 :])
+    for at in range(length + 4, len(whole) - 12, len(whole) // 50):
+        with pytest.raises(BrokenImageError, match=r"PNG of .* is (damaged|cut off)"):
+            decode_image(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
 
 
 @pytest.mark.parametrize("data", [b"", b"no image", b"\xff\xd8", b"\xff\xd8\xff\xd9"])

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ import trimesh
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import FEWEST_THREADED_QUERIES, NearestPoints, ObjectMesh
+from midastouch_common.mesh_units import unit_advice
 
 
 def brute_force_distance(mesh, points):
@@ -157,15 +159,99 @@ def bad_meshes(folder):
     flat.export(folder / "flat.ply")
 
 
-def test_the_command_that_converts_millimetres_can_be_pasted(tmp_path):
-    path = tmp_path / "the 'part'.stl"
-    trimesh.creation.box((100, 50, 20)).export(path)
-    with pytest.raises(InputError, match="100 m across; it looks like millimetres, convert it: ") as refused:
+BOX = trimesh.creation.box((0.09, 0.05, 0.03))
+
+
+def obj(box: trimesh.Trimesh, corners: Callable[[int, int], str]) -> str:
+    """An OBJ of the box, each face below its own vertices; corners(1 to 3, number of vertices so far): of a face."""
+    lines, written = ["# by hand", "vn 0 0 1"], 0
+    for face in box.faces:
+        for vertex in box.vertices[face]:
+            lines.append("v {} {} {}".format(*vertex))
+        written += 3
+        lines.append("f " + " ".join(corners(i, written) for i in (1, 2, 3)))
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("size", "units", "factor"),
+    [
+        ((100, 50, 20), "in millimetres it is 100 mm long: scale it by 0.001", 0.001),
+        (
+            (7.06, 2.4, 1.6),
+            "in centimetres it is 70.6 mm long, in inches it is 179 mm long: scale it by 0.01 or 0.0254",
+            0.01,
+        ),
+        ((15, 12, 11), "in millimetres .*in centimetres .*in inches .*0.001 or 0.01 or 0.0254", 0.001),
+    ],
+)
+def test_each_unit_that_would_fit_is_named_with_a_command_that_can_be_pasted(tmp_path, size, units, factor):
+    path = tmp_path / "the 'part'.obj"
+    path.write_text(obj(trimesh.creation.box(size), lambda i, _: f"{i - 4}"))
+    with pytest.raises(InputError, match=f"{size[0]} m across; {units}; ") as refused:
         ObjectMesh.load(path)
     assert len(str(refused.value).splitlines()) == 1
-    subprocess.run(str(refused.value).partition("convert it: ")[2], shell=True, check=True)
+    subprocess.run(str(refused.value).split("; ", 2)[2], shell=True, check=True)
     mesh = ObjectMesh.load(tmp_path / "the 'part'_metres.ply")
-    np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), [0.1, 0.05, 0.02], rtol=1e-6)
+    np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), factor * np.array(size), rtol=1e-6)
+
+
+def test_a_size_that_fits_no_unit_gets_no_command():
+    assert unit_advice(1e6) == "no common unit makes it 10 to 500 mm long; export it in metres"
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        lambda i, written: f"{i - 4}",
+        lambda i, written: f"{i - 4}//-1",
+        lambda i, written: f"{written - 3 + i if i == 2 else i - 4}",
+        lambda i, written: f"{written - 3 + i}",
+        lambda i, written: f"{i - 4}" + (" # gr\u00fcn" if i == 3 else " \\\n"),
+    ],
+    ids=["relative", "with normals", "mixed", "absolute", "with comments on two lines"],
+)
+def test_faces_between_the_vertices_are_read_as_they_count(tmp_path, corners):
+    (tmp_path / "box.obj").write_text(obj(BOX, corners), encoding="latin-1")
+    mesh = ObjectMesh.load(tmp_path / "box.obj")
+    assert (len(mesh.faces), len(mesh.vertices)) == (12, 36)
+    np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), [0.09, 0.05, 0.03])
+    assert mesh.area == pytest.approx(BOX.area)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".off"])
+def test_lines_that_are_missing_from_a_text_are_noticed(tmp_path, block, suffix):
+    path = tmp_path / f"block{suffix}"
+    options = {"encoding": "ascii"} if suffix == ".ply" else {}
+    trimesh.Trimesh(block.vertices, block.faces, process=False).export(path, **options)
+    whole = path.read_text().splitlines()
+    path.write_text("\n".join(whole) + "\n\n")
+    assert len(ObjectMesh.load(path).faces) == len(block.faces)
+    path.write_text("\n".join(whole[:-1]))
+    with pytest.raises(InputError, match=rf"block\{suffix}: has \d+ lines of vertices and faces, not \d+; export"):
+        ObjectMesh.load(path)
+
+
+@pytest.mark.parametrize("face", ["f 0 1 2", "f -4 -2 -1", "f 1 2 0/1"])
+def test_vertices_that_are_not_there_yet_are_refused(tmp_path, face):
+    (tmp_path / "box.obj").write_text(f"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\n{face}\nv 0 0 0.1\n")
+    with pytest.raises(InputError, match=r"box\.obj: a face names vertex (0|-4) after 3 vertices; export it again"):
+        ObjectMesh.load(tmp_path / "box.obj")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("thickness", [0, 5e-5, 2e-4])
+def test_an_object_without_thickness_is_refused(tmp_path, thickness, turned):
+    box = trimesh.creation.box((0.1, 0.05, 1))
+    box.vertices[:, 2] *= thickness
+    if turned:
+        box.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3]))
+    box.export(tmp_path / "plate.ply")
+    if thickness > 1e-4:
+        assert ObjectMesh.load(tmp_path / "plate.ply").thickness == pytest.approx(thickness, rel=1e-3)
+        return
+    with pytest.raises(InputError, match=r"plate\.ply: .* mm thick; give the object a thickness"):
+        ObjectMesh.load(tmp_path / "plate.ply")
 
 
 @pytest.mark.parametrize(
@@ -203,7 +289,7 @@ def test_non_finite_vertices_are_refused(block):
         (np.eye(3), np.array([[0, 1, 2, 0]]), "triangles"),
         (np.eye(4), np.array([[0, 1, 2]]), "triangles"),
         (np.empty((0, 3)), np.empty((0, 3), int), "export it"),
-        (1000 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
+        (100 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
     ],
 )
 def test_unusable_meshes_are_named(vertices, faces, fix):

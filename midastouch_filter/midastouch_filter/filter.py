@@ -28,13 +28,14 @@ from .core.fingers import Fingers, by_name
 from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
 from .core.keyframes import Keyframes
+from .core.mesh_scale import MeshScale
 from .core.motion_model import Odometry
 from .core.noise_model import REGION_WIDTH, NoiseModel
 from .core.novelty import Novelty
 from .core.object_model import ObjectModel
 from .core.pace import InTime, always
 from .core.pose_difference import Prior
-from .core.state import StateEvidence, StateMachine, Status
+from .core.state import CONVERGED, StateEvidence, StateMachine, Status
 from .core.touch import Measurement, gels_of
 from .core.track import Track
 from .core.workers import Workers
@@ -43,17 +44,32 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 _LEAST_FOLLOWED = 0.01  # weight, relative to the heaviest mode's, that a mode needs to be aligned in every frame
+_MILLIMETRES = 1.0  # m, longest step of an arm between two images: a longer one is likely of other units
 _DRAWS = 1000  # poses that show the belief to viewers
 
 
 class ParticleFilter:
     """Distribution of the sensor pose `T_obj_gel` on a known object, or on one of several.
 
-    Args: mesh; codebook of that mesh; config; seed of the draws; clock, which returns seconds, for the milliseconds per
-    stage in `Status` (default: none are measured); open_gates, names of gates, as in `Status.skipped`, that skip
-    nothing, to measure what they save. The same input on the same machine gives a bit-equal result, with any number of
-    threads.
-    Raises InputError if the codebook cannot be used.
+    The same input on the same machine gives a bit-equal result, with any number of threads.
+
+    Parameters
+    ----------
+    mesh
+    codebook
+        Codebook of that mesh.
+    config
+        Settings; the defaults if None.
+    seed
+    clock
+        Function that returns seconds, for the milliseconds per stage in `Status`. By default none are measured.
+    open_gates
+        Names of gates, as in `Status.skipped`, that skip nothing, to measure what they save.
+
+    Raises
+    ------
+    InputError
+        The codebook cannot be used.
     """
 
     def __init__(
@@ -77,7 +93,15 @@ class ParticleFilter:
         seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> ParticleFilter:
-        """Return a filter that does not know which of these objects, all of one network and sensor, is touched."""
+        """Return a filter that does not know which of several objects is touched.
+
+        Parameters
+        ----------
+        objects
+            The possible objects, all of one network and sensor.
+        config, seed, clock
+            As for the class.
+        """
         self = cls.__new__(cls)
         self._set_up(list(objects), config, seed, clock, ())
         return self
@@ -92,12 +116,18 @@ class ParticleFilter:
     ) -> None:
         self.config, self.objects = config, objects
         self._noise, self._watch, self._open_gates = NoiseModel.of(config), Stopwatch(clock), tuple(open_gates)
-        self._track = Track(config.keyframe_spacing)
+        self._track, self._mesh_scale = Track(config.keyframe_spacing), MeshScale()
         kernels.set_threads(config.threads)
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Forget everything except objects and settings, as if the filter had just been made with this seed."""
+        """Forget everything except objects and settings, as if the filter had just been made.
+
+        Parameters
+        ----------
+        seed
+            New seed of the draws.
+        """
         self._seed, self._gates = seed, Gates(self._open_gates)
         self._fingers = Fingers(self.objects[0], self._gates)
         self._state = StateMachine(self.config)
@@ -108,6 +138,7 @@ class ParticleFilter:
 
     def _forget(self) -> None:
         self._track.restart()
+        self._mesh_scale.restart()
         self._novelty.forget()
         self._sightings: dict[int, Sighting] = {}
         self._groups: list[Group] = []
@@ -122,9 +153,17 @@ class ParticleFilter:
         self._untouched = True
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis.
+        """Start around a prior pose (paper section 4.3).
 
-        Raises InputError as `initialisation.checked_prior` does.
+        Parameters
+        ----------
+        prior : `T_obj_gel` (4, 4)
+        sigma_t, sigma_r : standard deviations per axis, [m] and [rad]
+
+        Raises
+        ------
+        InputError
+            The prior is no rigid transform, or it or a sigma is negative, not finite or absurdly large.
         """
         self._start(Prior(checked_prior(prior, sigma_t, sigma_r), max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
@@ -145,7 +184,13 @@ class ParticleFilter:
         self._novelty.forget()
 
     def take(self, prepared: ObjectModel) -> None:
-        """Switch to another codebook of the object, between two steps, and keep the belief."""
+        """Switch to another codebook of the object, between two steps, and keep the belief.
+
+        Parameters
+        ----------
+        prepared
+            Made by `ObjectModel.with_codebook`.
+        """
         model = self.objects[0]
         before, coarse = model.lookup.poses, len(model.lookup)
         now = prepared.lookup.exact(before)
@@ -168,15 +213,31 @@ class ParticleFilter:
     ) -> Estimate:
         """Process one frame and return its estimate.
 
-        odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        others: measurements of further fingers on the same object, by name, also while this one is in the air; any of
-        them may be missing in any frame.
-        elapsed: seconds since the last step, None if unknown; the deferred work is limited in proportion to them.
         Unusable odometry, codes, maps or finger poses (not finite, wrong size, zero) are refused: the status gives the
-        reason, `Status.skipped` the number of times. Raises InputError if a code comes from another network than the
-        codebook's. Without a start the state stays `uninitialised`.
-        Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
-        same.
+        reason, `Status.skipped` the number of times. Without a start the state stays `uninitialised`. Calling
+        `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the same.
+
+        Parameters
+        ----------
+        odometry
+            Motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
+        measurement
+            Touch of the first finger, whose pose is estimated.
+        others
+            Measurements of further fingers on the same object, by name, also while the first is in the air. Any of them
+            may be missing in any frame.
+        elapsed
+            Seconds since the last step, None if unknown. They limit the amount of deferred work.
+
+        Returns
+        -------
+        Estimate
+            Modes of `T_obj_gel` at this frame, and the status.
+
+        Raises
+        ------
+        InputError
+            A code comes from another network than the codebook's.
         """
         touches = by_name(measurement, others or {})
         self.objects[0].require_same_network(touches.values())
@@ -214,7 +275,8 @@ class ParticleFilter:
             self._gates.refuse("bad_odometry", str(error))
             return None
         if motion.distance > self.config.max_odometry_jump:
-            self._restarted = f"odometry jumped by {motion.distance:.2f} m"
+            units = "; is TF in millimetres? It must be in metres" if motion.distance > _MILLIMETRES else ""
+            self._restarted = f"odometry jumped by {motion.distance:.2f} m{units}"
             self._gates.refuse("odometry_jump", self._restarted)
             self.initialise_uniform()
             return None
@@ -237,8 +299,12 @@ class ParticleFilter:
     def deferred_update(self, in_time: InTime = always) -> None:
         """Run the work that only later estimates need: best called between an answer and the next touch.
 
-        The time since the last frame limits the amount of work. `in_time` ends it earlier on a machine that is too
-        slow: estimates then depend on the machine.
+        The time since the last frame limits the amount of work.
+
+        Parameters
+        ----------
+        in_time
+            Ends the work earlier on a machine that is too slow: estimates then depend on the machine.
         """
         if self._keyframes is None or not self._keyframes.waiting:
             return
@@ -318,6 +384,10 @@ class ParticleFilter:
                 alike="" if alike.trivial else alike.describe(),
             )
         )
+        if self._state.state == CONVERGED:
+            self._mesh_scale.add(self._track.motion[:3, 3], first.pose[:3, 3])
+        elif in_contact:
+            self._mesh_scale.restart()
         return Estimate(self.modes, self._status(self.modes), covariance)
 
     def _guess(self) -> Mode:
@@ -334,11 +404,14 @@ class ParticleFilter:
 
     def _status(self, modes: Sequence[Mode]) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
-        reason = f"{self._state.reason} ({note})" if note else self._state.reason
+        said = self._state.reason
+        reason = f"{said} ({note})" if note and note != said else said
         symmetry = self.objects[0].symmetry.describe()
         if not modes:
             return Status(self._state.state, reason, skipped=skipped, symmetry=symmetry)
         first, belief = modes[0], self._belief
+        if self._state.state == CONVERGED and (scale := self._mesh_scale.fault(first.spread_translation)):
+            reason = f"{reason}; {scale}"
         return Status(
             state=self._state.state,
             reason=reason,

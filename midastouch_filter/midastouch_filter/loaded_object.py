@@ -99,9 +99,22 @@ class Growth:
 
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
-    """The filter on one object, the object's diagonal [m] and name, and the sensor (at map resolution) of its
-    codebook, None if unknown. network_id: of the codebook's codes, "" if unknown. advisor: suggests where to touch
-    next, None if the filter cannot. growth: builds a denser codebook meanwhile, None if the codebook is complete."""
+    """The filter on one object.
+
+    Attributes
+    ----------
+    filter
+    diagonal : of the object [m]
+    name
+    sensor
+        Sensor of the codebook at map resolution, None if unknown.
+    network_id
+        Network of the codebook's codes, "" if unknown.
+    advisor
+        Suggests where to touch next; None if the filter cannot.
+    growth
+        Builds a denser codebook meanwhile; None if the codebook is complete.
+    """
 
     filter: RunningFilter
     diagonal: float
@@ -137,7 +150,21 @@ class LoadedObject:
 def load_object(
     mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
-    """Load mesh and codebook; raises InputError on files that cannot be used or do not belong together."""
+    """Load mesh and codebook, and make a filter on them.
+
+    Parameters
+    ----------
+    mesh_path, codebook_path
+    config, seed
+        As for `ParticleFilter`.
+    paper
+        With True, the paper's own filter.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used, or they do not belong together.
+    """
     mesh = ObjectMesh.load(mesh_path)
     return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed, paper)
 
@@ -162,10 +189,20 @@ def object_of(
 def build_object(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int, paper: bool = False
 ) -> LoadedObject:
-    """Build a codebook of `SIZE` poses and return the filter on it, with the `growth` that builds one of `DENSE` poses.
+    """Build a codebook of `SIZE` poses and make a filter on it, with the `growth` that builds one of `DENSE` poses.
 
-    network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for an
-    unknown name, a missing file, a mesh that cannot be used, and a mesh without reachable surface.
+    Parameters
+    ----------
+    mesh_path
+    network, sensor_model
+        Names or paths, as the nodes `tcn` and `tdn` take them.
+    config, seed, paper
+        As for `load_object`.
+
+    Raises
+    ------
+    InputError
+        Unknown name, missing file, mesh that cannot be used or has no reachable surface.
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
     loaded = object_of(mesh, codebook, config, seed, paper)
@@ -176,7 +213,13 @@ def build_object(
 def coarse_codebook(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
 ) -> tuple[ObjectMesh, Codebook]:
-    """Return a mesh and build its codebook of `SIZE` poses; arguments and errors as for `build_object`."""
+    """Return a mesh and build its codebook of `SIZE` poses.
+
+    Parameters
+    ----------
+    mesh_path, network, sensor_model, config
+        As for `build_object`, also the errors.
+    """
     mesh, _, _, codebook = _built(mesh_path, network, sensor_model, config)
     return mesh, codebook
 

@@ -29,9 +29,17 @@ _SHARPEST_ROTATION = FilterConfig.jitter_rotation
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """A Gaussian start: T_obj_gel (4, 4), sigma_t [m], sigma_r [rad].
+    """A Gaussian start.
 
-    Raises InputError if the filter cannot start there: a restart may use it long after it was given.
+    Attributes
+    ----------
+    pose : `T_obj_gel` (4, 4)
+    sigma_t, sigma_r : standard deviations per axis, [m] and [rad]
+
+    Raises
+    ------
+    InputError
+        The filter cannot start there. It is checked here, because a restart may use it long after it was given.
     """
 
     pose: np.ndarray
@@ -60,9 +68,15 @@ class ObjectPrior:
 class Localiser:
     """Filter on one object, with the sensor's pose at its last frame and the start that a restart uses.
 
-    `first_start` is None for a start that spreads over the whole surface. With `wait` nothing starts before a
-    pose is given. A restart, as after time ran backwards, begins at the pose that was given last: the sensor's on the
-    object, or the object's in the base frame, which the sensor's pose at the next frame turns into a start.
+    A restart, as after time ran backwards, begins at the pose that was given last: the sensor's on the object, or the
+    object's in the base frame, which the sensor's pose at the next frame turns into a start.
+
+    Parameters
+    ----------
+    first_start
+        None to spread over the whole surface.
+    wait
+        With True, nothing starts before a pose is given.
     """
 
     def __init__(self, first_start: Start | None, wait: bool):
@@ -95,7 +109,7 @@ class Localiser:
         if self.filter is None:
             return None
         if self._object.advisor is None:
-            raise InputError("the paper's filter does not say where to touch next: set preset to balanced or fast")
+            raise InputError("the paper's filter cannot suggest where to touch next: set preset to balanced or fast")
         return self._object.advisor.advise(wanted)
 
     @property
@@ -157,7 +171,13 @@ class Localiser:
         self.restart()
 
     def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start at the next frame, from the object's pose in the robot's base frame; arguments as for `ObjectPrior`."""
+        """Start at the next frame, from the object's pose.
+
+        Parameters
+        ----------
+        T_base_obj : pose (4, 4) of the object in the robot's base frame
+        sigma_t, sigma_r : its standard deviations per axis, [m] and [rad]
+        """
         self._prior = self._pending_prior = ObjectPrior(T_base_obj, sigma_t, sigma_r)
 
     def T_base_obj(self) -> np.ndarray | None:
@@ -173,10 +193,25 @@ class Localiser:
         others: Mapping[str, Measurement] | None = None,
         stamp: int | None = None,
     ) -> Estimate | None:
-        """Process one frame and return its estimate; None while no filter runs.
+        """Process one frame.
 
-        T_base_gel: the sensor's pose (4, 4). others: measurements of further fingers, by name. stamp [ns]: None if
-        unknown. Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
+        Parameters
+        ----------
+        T_base_gel : pose (4, 4) of the sensor in the base frame
+        measurement
+        others
+            Measurements of further fingers, by name.
+        stamp : time [ns] of the image, None if unknown
+
+        Returns
+        -------
+        Estimate or None
+            None while no filter runs.
+
+        Raises
+        ------
+        InputError
+            The measurement cannot be used; the motion then counts at the next frame.
         """
         if self._pending_prior is not None and self._object is not None:
             # Cleared first, so that a prior which cannot be used is forgotten.
@@ -199,16 +234,34 @@ class Localiser:
 
 
 def seconds_between(before: int | None, now: int | None) -> float | None:
-    """Return the seconds between two stamps [ns]; None if one is unknown, or the first was far ahead by mistake."""
+    """Return the seconds between two stamps; None if one is unknown, or the first was far ahead by mistake.
+
+    Parameters
+    ----------
+    before, now : [ns]
+
+    Returns
+    -------
+    [s]
+    """
     return 1e-9 * (now - before) if before is not None and now is not None and now > before else None
 
 
 def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:
-    """Return (sigma_t [m], sigma_r [rad]) for `ParticleFilter.initialise_gaussian`.
+    """Convert a covariance to the spread of a start.
 
-    covariance (6, 6): REP 103 order. diagonal [m]: of the object. A zero variance means "unknown", not
-    "certain": RViz's 2D Pose Estimate leaves z, roll and pitch at zero. The largest variance counts for all
-    axes. No sigma exceeds a third of the diagonal or 60 degrees: RViz's 0.5 m is meaningless on a cup.
+    A zero variance means "unknown", not "certain": RViz's 2D Pose Estimate leaves z, roll and pitch at zero. No sigma
+    exceeds a third of the diagonal or 60 degrees (paper appendix C): RViz's 0.5 m is meaningless on a cup.
+
+    Parameters
+    ----------
+    covariance : (6, 6) in REP-103 order
+    diagonal : diagonal of the object [m]
+
+    Returns
+    -------
+    sigma_t, sigma_r : float
+        For `ParticleFilter.initialise_gaussian`, [m] and [rad], of the largest variance.
     """
     variances = np.diagonal(covariance)
     return (

@@ -51,12 +51,17 @@ class Judgement(NamedTuple):
 class Timeline:
     """Time that the codes of one sensor follow.
 
-    A stamp further back than `JUMP_NS` is believed once a second witness confirms it: the next code, or the
-    transforms. A stamp far ahead is taken at once, because a camera may have been still, but counts as wrong if the
-    next code continues from before it.
-    If a time that was left or dropped continues in parallel to the present one, it is a second source and not a jump.
+    A stamp further back than `JUMP_NS` is believed once a second witness confirms it: the next code, or the transforms.
+    A stamp far ahead is taken at once, because a camera may have been still, but counts as wrong if the next code
+    continues from before it. If a time that was left or dropped continues in parallel to the present one, it is a
+    second source and not a jump.
 
-    transforms: returns the newest stamp [ns] of the moving transforms, None without any. now: returns seconds.
+    Parameters
+    ----------
+    transforms
+        Returns the newest stamp [ns] of the moving transforms, None without any.
+    now
+        Returns seconds.
     """
 
     def __init__(self, transforms: Callable[[], int | None], now: Callable[[], float]):
@@ -69,7 +74,14 @@ class Timeline:
         self._other: int | None = None  # newest stamp of a time that was left or dropped
 
     def judge(self, stamp: int, payload: Any) -> Judgement:
-        """Judge a code that has just come, of `stamp` [ns]; once taken, the payload is returned with its stamp."""
+        """Judge a code that has just come.
+
+        Parameters
+        ----------
+        stamp : [ns]
+        payload
+            Once taken, it is returned with its stamp.
+        """
         if self._of_another_source(stamp):
             self._other = stamp
             return Judgement(odd=(stamp,))
@@ -149,9 +161,17 @@ class Maps(Protocol):
 class FingerMemory:
     """Last codes of one finger.
 
-    pose_at: returns T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: most
-    that the stamps of a code and a frame may differ. maps: None if they are not wanted. now: clock [s] that
-    measures silence. on_foreign: called with a reason if a code is of another network than the codebook.
+    Parameters
+    ----------
+    pose_at
+        Returns T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come.
+    tolerance : [ns]
+        Most that the stamps of a code and a frame may differ.
+    maps
+        None if they are not wanted.
+    now : clock [s] that measures silence
+    on_foreign
+        Called with a reason if a code is of another network than the codebook.
     """
 
     def __init__(
@@ -189,7 +209,13 @@ class FingerMemory:
         self._asked = min(self._asked, stamp)
 
     def add(self, stamp: int, measurement: Measurement) -> bool:
-        """Add a code of `stamp` [ns]; return False if it or a later one has come before."""
+        """Add a code; return False if it or a later one has come before.
+
+        Parameters
+        ----------
+        stamp : [ns]
+        measurement
+        """
         if self._newest is not None and stamp <= self._newest - JUMP_NS:
             self.clear()
         self._heard = self._now()
@@ -203,10 +229,15 @@ class FingerMemory:
         return True
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Return whether a frame at `stamp` [ns] that has waited for `waited` s should wait on for this finger: for its
-        code or transform at most `CODE_TIMEOUT`, for its map as long as `maps` waits.
+        """Return whether a frame should wait on for this finger.
 
-        After a code did not come in time, further frames do not wait for this finger until it has caught up.
+        It waits for its code or transform at most `CODE_TIMEOUT`, for its map as long as `maps` waits. After a code did
+        not come in time, further frames do not wait for this finger until it has caught up.
+
+        Parameters
+        ----------
+        stamp : [ns], of the frame
+        waited : [s]
         """
         self._asked = stamp
         in_time = waited < CODE_TIMEOUT
@@ -229,10 +260,14 @@ class FingerMemory:
         return lacks and waited < CODE_TIMEOUT
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
-        """Return its measurement near `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or one word for what
-        is missing.
+        """Return its measurement near a frame, or one word for what is missing. Each code is returned once.
 
-        Each code is returned once.
+        Parameters
+        ----------
+        stamp : [ns], of the frame
+        T_base_gel : (4, 4), the reference's gel
+        on
+            The object that the filter runs on.
         """
         if self._heard is None:
             self._heard = self._now()

@@ -1,13 +1,8 @@
-"""A small world for the filter: an object without symmetry, a codebook and slides over it.
-
-`filter_runs`, beside this file, can be imported.
-"""
+"""A small world for the filter: an object without symmetry, a codebook and slides over it."""
 
 from __future__ import annotations
 
 import functools
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,9 +20,9 @@ from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 from midastouch_simulation.slide import measure_poses
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 # on a busy machine time says nothing about the code
 settings.register_profile("filter", deadline=None, derandomize=True)
@@ -159,7 +154,7 @@ def mapped_slide(world) -> SimpleNamespace:
     """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them; touches_at(poses), those
     at other poses; codebook; make_filter(codebook, seed, **settings), as if made anew with the seed."""
     book = make_codebook(world.poses, world.codebook.codes, world.codebook.derived)
-    book.meta["sensor"] = "digit_tacto"
+    book.meta["sensor"], book.symmetry = "digit_tacto", ObjectSymmetry()  # to search for one takes seconds
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
     renderer = PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE))
 
@@ -205,7 +200,8 @@ def gripper(world) -> SimpleNamespace:
 
     poses = random_poses(mesh, 8000, np.random.default_rng(1))
     book = make_codebook(poses, encode(poses))
-    book.derived = derived_arrays(mesh, book)
+    nearly = Symmetry(np.stack([np.eye(4), half_turn]))
+    book.derived, book.symmetry = derived_arrays(mesh, book), ObjectSymmetry(Symmetry(), 0.0, nearly)
     book.meta["sensor"] = "digit_tacto"
     turns = np.linspace(0, 2 * np.pi, 75)
     circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
@@ -255,7 +251,7 @@ def shelf(world):
         maps = np.maximum(renderers[k].render(poses), 0)
         touching = maps.max(axis=(1, 2)) > 0
         book = Codebook(poses[touching], encode(maps[touching]), meta)
-        book.derived = derived_arrays(mesh, book)
+        book.derived, book.symmetry = derived_arrays(mesh, book), ObjectSymmetry()
         objects.append((mesh, book, None))
 
     @functools.cache

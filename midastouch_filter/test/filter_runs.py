@@ -14,6 +14,7 @@ from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
 from midastouch_perception.codebook import FORMAT
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 
 def model_of(world, codebook=None, **settings):
@@ -59,9 +60,10 @@ def codes_along(world, n):
 
 
 def meta_of(mesh, **other):
-    """Meta data of a codebook file of a mesh from a file."""
+    """Meta data of a codebook file of a mesh from a file: without symmetries, to search for which takes seconds."""
     out = {"format": FORMAT, "mesh_name": mesh.name, "mesh_sha256": mesh.sha256, "mesh_path": str(mesh.path or "")}
-    return out | {"sensor": "digit_tacto", "sensor_id": "", "temperature": 0.1, "outlier": 0.05} | other
+    out |= {"sensor": "digit_tacto", "sensor_id": "", "symmetry": ObjectSymmetry().as_json()}
+    return out | {"temperature": 0.1, "outlier": 0.05} | other
 
 
 def some_book(world, mesh, n=300, **changes):

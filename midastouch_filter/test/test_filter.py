@@ -394,3 +394,12 @@ def test_a_code_of_another_network_stops_at_once(filter_, mapped_slide, world):
     with pytest.raises(InputError, match=r"other-net.*fourier-test"):
         filter_.step(None, Measurement(True, touch.code, network_id="other-net", penetration=touch.penetration))
     filter_.step(None, Measurement(True, touch.code, network_id=world.codebook.meta["tcn"]))
+
+
+@pytest.mark.parametrize(("length", "reason"), [(0.7, "jumped by 0.70 m"), (700.0, "m; is TF in millimetres")])
+def test_a_jump_is_named_once_and_metres_are_suspected(settled, length, reason):
+    touch = replace(AIR, in_contact=False)
+    estimate = settled.step(se3.translation([length, 0, 0]), touch)
+    assert "touches nothing" in estimate.status.reason
+    assert reason in estimate.status.reason
+    assert estimate.status.reason.count("jumped") == 1

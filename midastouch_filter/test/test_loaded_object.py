@@ -15,7 +15,9 @@ from midastouch_filter.loaded_object import Growth, dense_codebook, load_object
 from midastouch_filter.paper_filter import PaperFilter
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
+pytestmark = pytest.mark.usefixtures("no_symmetry_search")
 EYEBOLT = bundled_objects()["eyebolt"]
 CONFIG = FilterConfig(threads=1)
 
@@ -76,6 +78,7 @@ def test_why_there_is_no_denser_one_is_kept(grown):
 def coarse_book(world, **meta):
     codebook = world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500]), world.of_surface)
     codebook.meta |= meta
+    codebook.symmetry = ObjectSymmetry()
     return codebook
 
 
@@ -165,5 +168,5 @@ def test_what_the_parameters_do_not_name_is_said(tmp_path):
     with pytest.raises(InputError, match="no_such_sensor"):
         loaded_object.build_object(EYEBOLT, "fast", "no_such_sensor", FilterConfig(), 0)
     trimesh.creation.box((100, 50, 20)).export(tmp_path / "part.stl")
-    with pytest.raises(InputError, match=r"part.stl: 100 m across; it looks like millimetres"):
+    with pytest.raises(InputError, match=r"part.stl: 100 m across; in millimetres"):
         loaded_object.build_object(tmp_path / "part.stl", "fast", "digit_tacto", FilterConfig(), 0)

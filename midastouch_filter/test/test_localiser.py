@@ -1,22 +1,17 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from filter_fakes import DIAGONAL, FakeFilter, StubGrowth
+from tf_messages import translation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_filter.localiser import Localiser, Start, spread_at_lever, spread_of
-
-sys.path.insert(0, str(Path(__file__).parent / "nodes"))
-
-from filter_fakes import DIAGONAL, FakeFilter, StubGrowth
-from tf_messages import translation
 
 TOUCH = Measurement(True, np.array([0.6, 0.8], np.float32), 1e-5, "fake")
 START = Start(translation(0.1), 0.01, 0.2)

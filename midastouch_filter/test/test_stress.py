@@ -41,6 +41,7 @@ DIM = 64
 def filter_(world):
     """Of a small codebook, with maps."""
     book = some_book(world, world.mesh, 1000, sensor="digit_tacto")
+    book.symmetry = ObjectSymmetry()
     return ParticleFilter(world.mesh, book, FilterConfig(threads=1))
 
 

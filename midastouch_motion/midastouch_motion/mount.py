@@ -17,10 +17,26 @@ _ENTRIES = ("hand_eye", "gel", "optical")
 def read_mount(
     path: str | os.PathLike, sensor_prefix: str = "", tool_frame: str = "", tf_prefix: str = ""
 ) -> list[tuple[str, str, np.ndarray]]:
-    """Return (parent, child, T_parent_child (4, 4)) for every entry of a frames file.
+    """Read a frames file.
 
-    sensor_prefix is put before the sensor's frames, tf_prefix before the arm's; tool_frame, if given, replaces the
-    frame that the sensor is mounted on. Raises InputError, naming file and entry, if the file is no valid frames file.
+    Parameters
+    ----------
+    path
+    sensor_prefix
+        Put before the sensor's frames.
+    tool_frame
+        If given, replaces the frame that the sensor is mounted on.
+    tf_prefix
+        Put before the arm's frames.
+
+    Returns
+    -------
+    list of (parent, child, `T_parent_child` (4, 4))
+
+    Raises
+    ------
+    InputError
+        The file is no valid frames file; the message names file and entry.
     """
     entries = read_yaml(path, "frames")
     if not isinstance(entries, dict) or set(entries) != set(_ENTRIES):

@@ -10,7 +10,7 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.control.contact_servo import ContactServo, Limits, centre_of, slope_of
+from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
 from midastouch_motion.control.skills import Skill, SkillEnd
@@ -48,17 +48,14 @@ class World:
         """True depth [m] at a gel pose (4, 4) on the object."""
         return float(self._renderer.render(pose[None])[0].max())
 
-    def look(self, pose: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Depth [m], slope (2,) and centre (2,) m that an image at a gel pose (4, 4) shows."""
+    def look(self, pose: np.ndarray) -> Measured:
+        """The contact that an image at a gel pose (4, 4) shows."""
         contact = Contact.of(np.maximum(self._renderer.render(pose[None])[0], 0), SENSOR)
-        if contact.area_m2 < _LEAST_AREA:
-            return 0.0, np.zeros(2), np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, SENSOR)
-        return (
-            max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6),
-            slope_of(points, SENSOR),
-            centre_of(points),
-        )
+        depth = 0.0
+        if contact.area_m2 >= _LEAST_AREA:
+            depth = max(contact.depth_m + self.noise * self.rng.standard_normal(), 1e-6)
+        return Measured.of(0.0, depth, contact.area_m2, points, SENSOR)
 
     def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
         """Carry out the skills one after the other, from a gel pose (4, 4)."""

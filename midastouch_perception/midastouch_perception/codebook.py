@@ -20,7 +20,7 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, require_file
+from midastouch_common.files import atomic_path, readable, require_file
 from midastouch_common.mesh import ObjectMesh
 
 from .rendering.contact_poses import MAX_EXCESS, Reachability, pose_from_contact, touch_points
@@ -43,16 +43,35 @@ _LENGTHS = 26  # offset in a member's local header of the lengths of its name an
 
 
 def build_command(mesh: str | Path, sensor: str | Path = "", tcn: str = "", out: str | Path = "") -> str:
-    """Return a command, ready to paste, that builds the codebook of a mesh; empty options have their defaults."""
+    """Return a command, ready to paste, that builds a codebook.
+
+    Parameters
+    ----------
+    mesh
+    sensor, tcn, out
+        Options of the command; empty ones have their defaults.
+    """
     options = {"--sensor": sensor, "--tcn": tcn, "--out": out}
     words = [word for option, given in options.items() if given for word in (option, str(given))]
     return shlex.join(["midastouch", "build-codebook", str(mesh), *words])
 
 
 def require_sensor(theirs: SensorModel, wanted: str | Path, source: str | Path) -> None:
-    """Raise InputError if a codebook (from `source`) is of another kind of sensor: all contacts would differ in size.
+    """Require that a codebook is of a kind of sensor: otherwise all contacts would differ in size.
 
-    theirs: the codebook's model, at map resolution. wanted: the model in use, as for `SensorModel.load`.
+    Parameters
+    ----------
+    theirs
+        The codebook's model, at map resolution.
+    wanted
+        The model in use, as for `SensorModel.load`.
+    source
+        The codebook's file, for the message.
+
+    Raises
+    ------
+    InputError
+        It is of another kind.
     """
     if theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
         raise InputError(
@@ -132,10 +151,19 @@ def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.
 class Codebook:
     """Poses with their codes.
 
-    Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
-    mesh_sha256, mesh_path, sensor, sensor_id, sensor_model (its geometry), tcn (network id), temperature, outlier
-    (calibration of the score), size, seed, symmetry (from `ObjectSymmetry.as_json`); derived: arrays by name that users
-    of the codebook have computed from poses and mesh, kept to save time; source: the file, for messages.
+    The attribute `meta` holds format, mesh_name, mesh_sha256, mesh_path, sensor, sensor_id, sensor_model (its
+    geometry), tcn (network id), temperature, outlier (calibration of the score), size, seed, symmetry
+    (`ObjectSymmetry.as_json`).
+
+    Parameters
+    ----------
+    poses : `T_obj_gel` (M, 4, 4)
+    codes : (M, D), of length 1
+    meta
+    derived
+        Arrays by name that users of the codebook have computed from poses and mesh, kept to save time.
+    source
+        The file, for messages.
     """
 
     def __init__(
@@ -178,25 +206,37 @@ class Codebook:
     def load(
         cls, path: str | Path, mesh: ObjectMesh | None = None, tcn: str | None = None, first: int | None = None
     ) -> Codebook:
-        """Read a codebook; refuse it if it was built for another mesh than `mesh` or another network than `tcn` (id).
+        """Read a codebook.
 
-        first: read only this number of poses, without `derived`. Sites come in farthest-point order, so the first ones
-        are spread over the object as evenly as all.
-        Raises InputError: no such file, not a codebook, other format version, non-finite content, mismatch.
+        Parameters
+        ----------
+        path
+            File, from `midastouch build-codebook`.
+        mesh
+            The mesh that it must be of, if given.
+        tcn
+            Id of the network that it must be of, if given.
+        first
+            Number of poses to read, without `derived`; None for all. Sites come in farthest-point order, so the first
+            ones are spread over the object as evenly as all.
+
+        Raises
+        ------
+        InputError
+            No such file, no codebook, other format version, non-finite content, other mesh or network.
         """
         try:
             path = require_file(path, "codebook")
         except InputError as error:
             raise InputError(f"{error}, or build it: midastouch build-codebook MESH --sensor MODEL") from error
-        try:
+        with readable(path, "not a codebook", "build it with midastouch build-codebook"):
             data = _read(path) if first is None else mapped_npz(path)
             if first is None and "checksum" in data and data["checksum"] != _checksum(data["poses"], data["codes"]):
-                raise ValueError("its poses and codes are not those that were written")
+                raise InputError("its poses and codes are not those that were written")
             poses, codes = (data[name][:first].astype(np.float32) for name in ("poses", "codes"))
-            meta = json.loads(str(data["meta"]))
+            with np.load(path, allow_pickle=False) as checked:
+                meta = json.loads(str(checked["meta"]))
             derived = {name: data[name] for name in data if name not in _CONTENT and first is None}
-        except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
-            raise InputError(f"{path}: not a codebook ({error}); build it with midastouch build-codebook") from error
         if not isinstance(meta, dict):
             raise InputError(f"{path}: not a codebook (no description); build it with midastouch build-codebook")
         if meta.get("format") != FORMAT:
@@ -204,7 +244,7 @@ class Codebook:
         if codes.ndim != 2 or poses.shape != (len(codes), 7) or not len(codes):
             raise InputError(f"{path}: {poses.shape} poses do not fit {codes.shape} codes; build it again")
         if missing := ", ".join(key for key in _DESCRIPTION if key not in meta):
-            raise InputError(f"{path}: codebook that does not say its {missing}; build it again")
+            raise InputError(f"{path}: codebook without its {missing}; build it again")
         if not (np.isfinite(codes).all() and np.isfinite(poses).all()):
             raise InputError(f"{path}: non-finite poses or codes; build it again")
         if np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1).max() > 1e-3:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, require_file
+from midastouch_common.files import atomic_path, readable, require_file
 from midastouch_common.mesh import ObjectMesh
 
 from .codebook import FORMAT, Codebook, codebook_poses
@@ -91,10 +90,7 @@ class CodebookBuild:
         """
         size, seed = self._meta["size"], self._meta["seed"]
         if self._poses is None:
-            report = MeshReport.of(self._mesh)
-            report.require_usable()
-            for line in report.lines(self._sensor):
-                inform(line)
+            MeshReport.tell(self._mesh, self._sensor, inform)
             rng = np.random.default_rng(seed)
             self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause, searched)
             self._codes = np.empty((size, self._tcn.dim), np.float32)
@@ -137,12 +133,10 @@ class CodebookBuild:
         mesh, network, sensor, size or seed.
         """
         path = require_file(path, "unfinished codebook")
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                poses, codes, finished = (data[name] for name in _ARRAYS)
-                identity = json.loads(str(data["meta"]))
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: not an unfinished codebook ({error}); remove it") from error
+        checked = readable(path, "not an unfinished codebook", "remove it")
+        with checked, np.load(path, allow_pickle=False) as data:
+            poses, codes, finished = (data[name] for name in _ARRAYS)
+            identity = json.loads(str(data["meta"]))
         wanted = json.loads(self._identity())
         if identity != wanted:
             other = identity if isinstance(identity, dict) else {}
@@ -162,7 +156,28 @@ class CodebookBuild:
 def build_codebook(
     mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel, size: int = 50_000, seed: int = 0
 ) -> Codebook:
-    """Build a codebook in one go; see `CodebookBuild`."""
+    """Build a codebook in one go (paper section 4.2).
+
+    Parameters
+    ----------
+    mesh
+    tcn
+        Code network, from `load_tcn`.
+    sensor
+        Sensor model at image resolution.
+    size : number of poses
+    seed
+
+    Returns
+    -------
+    Codebook
+        The same for the same arguments.
+
+    Raises
+    ------
+    InputError
+        Too few poses of the object can be reached.
+    """
     return CodebookBuild(mesh, tcn, sensor, size, seed).run()
 
 

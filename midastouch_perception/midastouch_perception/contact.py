@@ -18,6 +18,7 @@ from .sensor_model import SensorModel
 _STEP = np.float32(1e-6)
 TOUCHED = 3e-5
 """Penetration [m] from which a pixel counts as touched."""
+_KEPT = 0.95  # of a contact; one that slides on loses more from one image to the next
 
 
 def in_steps(penetration: np.ndarray) -> np.ndarray:
@@ -65,8 +66,14 @@ class Contact:
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
-        """Return the contact with this penetration map (H, W) m, for gel that does not sink in around it; sensor: at
-        the map's resolution."""
+        """Return the contact of gel that does not sink in around it.
+
+        Parameters
+        ----------
+        penetration : (H, W) [m]
+        sensor
+            At the map's resolution.
+        """
         area = float(np.count_nonzero(penetration) * sensor.pixel_area)
         return cls(penetration, area, float(penetration.max()), ContactState.CONTACT if area else ContactState.FREE)
 
@@ -74,6 +81,16 @@ class Contact:
     def in_contact(self) -> bool:
         """True if an object touches the gel."""
         return self.area_m2 > 0
+
+    def grown_from(self, last: Contact) -> bool:
+        """Return whether this is the contact `last`, pressed further: the view cuts it off, it is larger, and it is
+        still where `last` was. Such a contact is not less deep, though fewer of its slopes are in view."""
+        if not last.in_contact or self.area_m2 < last.area_m2:
+            return False
+        touched, before = self.penetration > 0, last.penetration > 0
+        cut_off = touched[[0, -1]].any() or touched[:, [0, -1]].any()
+        kept = np.count_nonzero(touched & before) >= _KEPT * np.count_nonzero(before)
+        return bool(cut_off and kept)
 
 
 class ContactDetector:

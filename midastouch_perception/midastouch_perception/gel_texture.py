@@ -121,10 +121,17 @@ class GelCheck:
     Two sums, each over every other image looked at, show by their likeness how well the gel can be recognised; both
     together are compared with the no-contact image.
 
-    Args: sensor, at image resolution; every, number of images out of which one is looked at; window, number of images
-    looked at for one verdict.
     Attributes: sigmas, likeness at the last verdict, None before the first; problem, reason why the no-contact image is
     wrong, "" if it is right.
+
+    Parameters
+    ----------
+    sensor
+        At image resolution.
+    every
+        Number of images out of which one is looked at.
+    window
+        Number of images looked at for one verdict.
     """
 
     def __init__(self, sensor: SensorModel, every: int = 20, window: int = 16):
@@ -150,7 +157,14 @@ class GelCheck:
         return {"gel_likeness": "" if self.sigmas is None else f"{self.sigmas:.0f}"}
 
     def observe(self, image: np.ndarray, background: np.ndarray, penetration: np.ndarray) -> None:
-        """Take an image, the no-contact image, both (H, W, 3) uint8, and the penetration (h, w) m measured in it."""
+        """Take an image.
+
+        Parameters
+        ----------
+        image, background : (H, W, 3) uint8
+            The image, and the no-contact image.
+        penetration : (h, w) measured in the image [m]
+        """
         self._images += 1
         if (self._images - 1) % self._every:
             return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.mesh_units import unit_advice
 from midastouch_common.surface_search import RaySearch
 
 from .sensor_model import SensorModel
@@ -24,6 +25,7 @@ _TWO_SIDED = 0.5  # at a sheet, at least this ratio of free rays from the back t
 _MOST_INSIDE_OUT, _MOST_HIDDEN = 0.02, 0.5  # more, and too many poses would lie within the object
 _NOTABLE_HIDDEN = 0.02
 _MANY_BRANCHING = 0.001  # of the edges; the scans have 3 of 25,000
+_LONG = 0.5  # m; a longer object is explored for minutes
 _MANY_FACES = 1_000_000  # with more, every step takes minutes, for detail finer than a pixel
 
 
@@ -69,6 +71,14 @@ class MeshReport:
             two_sided=float(((back > _TWO_SIDED * front) & (back <= front)).mean()),
         )
 
+    @classmethod
+    def tell(cls, mesh: ObjectMesh, sensor: SensorModel, inform: Callable[[str], None]) -> None:
+        """Give the lines of the report on a mesh to `inform`; InputError if it cannot be used, as `require_usable`."""
+        report = cls.of(mesh)
+        report.require_usable()
+        for line in report.lines(sensor):
+            inform(line)
+
     def require_usable(self) -> None:
         """Raise InputError, with advice, if too many poses on the mesh would lie within the object."""
         if self.inside_out > _MOST_INSIDE_OUT:
@@ -103,6 +113,8 @@ class MeshReport:
                 f"it is smaller than the gel of {_millimetres(gel)}, so that few poses can be told apart (midastouch "
                 "single-touch measures how few); if the object is larger than that, scale the mesh to metres"
             )
+        if (longest := max(self.size)) > _LONG:
+            yield f"it is {longest:.3g} m long if it is in metres; {unit_advice(longest)}"
         if self.faces > _MANY_FACES:
             yield f"{self.faces} faces take minutes; reduce them to faces of 0.5 mm (Blender: modifier Decimate)"
         if self.hidden > _NOTABLE_HIDDEN:
@@ -138,7 +150,7 @@ class MeshReport:
 
 
 def _millimetres(lengths: Sequence[float]) -> str:
-    return f"{' x '.join(f'{1e3 * length:.3g}' for length in lengths)} mm"
+    return " x ".join(f"{1e3 * length:.0f}" if length >= 1 else f"{1e3 * length:.3g}" for length in lengths) + " mm"
 
 
 def _shells(edges: np.ndarray) -> np.ndarray:

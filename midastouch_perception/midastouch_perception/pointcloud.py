@@ -13,7 +13,20 @@ _OFF_PIXELS = 0.05  # px that a point may lie off its pixel; rounding causes a t
 
 
 def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Return contact points (K, 3) float32 m, gel frame, of the pixels of mask (H, W) in penetration (H, W) m."""
+    """Convert a penetration map to contact points.
+
+    Parameters
+    ----------
+    penetration : (H, W) [m]
+    mask : (H, W) bool
+        Pixels to convert.
+    sensor
+        At the map's resolution.
+
+    Returns
+    -------
+    (K, 3) float32 [m], gel frame
+    """
     tangent_x, tangent_y = sensor.rays
     depth = (sensor.gel_depth - penetration)[mask]
     points = np.stack([tangent_x[mask] * depth, tangent_y[mask] * depth, sensor.gel_distance - depth], axis=1)
@@ -21,10 +34,24 @@ def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: Se
 
 
 def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Return the penetration map (H, W) float32 m, in steps, of contact points (K, 3): undoes `cloud_from_penetration`.
+    """Convert a contact cloud back to a penetration map: undo `cloud_from_penetration`.
 
-    Points outside the image are dropped. Raises InputError for other shapes, and for points that are not finite or do
-    not lie at pixels of this sensor.
+    Parameters
+    ----------
+    points
+        Contact points (K, 3) [m] in the gel frame; those outside the image are dropped.
+    sensor
+        Sensor model at map resolution.
+
+    Returns
+    -------
+    (H, W) float32
+        Penetration [m], in steps of 1 um.
+
+    Raises
+    ------
+    InputError
+        Other shape, points that are not finite, or that do not lie at pixels of this sensor.
     """
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:

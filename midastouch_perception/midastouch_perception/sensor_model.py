@@ -22,6 +22,9 @@ from midastouch_common.files import expanded, read_yaml
 MAP_SCALE = 0.5
 """Resolution of penetration maps, which is that of the depth network, as a fraction of the image's."""
 
+MAX_PENETRATION = 2e-3
+"""Deepest press [m] on which the networks are trained: images of a deeper one read as a shallower one."""
+
 LIGHTS = ("relative", "additive")
 DIGIT_LAMPS = "digit"
 _LAMPS = "", DIGIT_LAMPS, "gelsight_mini"
@@ -56,7 +59,23 @@ class SensorModel:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> SensorModel:
-        """Load a shipped model by name (`digit_tacto`, `digit_real`), or a YAML file of the same form by path."""
+        """Load a sensor model.
+
+        Parameters
+        ----------
+        name_or_path
+            A shipped model (`digit_tacto`, `digit_real`, `gelsight_mini`), or a YAML file of the same form.
+
+        Returns
+        -------
+        SensorModel
+            At image resolution, 240 x 320 pixels.
+
+        Raises
+        ------
+        InputError
+            No such model, or a value of the file that cannot be used.
+        """
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
             path = expanded(name_or_path, "sensor_model")
@@ -96,8 +115,8 @@ class SensorModel:
             raise InputError(f"{path}: lamps '{model.lamps}' are not known; use {known}, or leave the line out")
         if not _PIXEL[0] < model.pixel_size < _PIXEL[1]:
             raise InputError(
-                f"{path}: a pixel of {1e3 * model.pixel_size:.3g} mm (gel_distance over focal) is none of a tactile "
-                "sensor; give focal in pixels and gel_distance in metres"
+                f"{path}: a pixel of {1e3 * model.pixel_size:.3g} mm (gel_distance over focal) is not a tactile "
+                "sensor's; give focal in pixels and gel_distance in metres"
             )
         return model
 
@@ -148,9 +167,17 @@ class SensorModel:
         return self.scaled(MAP_SCALE)
 
     def sag(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
-        """Return the height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
+        """Return how far the gel falls off towards the camera.
 
         The gel is the cap of an ellipsoid: radii of curvature at the apex along x and y, semi-axis along z.
+
+        Parameters
+        ----------
+        x, y : [m] from the apex
+
+        Returns
+        -------
+        [m], in the shape of x and y
         """
         dome = dict(self.dome)
         c = dome["semi_axis_z"]

@@ -12,9 +12,11 @@ from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import Reachability
 
+pytestmark = pytest.mark.usefixtures("no_symmetry_search")
+
 
 @pytest.fixture(scope="module")
-def book(tool, tcn, sensor):
+def book(no_symmetry_search, tool, tcn, sensor):
     return build_codebook(tool, tcn, sensor, size=800, seed=1)
 
 
@@ -66,7 +68,7 @@ def test_poses_off_the_mesh_are_refused_with_both_files(book, tool, tmp_path, sc
         ({"codes": np.full((800, 8), 1e30, np.float32)}, "unit length"),
         ({"checksum": np.array(1)}, "not those that were written"),
         ({"meta": np.array(json.dumps({"format": 99}))}, "format 99"),
-        ({"meta": np.array(json.dumps({"format": FORMAT}))}, "does not say its mesh_name, .*tcn"),
+        ({"meta": np.array(json.dumps({"format": FORMAT}))}, "without its mesh_name, .*tcn"),
         ({"meta": np.array("[]")}, "not a codebook"),
         ({"meta": np.array(["{}"], object)}, "not a codebook"),
     ],
@@ -78,6 +80,15 @@ def test_broken_files_are_refused(book, tmp_path, change, said):
     np.savez(path, **{name: value for name, value in content.items() if value is not None})
     with pytest.raises(InputError, match=f"bad.npz: .*{said}"):
         Codebook.load(path)
+
+
+@pytest.mark.parametrize("first", [None, 5])
+def test_a_damaged_description_is_refused(book, tmp_path, first):
+    """Also where only the beginning is read, whose checksum is not known."""
+    book.save(path := tmp_path / "bad.npz")
+    path.write_bytes(path.read_bytes().replace(b"f\0\0\0o\0\0\0c\0\0\0a\0\0\0l", b"f\0\0\0a\0\0\0c\0\0\0a\0\0\0l"))
+    with pytest.raises(InputError, match=r"bad\.npz: not a codebook .*CRC"):
+        Codebook.load(path, first=first)
 
 
 def npy() -> bytes:

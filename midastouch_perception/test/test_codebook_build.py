@@ -9,6 +9,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 
+pytestmark = pytest.mark.usefixtures("no_symmetry_search")
 SIZE = 2 * CHUNK + 40  # three chunks, the last one short
 
 
@@ -17,12 +18,12 @@ def digest(book):
 
 
 @pytest.fixture(scope="module")
-def book(tool, tcn, sensor):
+def book(no_symmetry_search, tool, tcn, sensor):
     return build_codebook(tool, tcn, sensor, SIZE, seed=1)
 
 
 @pytest.fixture(scope="module")
-def interrupted(tool, tcn, sensor, tmp_path_factory):
+def interrupted(no_symmetry_search, tool, tcn, sensor, tmp_path_factory):
     """The file with what a build had done when Ctrl-C came after its first chunk."""
     build = CodebookBuild(tool, tcn, sensor, SIZE, seed=1)
 

@@ -57,3 +57,19 @@ def test_no_contact_ends_the_contact(detector):
     detector.update(patch(1000))
     detector.no_contact()
     assert not detector.update(patch(55)).in_contact
+
+
+def test_a_contact_that_the_view_cuts_off_grows_where_it_was(sensor):
+    half = sensor.scaled(0.5)
+
+    def square(rows, columns):
+        penetration = np.zeros((160, 120), np.float32)
+        penetration[rows, columns] = 1e-4
+        return Contact.of(penetration, half)
+
+    first = square(slice(0, 40), slice(20, 60))
+    assert square(slice(0, 45), slice(18, 62)).grown_from(first)
+    assert not square(slice(0, 38), slice(20, 60)).grown_from(first), "smaller"
+    assert not square(slice(0, 45), slice(24, 66)).grown_from(first), "slid on"
+    assert not square(slice(1, 45), slice(18, 62)).grown_from(square(slice(1, 40), slice(20, 60))), "all in view"
+    assert not first.grown_from(Contact.of(np.zeros((160, 120), np.float32), half)), "a first touch"

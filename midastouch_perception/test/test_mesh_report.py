@@ -105,9 +105,10 @@ def open_ball() -> trimesh.Trimesh:
         (report_of(ball(0.03), sheet()), "a sheet without thickness"),
         (report_of(open_ball()), "open edges around holes"),
         (report_of(ball(0.004)), "smaller than the gel"),
+        (report_of(ball(0.9)), "in centimetres it is 18 mm long, in inches it is 45.7 mm long: scale it by"),
         (dataclasses.replace(report_of(ball(0.03)), faces=5_000_000), "5000000 faces"),
     ],
-    ids=["sheet", "hole", "small", "fine"],
+    ids=["sheet", "hole", "small", "large", "fine"],
 )
 def test_each_problem_of_a_usable_mesh_is_told_alone(report, said, sensor):
     (problem,) = problems(report, sensor)

@@ -1,9 +1,10 @@
 import shutil
+from pathlib import Path
 
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.onnx_network import WEIGHTS, OnnxNetwork
+from midastouch_perception.onnx_network import WEIGHTS, OnnxNetwork, read_card, write_card
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn
 
@@ -42,6 +43,41 @@ def test_identity_follows_the_content(tmp_path):
     except InputError:
         return  # a strict parser refuses the extra byte, which is as good
     assert other != OnnxNetwork("tdn", "fast").network_id
+
+
+def test_a_network_that_is_not_that_of_its_card_is_refused(tmp_path):
+    """Otherwise one damaged weight would make every code another one, or none at all."""
+    path = tmp_path / "tcn_fast.onnx"
+    content = bytearray((WEIGHTS / path.name).read_bytes())
+    content[len(content) // 2] ^= 64
+    path.write_bytes(content)
+    card = read_card(WEIGHTS / path.name)
+    del card["sha256"]
+    write_card(card, path)
+    load_tcn(path)
+    shutil.copy(WEIGHTS / "tcn_fast.json", tmp_path)
+    with pytest.raises(
+        InputError, match=r"tcn_fast\.onnx: damaged, or not the network of its model card tcn_fast\.json"
+    ):
+        load_tcn(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"dim": None},
+        {"dim": 10**9},
+        {"calibration": {"temperature": 0.1}},
+        {"calibration": {"temperature": float("inf"), "outlier": 0.1}},
+        {"calibration": {"temperature": 0.1, "outlier": 1}},
+        {"calibration": []},
+    ],
+)
+def test_cards_of_code_networks_are_checked(tmp_path, change):
+    path = Path(shutil.copy(WEIGHTS / "tcn_fast.onnx", tmp_path))
+    write_card(read_card(WEIGHTS / path.name) | change, path)
+    with pytest.raises(InputError, match=r"tcn_fast\.json: not the model card of a code network"):
+        load_tcn(path)
 
 
 @pytest.mark.parametrize(("load", "other"), [(load_tdn, "tcn_fast"), (load_tcn, "tdn_fast")])

@@ -141,7 +141,7 @@ def test_lamps_that_jump_are_no_contact():
             assert stage.process(lit(background, light, rng), background).state == ContactState.FREE
 
 
-# A flat face on flat gel has no slope anywhere: no image shows it.
+# A flat face that is straight on flat gel has no slope anywhere: no image shows it.
 @pytest.mark.parametrize(("name", "shape"), [("digit_real", "face"), ("digit_real", "tube"), ("gelsight_mini", "tube")])
 def test_what_is_pressed_is_never_free(name, shape):
     """Up to 2.5 mm, far beyond what covers the view, and back."""
@@ -167,6 +167,53 @@ def test_what_is_pressed_is_never_free(name, shape):
         covered = [contact.depth_m for contact in rising if contact.state == ContactState.SATURATED]
         assert covered == sorted(covered), "depth does not fall while the press grows"
         assert reading(-5e-3).state == ContactState.FREE
+
+
+@pytest.mark.parametrize("lamps", ["gelsight_mini", ""])
+@pytest.mark.parametrize(
+    ("camera", "tilt"),
+    [
+        pytest.param(236826611, (0.046, 0.026), id="much contrast, outline in view at first"),
+        pytest.param(2242647589, (0.006, 0.032), id="nothing that the network finds"),
+        pytest.param(2991032210, (0.005, -0.009), id="faint, covers the view at once"),
+    ],
+)
+def test_a_flat_face_tilted_on_flat_gel_leaves_it_as_it_was(camera, tilt, lamps):
+    """No image of the press is free, or becomes part of the free gel's light."""
+    mini, solid = SensorModel.load("gelsight_mini"), trimesh.creation.box((0.12, 0.12, 0.04))
+    look = SimulatedDigit(ObjectMesh.from_arrays(solid.vertices, solid.faces, "face"), mini, resting(mini), camera).look
+    turn = se3.exp(np.array([0, 0, 0, *tilt, 0]))
+    stage = DepthStage(load_tdn("fast", dataclasses.replace(mini, lamps=lamps)))
+    away = look(se3.translation([0, 0, 0.025])).image
+
+    def reading(depth):
+        return stage.process(look(se3.translation([0, 0, 0.02 - depth]) @ turn).image, away)
+
+    assert all(reading(-5e-3).state == ContactState.FREE for _ in range(5))
+    up = np.arange(0.2e-3, 2.5e-3, 0.1e-3)
+    pressed = [reading(depth) for depth in (*up, *up[::-1])]
+    assert all(contact.state != ContactState.FREE for contact in pressed)
+    read = [each.depth_m for each in pressed[: len(up)] if each.state != ContactState.UNKNOWN]
+    assert min(np.diff(read), default=0) > -0.05e-3
+    assert all(reading(-5e-3).state == ContactState.FREE for _ in range(5))
+
+
+def test_a_contact_that_leaves_marks_has_ended(monkeypatch):
+    """The same marks without a contact before are not understood; the network finds neither."""
+    real, rng = SensorModel.load("digit_real"), np.random.default_rng(0)
+    camera, radius = MeasuredSensor(MeasuredOptics.load("d20641"), real, rng), 3e-3
+    half, tdn = real.for_maps, load_tdn("fast", real)
+    ball = np.maximum(ball_penetration(ball_centre(60, 80, 1.5e-3, radius, half), radius, half), 0)
+    free, touch = camera.images(np.stack([np.zeros_like(ball), ball]))
+    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
+    marks = lit(free, 1 + 0.03 * np.sin(7 * rows)[..., None] * np.sin(5 * columns)[..., None], rng)
+    monkeypatch.setattr(tdn, "predict", lambda image, *_: ball if image is touch else np.zeros_like(ball))
+    for touches, end in (([touch], ContactState.FREE), ([], ContactState.UNKNOWN)):
+        stage = DepthStage(tdn)
+        images = [*(lit(free, 1.0, rng) for _ in range(5)), *touches, marks]
+        states = [stage.process(image, camera.background).state for image in images]
+        assert states[:5] == [ContactState.FREE] * 5
+        assert states[5:] == [*([ContactState.CONTACT] * len(touches)), end]
 
 
 def test_a_no_contact_image_of_another_gel_is_not_understood(touches):

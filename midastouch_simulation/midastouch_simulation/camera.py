@@ -11,10 +11,18 @@ from .simulated_digit import SimulatedCamera
 
 
 def no_contact_image(sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Return the image (H, W, 3) uint8 RGB of the untouched gel of an invented DIGIT.
+    """Draw an image of the untouched gel of an invented DIGIT.
 
-    As on real sensors, a grey gel darkens towards its borders and is lit red from the left, green from the
-    right and blue from below; each LED differs a little.
+    As on real sensors, a grey gel darkens towards its borders and is lit red from the left, green from the right and
+    blue from below; each LED differs a little.
+
+    Parameters
+    ----------
+    sensor, rng
+
+    Returns
+    -------
+    (H, W, 3) uint8 RGB
     """
     y, x = np.mgrid[1 : -1 : sensor.height * 1j, -1 : 1 : sensor.width * 1j]
     grey = rng.uniform(85, 115) * (1 - 0.3 * (x**2 + y**2) / 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception.rendering.contact_poses import MAX_PENETRATION
+from midastouch_perception.sensor_model import MAX_PENETRATION
 
 _MOST_DUE = 3  # images that may be late; with more, all but the newest are dropped, as by a camera that is not read
 _MOST_SPEED = 5.0  # m/s; no arm slides a finger, or throws an object past one, that fast
@@ -49,9 +49,17 @@ class MotionWatch:
         self._last: tuple[int, np.ndarray] | None = None
 
     def silence(self, newest: int | None, now: float) -> float:
-        """Return the seconds since the engine's newest state, of stamp `newest` [ns], changed; 0 within the timeout.
+        """Return the time since the engine's newest state changed; 0 within the timeout.
 
-        newest: None for an engine without motion, which is never silent. now [s], by a clock that never stops.
+        Parameters
+        ----------
+        newest : stamp of that state [ns]
+            None for an engine without motion, which is never silent.
+        now : [s], by a clock that never stops
+
+        Returns
+        -------
+        [s]
         """
         if newest is None or self._heard is None or self._heard[0] != newest:
             self._heard = newest, now
@@ -59,7 +67,13 @@ class MotionWatch:
         return silent if silent > self._timeout else 0.0
 
     def jump(self, stamp: int, T_obj_gel: np.ndarray) -> str:
-        """Return a message if the way to this pose (4, 4) at `stamp` [ns] is too fast for a motion; otherwise empty."""
+        """Return a message if the way to a pose is too fast for a motion; otherwise empty.
+
+        Parameters
+        ----------
+        stamp : [ns]
+        T_obj_gel : (4, 4)
+        """
         last, self._last = self._last, (stamp, T_obj_gel)
         if last is None or stamp <= last[0]:
             return ""
@@ -68,7 +82,7 @@ class MotionWatch:
         if distance <= _MOST_SPEED * seconds:
             return ""
         how_far = f"{1e3 * distance:.0f} mm within {1e3 * seconds:.0f} ms"
-        return f"sensor and object jumped {how_far}: was one set down anew, or do two publish its frame?"
+        return f"sensor and object jumped {how_far}: was one put down elsewhere, or do two nodes publish its frame?"
 
     def restart(self) -> None:
         """Forget the last pose, because the engine began again."""

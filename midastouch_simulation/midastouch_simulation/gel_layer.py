@@ -13,6 +13,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_motion.control.wrench import GEL_STIFFNESS
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
@@ -21,10 +22,10 @@ _PIXELS = 0.25  # fraction of the image's resolution: 0.3 mm on a DIGIT
 
 @dataclass(frozen=True)
 class Gel:
-    """Properties of a gel: stiffness [Pa/m], pressure per depth, that of soft silicone, 0.2 MPa, over a layer of 2 mm;
-    shear [N/m]; friction coefficient. Raises InputError for a value that is negative or not finite."""
+    """Properties of a gel: stiffness, as `GEL_STIFFNESS`; shear [N/m]; friction coefficient. Raises InputError for a
+    value that is negative or not finite."""
 
-    stiffness: float = 1e8
+    stiffness: float = GEL_STIFFNESS
     shear: float = 5e3
     friction: float = 0.5
 

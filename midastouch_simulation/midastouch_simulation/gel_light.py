@@ -51,6 +51,8 @@ class LampDesign:
 
 
 DIGIT_DESIGN = LampDesign(np.radians([30.0, 150.0, 270.0]), np.arange(_COLOURS))
+DESIGNS = {"gelsight_mini": LampDesign(np.radians([180.0, 90.0, 0.0]), np.arange(_COLOURS))}
+"""Designs that are not a DIGIT's, by `SensorModel.lamps`. A Mini's is that to which its calibration answers."""
 
 
 class GelLight:

@@ -16,8 +16,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .gel_layer import Gel, GelLayer
 from .rehearsal import Late
-from .ur_kinematics import Kinematics, jacobian_of, pose_of
-from .ur_model import JOINT_SPEED, READY, ur_model
+from .ur_model import JOINT_SPEED, READY, Kinematics, jacobian_of, pose_of, ur_model
 
 PERIOD = 2e-3
 """Time step of the physics [s]: that of a UR's own control loop."""
@@ -50,12 +49,25 @@ class Setting:
 
 
 class MujocoArm:
-    """Simulated arm with a gel. Args: mesh of the object; sensor, whose gel it has; setting.
+    """Simulated arm with a gel.
 
     An arm that meets the table, or its own sensor, stands still from then on, as in a UR's protective stop.
 
     Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
-    something. Raises InputError if it does not reach the start.
+    something.
+
+    Parameters
+    ----------
+    mesh
+        The object.
+    sensor
+        Model of the sensor whose gel it has.
+    setting
+
+    Raises
+    ------
+    InputError
+        The arm does not reach the start.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, setting: Setting):
@@ -113,7 +125,13 @@ class MujocoArm:
         return self._wrench
 
     def command(self, now: float, twist: np.ndarray) -> None:
-        """Take a twist (6,) in the gel's frame, as drawn, that arrives at `now` [s]."""
+        """Take a twist.
+
+        Parameters
+        ----------
+        now : time of its arrival [s]
+        twist : (6,) in the gel's frame, as drawn
+        """
         self._twists.send(now + self._latency, twist.copy())
 
     def advance(self, now: float) -> np.ndarray:
@@ -175,6 +193,17 @@ class MujocoArm:
 
 
 def over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:
-    """Return T_base_gel (4, 4), facing down, `height` m over the highest point of an object at T_base_obj (4, 4)."""
+    """Return the pose of a gel over the highest point of an object, facing down.
+
+    Parameters
+    ----------
+    mesh
+    base_from_object : `T_base_obj` (4, 4)
+    height : above that point [m]
+
+    Returns
+    -------
+    `T_base_gel` (4, 4)
+    """
     points = base_from_object[:3, :3] @ mesh.vertices.T + base_from_object[:3, 3:]
     return se3.translation(points[:, points[2].argmax()] + (0.0, 0.0, height))

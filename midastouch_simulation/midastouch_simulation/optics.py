@@ -16,7 +16,7 @@ import numpy as np
 
 import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
-from midastouch_common.files import require_file
+from midastouch_common.files import readable, require_file
 from midastouch_perception.sensor_model import SensorModel
 
 _MOST_CHANGE = 130.0  # grey levels; the quadratics overshoot at positions without a press in the fit
@@ -154,11 +154,9 @@ class ColourTable:
     def load(cls, path: str | Path) -> ColourTable:
         """Load Taxim's `polycalib.npz` (arrays grad_r, grad_g, grad_b). Raises InputError if it is not one."""
         path = require_file(path, "colour table")
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                return cls(np.stack([file[f"grad_{c}"] for c in "rgb"], axis=-1))
-        except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
-            raise InputError(f"{path}: not a Taxim colour table ({error}); give its polycalib.npz") from error
+        checked = readable(path, "not a Taxim colour table", "give its polycalib.npz")
+        with checked, np.load(path, allow_pickle=False) as file:
+            return cls(np.stack([file[f"grad_{c}"] for c in "rgb"], axis=-1))
 
     def difference(self, height: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):
         """Return the change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `height` (H, W) m.

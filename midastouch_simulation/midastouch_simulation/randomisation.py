@@ -18,7 +18,7 @@ import numpy as np
 from midastouch_perception.rendering.renderer import sunk_in
 from midastouch_perception.sensor_model import SensorModel
 
-from .gel_light import DIGIT_DESIGN, GelLight, LampDesign
+from .gel_light import DESIGNS, DIGIT_DESIGN, GelLight, LampDesign
 from .optics import ColourTable, Illumination, gel_normals, shade
 
 _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
@@ -80,7 +80,8 @@ class RandomSensor:
         self._gel = None
         if sensor.light == "relative":
             other = ranges.design_fraction and rng.random() < ranges.design_fraction
-            self._gel = GelLight(sensor, rng, LampDesign.random(rng) if other else DIGIT_DESIGN)
+            design = LampDesign.random(rng) if other else DESIGNS.get(sensor.lamps, DIGIT_DESIGN)
+            self._gel = GelLight(sensor, rng, design)
             self._noise *= _GEL_NOISE
             self._reach, self._outline_fraction = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
             self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size

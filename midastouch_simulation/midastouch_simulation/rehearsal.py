@@ -14,6 +14,7 @@ from midastouch_motion.control.contact_servo import Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Seen
 from midastouch_motion.control.skills import Skill, SkillEnd
+from midastouch_motion.control.wrench import Sample
 
 PERIOD = 0.01
 """Time between two twists [s], as in the node `contact_controller`."""
@@ -90,23 +91,25 @@ class PeriodState(NamedTuple):
 class Rehearsal:
     """Rehearsal of one motion after the other.
 
-    Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns depth [m], slope (2,) and centre
-    (2,) [m] in an image there; controller; fps, images per second; delay(): returns the seconds until an image is
-    understood. Attributes: now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`
-    and `gel` of inputs that are not updated: set both to inject a fault.
+    Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns the contact in an image there, of
+    any stamp; controller; fps, images per second; delay(): returns the seconds until an image is understood;
+    measure_force(): returns the force (3,) [N] on the gel in its frame, None for an arm without a sensor of it.
+    Attributes: now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`, `force` and
+    `gel` of inputs that are not updated: set both to inject a fault.
     """
 
     def __init__(
         self,
         arm: Arm,
         where: Callable[[], np.ndarray],
-        look: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
+        look: Callable[[np.ndarray], Measured],
         controller: Controller,
         fps: float,
         delay: Callable[[], float],
+        measure_force: Callable[[], np.ndarray] | None = None,
     ):
         self._arm, self._where, self._look, self._controller = arm, where, look, controller
-        self._fps, self._delay = fps, delay
+        self._fps, self._delay, self._measure_force = fps, delay, measure_force
         self._images: Late[Measured] = Late()
         self._due = self.now = 0.0
         self.seen = Seen(listeners=1, commanders=1)
@@ -136,7 +139,7 @@ class Rehearsal:
         taken = self.now >= self._due
         if taken:
             self._due += 1 / self._fps
-            self._images.send(self.now + self._delay(), Measured(self.now, *self._look(self._where())))
+            self._images.send(self.now + self._delay(), self._look(self._where())._replace(stamp=self.now))
         for _, measured in self._images.arrived(self.now):
             self._controller.servo.measure(self.now, measured)
         news = {
@@ -146,6 +149,10 @@ class Rehearsal:
             "wrench": self.now,
             "gel": pose,
         }
+        wrench = self._controller.wrench
+        if self._measure_force is not None and "wrench" not in self.frozen:
+            wrench.take(Sample(self.now, self._measure_force(), pose[2, :3]))
+            news["force"] = float(np.linalg.norm(wrench.force))
         for name in news.keys() - self.frozen:
             setattr(self.seen, name, news[name])
         return taken

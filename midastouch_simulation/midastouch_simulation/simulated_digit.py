@@ -50,7 +50,16 @@ class SimulatedCamera:
 
 
 class SimulatedDigit:
-    """`SimulatedCamera` that touches an object. Args: mesh of the object; seed; others as in `SimulatedCamera`."""
+    """`SimulatedCamera` that touches an object.
+
+    Parameters
+    ----------
+    mesh
+        The object.
+    sensor, background
+        As for `SimulatedCamera`.
+    seed
+    """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, background: np.ndarray, seed: int):
         self._rng = np.random.default_rng(seed)
@@ -59,7 +68,12 @@ class SimulatedDigit:
         self._camera = SimulatedCamera(sensor, background, self._rng)
 
     def look(self, T_obj_gel: np.ndarray) -> SimulatedFrame:
-        """Return the frame that the sensor takes with its gel at T_obj_gel (4, 4)."""
+        """Take one frame.
+
+        Parameters
+        ----------
+        T_obj_gel : pose (4, 4) of the gel
+        """
         (penetration,), (normals,) = self._renderer.render_with_normals(T_obj_gel[None])
         image = self._camera.image(penetration, normals, self._rng)
         small = self._sensor.for_maps
@@ -103,4 +117,5 @@ class PressedSensor:
         chosen = sorted(self._rng.permutation(len(positions))[:n])
         widest = min(_WIDEST_CONTACT, 0.6 * self._radius)
         contacts = self._rng.uniform(0.6 * widest, widest, n)
-        return {f"{i}.png": self.image([(*positions[i], c)]) for i, c in zip(chosen, contacts, strict=True)}
+        places = [(*positions[i], contact) for i, contact in zip(chosen, contacts, strict=True)]
+        return {f"{number:02d}.png": self.image([place]) for number, place in enumerate(places, 1)}

@@ -98,12 +98,29 @@ def simulate_slide(
     step: float = STEP,
     leap: Leap | None = None,
 ) -> np.ndarray:
-    """Simulate one slide of `length` m in steps of `step` m: return gel poses T_obj_gel (N, 4, 4).
+    """Simulate one slide.
 
     The sensor follows straightest geodesics; after at most a quarter of the object's diagonal, or if it is blocked, it
     takes a new heading. As at the end of an arm, it pivots on a rim: its normal turns by at most 10 deg per step. Yaw
-    drifts 1 deg per step and changes sense with the heading; press [m] and tilt [rad] walk within their bounds. One
-    step is the `leap`, if given. Raises InputError if no reachable path is found (object smaller than a few steps).
+    drifts 1 deg per step and changes sense with the heading; press [m] and tilt [rad] walk within their bounds.
+
+    Parameters
+    ----------
+    mesh, sensor
+    length : [m]
+    rng
+    step : [m]
+    leap
+        Replaces one step, if given.
+
+    Returns
+    -------
+    `T_obj_gel` (N, 4, 4)
+
+    Raises
+    ------
+    InputError
+        No reachable path is found, as on an object smaller than a few steps.
     """
     n = max(round(length / step), 1)
     walk = _Walk(mesh, sensor, rng, step)

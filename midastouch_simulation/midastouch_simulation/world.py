@@ -21,9 +21,19 @@ _T = TypeVar("_T")
 
 
 class World:
-    """Simulated finger and object. Attributes: mesh; finger; base_from_object: T_base_obj (4, 4).
+    """Simulated finger and object.
 
-    Args: step [m]: path of the finger between two images. Raises InputError if nothing of the object can be touched.
+    Attributes: mesh; finger; base_from_object: T_base_obj (4, 4).
+
+    Parameters
+    ----------
+    mesh, sensor, rng
+    step : path of the finger between two images [m]
+
+    Raises
+    ------
+    InputError
+        Nothing of the object can be touched.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
@@ -93,7 +103,7 @@ def _words(act: Act, success: bool, path: float) -> str:
         case Touch(distance):
             return "touches" if success else f"nothing on which it fits touched within {1e3 * distance:.0f} mm"
         case Slide():
-            return f"slid {way}" if success else f"it could not go on after {way}"
+            return f"slid {way}" if success else f"it could not move on after {way}"
         case Lift():
             return f"lifted by {way}" if success else f"something was in the way after {way}"
         case Approach():

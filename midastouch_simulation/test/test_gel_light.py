@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from midastouch_simulation.gel_light import GelLight, LampDesign
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.response import height_slopes
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.gel_light import DESIGNS, DIGIT_DESIGN, GelLight, LampDesign
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -46,3 +49,17 @@ def test_a_random_design_has_every_colour(real, cap, seed):
     light = GelLight(real, rng, design)
     np.testing.assert_allclose(light.ratio(np.zeros((160, 120), np.float32)), 1, atol=1e-5)
     assert light.ratio(cap).std() > 0.02
+
+
+def test_a_calibration_of_its_kind_reads_a_simulated_mini(cap):
+    """The slopes of a GelSight Mini under its own lamps, but not under those of a DIGIT."""
+    mini = SensorModel.load("gelsight_mini").for_maps
+    calibration, truth = SensorCalibration.default(mini), height_slopes(cap, mini.pixel_size)[cap > 0]
+
+    def likeness(design):
+        changes = [100 * (GelLight(mini, np.random.default_rng(seed), design).ratio(cap) - 1) for seed in range(6)]
+        found = [calibration.response.slopes(change)[cap > 0] for change in changes]
+        return np.median([np.corrcoef(slopes.ravel(), truth.ravel())[0, 1] for slopes in found])
+
+    assert likeness(DESIGNS[mini.lamps]) > 0.6
+    assert likeness(DIGIT_DESIGN) < 0.4

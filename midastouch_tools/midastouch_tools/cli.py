@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
+import shutil
+import signal
 import sys
+import textwrap
+from itertools import pairwise
 
 from midastouch_common.errors import EXIT_BAD_INPUT, InputError
 from midastouch_common.missing_modules import how_to_install
@@ -19,29 +24,30 @@ from .commands import (
     export,
     foxglove,
     import_weights,
+    inspect_bag,
     replay,
     run,
     simulate,
     time_offset,
     to_bag,
-    train_tcn,
-    train_tdn,
+    training,
     view,
 )
 from .commands.plugins import commands_of_others, one_line
-from .commands.sections import Section
 from .machine import package_version
+from .processes.foreground import exit_status, interrupted_by_signals
 
+_WHERE = {"--json", "--out", "--cluster"}  # options that only name a place on this machine, or a cluster
 _SECTIONS = {
     "use": (demo, run, replay, view, doctor),
     "object": (download, build_codebook),
     "sensor and arm": (capture_background, calibrate, time_offset),
-    "recordings": (export, to_bag, simulate, foxglove),
-    "networks": (train_tdn, train_tcn, import_weights),
+    "recordings": (inspect_bag, export, to_bag, simulate, foxglove),
+    "networks": (training, import_weights),
 }
 _OF_OTHERS = "measure, and what other packages bring"
+_INDENT = 24  # columns before the summary of a command
 
-EXIT_INTERRUPTED = 130
 OF_BENCHMARK = (
     *(
         "bench",
@@ -57,6 +63,38 @@ OF_BENCHMARK = (
     *("ideal-observer", "identify", "report", "single-touch"),
 )
 """Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
+
+
+class Section:
+    """Stand-in for argparse's sub-parsers, which know no headings, as the argument of a command's `add_parser`.
+
+    Attributes: title; parsers, by name of the command.
+    """
+
+    def __init__(self, title: str, subparsers):
+        self.title, self._subparsers = title, subparsers
+        self.parsers: dict[str, argparse.ArgumentParser] = {}
+        self._summaries: dict[str, str] = {}
+
+    def add_parser(self, name: str, help: str = "-", **options):  # noqa: A002  the name that argparse gives it
+        """Add a parser as argparse does; help: the summary, which only this section lists."""
+        self._summaries[name] = help
+        self.parsers[name] = self._subparsers.add_parser(name, **options)
+        return self.parsers[name]
+
+    def listed(self) -> str:
+        """Return the title and the commands with their summaries, wrapped to the width of the terminal."""
+        width = shutil.get_terminal_size().columns - 2
+        lines = [
+            textwrap.fill(
+                summary,
+                max(width, 2 * _INDENT),
+                initial_indent=f"  {name}".ljust(_INDENT - 1) + " ",
+                subsequent_indent=" " * _INDENT,
+            )
+            for name, summary in self._summaries.items()
+        ]
+        return "\n".join([f"{self.title}:", *lines])
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -88,7 +126,8 @@ def add_commands(parser: argparse.ArgumentParser) -> list[Section]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; return the exit status: 0 success, 1 the command found a failure, 2 bad input, 130 Ctrl-C."""
+    """Run one command; return the exit status: 0 success, 1 the command found a failure, 2 bad input, 128 and the
+    number of a signal that ended it: 130 Ctrl-C, 143 SIGTERM."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in OF_BENCHMARK and not commands_of_others():
         print(
@@ -102,18 +141,25 @@ def main(arguments: list[str] | None = None) -> int:
         parser.print_help(sys.stderr)
         return EXIT_BAD_INPUT
     args = parser.parse_args(arguments)
-    args.command_line = shlex.join(["midastouch", *_what(arguments)])  # for result files
+    what = [each for before, each in pairwise(["", *arguments]) if not {before, each.partition("=")[0]} & _WHERE]
+    args.command_line = shlex.join(["midastouch", *what])  # for result files
     try:
-        return args.run(args)
+        with interrupted_by_signals():
+            status = args.run(args)
+            sys.stdout.flush()
+            return status
+    except BrokenPipeError:  # nobody reads on, as after `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
     except (InputError, OSError) as error:
         _say(f"error: {one_line(error)}")
         return EXIT_BAD_INPUT
     except ImportError as error:
         _say(f"error: {arguments[0]}: {how_to_install(error)}")
         return EXIT_BAD_INPUT
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         _say("interrupted")
-        return EXIT_INTERRUPTED
+        return exit_status(interrupt)
 
 
 def _say(text: str) -> None:
@@ -121,20 +167,6 @@ def _say(text: str) -> None:
 
     close_bars()
     print(f"midastouch: {text}", file=sys.stderr)
-
-
-_WHERE = ("--json", "--out", "--cluster")
-
-
-def _what(arguments: list[str]) -> list[str]:
-    """Drop the options that only name a place on this machine or a cluster: they do not change the result."""
-    out, rest = [], iter(arguments)
-    for argument in rest:
-        if argument in _WHERE:
-            next(rest, None)
-        elif not argument.startswith(tuple(f"{option}=" for option in _WHERE)):
-            out.append(argument)
-    return out
 
 
 if __name__ == "__main__":

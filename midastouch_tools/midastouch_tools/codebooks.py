@@ -6,12 +6,12 @@ import contextlib
 import os
 import sys
 import time
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.output_paths import CACHED_CODEBOOKS, cached_codebook_path, codebook_path
+from midastouch_common.output_paths import CACHED_CODEBOOKS, cached_codebook_path
 from midastouch_filter.core.object_model import derived_arrays
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
@@ -19,7 +19,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.tcn import AnyCodeNet, load_tcn
 
-from .cluster import Cluster
 from .progress import Bars
 
 SAVE_INTERVAL_S = 30.0  # work that a kill or a power cut may cost
@@ -45,13 +44,16 @@ def build_and_save(
     if unfinished.is_file():
         try:
             build.restore(unfinished)
-            print(f"{unfinished}: going on after {build.done} of {size} poses", file=sys.stderr)
+            print(f"{unfinished}: continuing after {build.done} of {size} poses", file=sys.stderr)
         except InputError as error:
             print(f"{error}; starting from the beginning", file=sys.stderr)
-    saved = start
+    saved, search = start, f"poses that reach {mesh.name}"
 
     def searched(found: int) -> None:
-        bar = bars.of(f"poses that reach {mesh.name}", "pose", size)
+        nonlocal search
+        if found < bars.of(search, "pose", size).n:
+            search += ", of more places"  # too few did, and it begins again
+        bar = bars.of(search, "pose", size)
         bar.update(found - bar.n)
 
     def tried() -> None:
@@ -65,18 +67,15 @@ def build_and_save(
             build.save(unfinished)
             saved = time.perf_counter()
 
-    def inform(line: str) -> None:
-        print(line, file=sys.stderr)
-
     try:
         with contextlib.closing(Bars()) as bars:
-            cores = len(os.sched_getaffinity(0))
+            cores, inform = len(os.sched_getaffinity(0)), partial(print, file=sys.stderr)
             codebook = build.run(jobs or cores, progress, inform=inform, searched=searched, tried=tried)
             codebook.derived = derived_arrays(mesh, codebook)
     except BaseException:
         if build.done:
             build.save(unfinished)
-            print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to go on", file=sys.stderr)
+            print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to continue", file=sys.stderr)
         raise
     codebook.save(path)
     unfinished.unlink(missing_ok=True)
@@ -109,14 +108,8 @@ def ensure_codebook(
     return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
 
 
-def is_up_to_date(
-    path: str | Path,
-    mesh: ObjectMesh,
-    tcn: AnyCodeNet,
-    sensor: SensorModel,
-    size: int,
-    seed: int,
-    symmetry: Symmetry | None = None,
+def _is_up_to_date(
+    path: Path, mesh: ObjectMesh, tcn: AnyCodeNet, sensor: SensorModel, size: int, seed: int, symmetry: Symmetry | None
 ) -> bool:
     """Return whether `path` already holds the codebook that `build_and_save` would make of these arguments."""
     book = _fitting(path, mesh, tcn, sensor)
@@ -136,33 +129,25 @@ def _fitting(path: str | Path, mesh: ObjectMesh, tcn: AnyCodeNet, sensor: Sensor
     return None
 
 
-def build_catalogue(
-    meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster, force: bool
-) -> Iterator[str]:
-    """Build the codebook of each mesh file in a folder that every worker sees; yield a line about each.
+def build_from_files(
+    mesh: Path,
+    tcn: str,
+    sensor: str,
+    size: int,
+    seed: int,
+    path: Path,
+    force: bool,
+    jobs: int,
+    symmetry: Symmetry | None,
+) -> str:
+    """Build a codebook as `build_and_save` unless it is up to date, or in any case by `force`; return a line about it.
 
-    Files are named as by `codebook_path`. Codebooks that are up to date are kept, unless `force`. tcn, sensor: names,
-    or files that the workers can read.
+    tcn, sensor: names or files.
     """
-    yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder, force) for mesh in meshes])
-
-
-def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path, force: bool) -> str:
-    mesh, model = ObjectMesh.load(path), SensorModel.load(sensor)
-    network, out = load_tcn(tcn, model), folder / codebook_path(mesh.name, sensor).name
-    if not force and is_up_to_date(out, mesh, network, model, size, seed):
-        return kept(out)
-    codebook, seconds = build_and_save(mesh, network, model, size, seed, out, jobs=1)
-    return described(out, codebook, seconds)
-
-
-def kept(path: Path) -> str:
-    """A line about a codebook that was not built again."""
-    return f"{path}: is up to date; --force builds it again"
-
-
-def described(path: Path, codebook: Codebook, seconds: float) -> str:
-    """A line about a codebook that was built."""
-    size = path.stat().st_size / 2**20
-    poses = f"{len(codebook.poses)} poses of {codebook.meta['mesh_name']}"
-    return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; symmetry: {codebook.symmetry.describe()}"
+    model = SensorModel.load(sensor)
+    what = ObjectMesh.load(mesh), load_tcn(tcn, model), model, size, seed
+    if not force and _is_up_to_date(path, *what, symmetry):
+        return f"{path}: is up to date; --force builds it again"
+    book, seconds = build_and_save(*what, path, jobs, symmetry)
+    poses, mebibytes = f"{len(book.poses)} poses of {book.meta['mesh_name']}", path.stat().st_size / 2**20
+    return f"{path}: {poses}, {mebibytes:.1f} MiB, {seconds:.1f} s; symmetry: {book.symmetry.describe()}"

@@ -10,11 +10,14 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
 from .bags.run_record import RunRecord, Snapshot
-from .demo.result import demo_result, is_found
+from .demo.result import demo_result, in_a_sentence, is_found
 from .demo.result import result_rows as rows_of_run
 from .drawing.figures import identity_figure, save
 from .drawing.page import Page
 from .drawing.run_pictures import add_run
+from .text_table import counted
+
+_TITLE = "A finger explores: "
 
 
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
@@ -25,25 +28,21 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     run = [one for one in run if one.penetration is not None]
     if not run:
         return write_words(result, "no frame was recorded with its penetration map", out)
-    page = _begun(result)
+    page = Page(_TITLE + mesh.name)
+    page.note(in_a_sentence(f"A simulated finger explored {mesh.name}", result))
+    add_run(page, result_rows(result), run, mesh, codebook, out)
     if any(one.objects for one in run):
         page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")
-        page.note("While another object leads, the particles below are poses on that one.")
-    add_run(page, run, mesh, codebook, out)
+        page.note("While another object leads, the particles are poses on that one.")
     return page.write(out / "index.html")
 
 
 def write_words(result: dict, why: str, out: Path) -> Path:
     """Write the page of a run without pictures, with the reason `why`; returns its `index.html`."""
-    page = _begun(result)
+    page = Page(_TITLE + result["object"])
+    page.table(*result_rows(result))
     page.note(f"There is nothing to draw: {why}")
     return page.write(out / "index.html")
-
-
-def _begun(result: dict) -> Page:
-    page = Page(f"A finger explores: {result['object']}")
-    page.table(*result_rows(result))
-    return page
 
 
 @dataclass(frozen=True)
@@ -102,15 +101,16 @@ def exploration_result(
 
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of a result, or of an ending alone."""
-    motions = f"{result['slides']} slides, {result['lifts']} lifts"
+    motions = f"{counted(result['slides'], 'slide')}, {counted(result['lifts'], 'lift')}"
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
     rows = [
         ["exploration", ended],
         ["the pose is known, and right", "yes" if result["right"] else "no"],
         ["path on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
-        ["time from the start of the nodes", f"{result['seconds']:.0f} s"],
+        ["time on the clock, with the start of the nodes", f"{result['seconds']:.0f} s"],
     ]
     if "answer" in result:
+        rows.append(["time since the first image, by the stamps", f"{result['last_s']:.1f} s"])
         rows.insert(1, ["object for the filter", f"{result['answer']}, {result['object_probability']:.1%}"])
         rows += rows_of_run(result)[1]
     return [result["object"], ""], rows

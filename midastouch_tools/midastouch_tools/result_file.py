@@ -61,11 +61,18 @@ def _rounded(value: object) -> object:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is no finite number")
+    return value
+
+
 def read_json(path: str | os.PathLike) -> dict:
     """Return the object in a result file; InputError if it is not one."""
     path = require_file(path, "result")
     try:
-        value = json.loads(Path(path).read_text())
+        value = json.loads(Path(path).read_text(), parse_float=_finite, parse_constant=_finite)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file ({error}); give a file written by --json") from error
     if not isinstance(value, dict):

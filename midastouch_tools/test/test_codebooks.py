@@ -10,11 +10,13 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception import codebook_build
-from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook import Codebook, codebook_poses
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import object_symmetry
 from midastouch_tools import cli, codebooks
 
+pytestmark = pytest.mark.usefixtures("no_symmetry_search")
 CHUNK = 32  # poses; a smaller one than in earnest
 SIZE = 4 * CHUNK
 
@@ -36,8 +38,9 @@ class FlatTcn:
 
 
 @pytest.fixture(autouse=True)
-def _small_chunks(monkeypatch):
+def _quick(monkeypatch):
     monkeypatch.setattr(codebook_build, "CHUNK", CHUNK)
+    monkeypatch.setattr(codebooks, "derived_arrays", lambda *_: {})
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +51,7 @@ def _pythons_own_handler():
 
 @pytest.fixture(scope="module")
 def ball():
-    """A coarse ball: what the filter derives from a mesh takes longer than the codes."""
+    """A coarse ball."""
     sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
     return ObjectMesh.from_arrays(sphere.vertices, sphere.faces, "ball")
 
@@ -83,12 +86,31 @@ def test_a_mesh_s_faults_are_said_before_its_codebook_is_built(tmp_path, capsys)
     assert "warning: hollow: 31% of the surface lies inside" in said
 
 
-def test_every_step_of_a_build_shows_how_far_it_is(build, capsys):
+def test_every_step_of_a_build_shows_how_far_it_is(build, capsys, monkeypatch):
+    monkeypatch.setattr("midastouch_tools.progress.SOON_S", 0.0)
+    monkeypatch.setattr(codebook_build, "object_symmetry", object_symmetry)
     build(FlatTcn())
     said = capsys.readouterr().err
     assert f"poses that reach ball: 100%|██████████| {SIZE}/{SIZE}" in said
     assert int(re.findall(r"symmetry of ball: (\d+) motions", said)[-1]) > 10
     assert f"codebook of ball: 100%|██████████| {SIZE}/{SIZE}" in said
+
+
+def test_a_search_that_begins_again_has_a_bar_of_its_own(build, capsys, monkeypatch):
+    def repeated(*arguments):
+        for found in (SIZE // 2, SIZE // 4):
+            arguments[-1](found)
+        return codebook_poses(*arguments)
+
+    monkeypatch.setattr("midastouch_tools.progress.SOON_S", 0.0)
+    monkeypatch.setattr(codebook_build, "codebook_poses", repeated)
+    build(FlatTcn())
+    said = capsys.readouterr().err
+    shown = re.findall(r"poses that reach ball(.*?): +(\d+)%", said)
+    assert {words for words, _ in shown} == {"", ", of more places"}
+    for words in ("", ", of more places"):
+        percent = [int(number) for each, number in shown if each == words]
+        assert percent == sorted(percent)
 
 
 def test_nothing_is_lost_by_ctrl_c_at_the_end(build, monkeypatch):
@@ -165,7 +187,7 @@ def test_a_book_of_no_pose_is_refused(tmp_path, capsys):
     with pytest.raises(SystemExit) as stopped:
         cli.main(["build-codebook", "ball", "--size", "0", "--out", str(tmp_path / "none.npz")])
     assert stopped.value.code == 2
-    assert "--size: '0' is not a whole number of at least 1" in capsys.readouterr().err
+    assert "--size: '0' is not a whole number from 1 to 2,000,000 (a million poses" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
@@ -212,7 +234,8 @@ def test_an_unwritable_path_is_refused_before_the_work(objects, tmp_path, monkey
     blocked = tmp_path / "file"
     blocked.touch()
     monkeypatch.setattr(codebooks, "CodebookBuild", lambda *_: pytest.fail("built"))
-    assert cli.main(["build-codebook", *objects, "--out", str(blocked / "books" / "ball.npz")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["build-codebook", *objects, "--out", str(blocked / "books" / "ball.npz")])
+    line = capsys.readouterr().err.splitlines()[-1]
     assert "ball.npz" in line
-    assert "no file can be written there" in line
+    assert "no file or folder can be written there" in line

@@ -1,11 +1,14 @@
 """When an exploration counts as right."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from midastouch_common import se3
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_tools.bags.run_record import RecordedMode, RunRecord, Snapshot
+from midastouch_tools.demo.result import in_a_sentence
 from midastouch_tools.exploration_result import (
     ExplorationEnd,
     ending,
@@ -71,12 +74,29 @@ def test_an_object_that_was_told_is_known():
     assert (found["answer"], found["object_probability"], found["right"]) == ("mug", 1.0, True)
 
 
+@pytest.mark.parametrize(
+    ("frames", "found"),
+    [
+        ([("searching", 0.0), ("converged", 0.02), ("converged", 0.003), ("converged", 0.004)], 1.0),
+        ([("ambiguous", 0.0), ("converged", 0.02)], None),
+    ],
+    ids=["found", "never right"],
+)
+def test_the_page_says_when_it_was_found_and_how_far_off_the_end_is_on_the_clock_of_its_axes(frames, found):
+    snapshots = [dataclasses.replace(frame({}, off, state), time=0.5 * k) for k, (state, off) in enumerate(frames)]
+    made = exploration_result(RunRecord(snapshots, [1], [1.0], {}), "mug", ENDED, 1.0, 60.0)
+    assert made["found_s"] == found
+    sentence = in_a_sentence("It slid", made)
+    assert ("1.0 s" in sentence and "4.0 mm" in sentence) if found else "never" in sentence
+    assert f"{snapshots[-1].time:.1f} s" in [row[1] for row in result_rows(made)[1]]
+
+
 def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
     ended = ExplorationEnd("gave_up", "still uninitialised after 1.50 m", 1.5, 9, 1)
     result = ending(ended, "mug", 60.0)
     assert not result["right"]
     page = write_words(result, "no frame with a status", tmp_path).read_text()
-    for words in ("A finger explores: mug", ended.reason, "1500 mm, 9 slides, 1 lifts", "no frame with a status"):
+    for words in ("A finger explores: mug", ended.reason, "1500 mm, 9 slides, 1 lift", "no frame with a status"):
         assert words in page
 
 

@@ -22,7 +22,7 @@ def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["r.json"]
 
 
-@pytest.mark.parametrize("content", ["{", "[1, 2]", "\x00\xff", 5000 * "[", 5000 * "1"])
+@pytest.mark.parametrize("content", ["{", "[1, 2]", '{"a": NaN}', '{"a": 1e400}', "\x00\xff", 5000 * "[", 5000 * "1"])
 def test_what_is_no_result_is_refused_by_name(tmp_path, content):
     path = tmp_path / "bad.json"
     path.write_bytes(content.encode("latin1"))

@@ -18,6 +18,7 @@ def test_what_is_too_long_for_the_terminal_wraps_in_its_column(monkeypatch):
         "way          12 mm",
     ]
     assert reason in text_table(["a" * 10, ""], [["b", reason]]).replace("\n" + 12 * " ", " ")
+    assert "network-of-22-letters-0" in text_table(["a" * 10, ""], [["b", f"{reason} network-of-22-letters-0"]])
 
 
 def test_unknown_numbers_are_dashes():

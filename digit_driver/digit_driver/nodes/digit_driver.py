@@ -13,7 +13,8 @@ from std_srvs.srv import SetBool
 from midastouch_common.errors import InputError
 from midastouch_common.ros import spin
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_common.ros.managed_node import ManagedNode
+from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
+from midastouch_common.ros.services import offer
 
 from ..camera_info import Intrinsics, load_intrinsics
 from ..frames import DeviceError, ReaderState, ReaderStatus
@@ -58,7 +59,7 @@ class DigitDriver(ManagedNode):
         self.diagnostics.set_period(self.parameters["diagnostics_period"])
         self._images = ImagePublisher(self)
         self._wake = self.create_guard_condition(self._on_reader_event)
-        self.create_service(SetBool, "set_capture", self._on_set_capture)
+        offer(self, SetBool, "set_capture", self._on_set_capture)
         self.add_on_set_parameters_callback(self._refuse_sim_time)
         self.add_post_set_parameters_callback(self._set_leds)
         self.autostart()
@@ -73,9 +74,9 @@ class DigitDriver(ManagedNode):
         self._reader = FrameReader(self._camera, self._wake.trigger, reader_timing(self.parameters))
         self.diagnostics.hardware_id = settings.serial
         if self.get_namespace() == "/":
-            self.get_logger().warning(
-                "in the global namespace; better in one of its own: namespace:=digit_left with midastouch run or "
-                "ros2 launch, --ros-args -r __ns:=/digit_left with ros2 run"
+            self.get_logger().info(
+                "in the global namespace, which does for one sensor; several need one each: namespace:=digit_left with "
+                "midastouch run or ros2 launch, --ros-args -r __ns:=/digit_left with ros2 run"
             )
 
     def connect(self) -> None:
@@ -143,18 +144,14 @@ class DigitDriver(ManagedNode):
         elif status.last_error != before.last_error:
             log.warning(f"{status.state.value}: {status.last_error}", throttle_duration_sec=5.0)
 
-    def _on_set_capture(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.success, response.message = True, f"capture is {'on' if request.data else 'off'}"
+    def _on_set_capture(self, request: SetBool.Request) -> str:
+        if not self.active:
+            raise InputError(INACTIVE)
         try:
-            if not self.active:
-                raise DeviceError("the node is not active; activate it first (ros2 lifecycle set)")
-            if request.data:
-                self._begin_capture()
-            else:
-                self.disconnect()
-        except (DeviceError, InputError) as error:
-            response.success, response.message = False, str(error)
-        return response
+            self._begin_capture() if request.data else self.disconnect()
+        except DeviceError as error:
+            raise InputError(str(error)) from error
+        return f"capture is {'on' if request.data else 'off'}"
 
     def _refuse_sim_time(self, changes: list[Parameter]) -> SetParametersResult:
         refused = any(change.name == "use_sim_time" and change.value for change in changes)

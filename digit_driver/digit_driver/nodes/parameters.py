@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from midastouch_common.message_arrays import SECOND
+from midastouch_common.names import require_name
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter, Parameters
 
@@ -15,7 +16,11 @@ _DAY_S = 86400.0
 PARAMETERS = (
     Parameter("camera_model", "digit", "Kind of sensor: digit, gelsight_mini, or a YAML file of your own"),
     Parameter("serial", "", "Serial number of the sensor, e.g. D20123; empty: the only one plugged in"),
-    Parameter("video_device", "", "Device node to open instead of searching by serial, e.g. /dev/video2"),
+    Parameter(
+        "video_device",
+        "",
+        "Device node to open, e.g. /dev/video2; if it is of another sensor than `serial`, that one is opened",
+    ),
     Parameter("resolution", "", "Mode of the camera model; empty: its first. A DIGIT's: QVGA (240x320), VGA (480x640)"),
     Parameter(
         "fps",
@@ -52,7 +57,7 @@ PARAMETERS = (
     Parameter(
         "stall_timeout",
         1.0,
-        "Open the sensor anew after so long without a good frame",
+        "Open the sensor again after this time without a good frame",
         "s",
         minimum=0.2,
         maximum=60.0,
@@ -81,10 +86,11 @@ def led_levels(parameters: Parameters) -> tuple[int, int, int]:
 
 
 def camera_settings(parameters: Parameters) -> V4l2Settings:
-    """Return the settings of the sensor. Raises InputError for an unknown camera model or a mode that it lacks."""
+    """Return the settings of the sensor. Raises InputError for an unknown camera model, a mode that it lacks, and a
+    serial number that can be none."""
     return V4l2Settings(
         camera=CameraModel.load(parameters["camera_model"]),
-        serial=parameters["serial"],
+        serial=parameters["serial"] and require_name("serial number", parameters["serial"], "serial"),
         video_device=parameters["video_device"],
         resolution=parameters["resolution"],
         fps=parameters["fps"],

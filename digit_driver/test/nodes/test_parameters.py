@@ -45,6 +45,7 @@ def test_illegal_changes_are_refused_with_a_reason(peer, camera) -> None:
         ({"reconnect_timeout": 1}, r"'reconnect_timeout'.*write 1\.0"),
         ({"seriall": "D1"}, "'seriall'.* serial,"),
         ({"use_sim_time": True}, "use_sim_time.*midastouch replay"),
+        ({"serial": "../../etc"}, "serial '../../etc': not a serial number"),
         ({"camera_info_url": "/nowhere.yaml"}, "camera_info_url: /nowhere.yaml"),
     ],
 )

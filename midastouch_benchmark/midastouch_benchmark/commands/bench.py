@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 from . import options
 
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from midastouch_tools.datasets import Sequence
 
     from ..trials.setup import Networks
+
+_SEED = 1
+"""Of the slide. On it the bundled tool stays unknown if it is at the start, and known if it is: both are timed."""
 
 
 def add_parser(subparsers) -> None:
@@ -31,8 +34,8 @@ def add_parser(subparsers) -> None:
         "beside wall time: it is the figure that holds on a busy machine.",
     )
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
-    parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")
-    parser.add_argument("--frames", type=arguments.positive_int, default=150, help="of the slide (default 150)")
+    parser.add_argument("--codebook-size", type=limits.poses, default=50_000, help="default 50000")
+    parser.add_argument("--frames", type=limits.count, default=150, help="of the slide (default 150)")
     options.add_network_options(parser)
     parser.add_argument(
         "--paper-networks",
@@ -99,7 +102,7 @@ class TimedSlide:
             raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
         networks = Networks.load(args.tdn, args.tcn, args.sensor)
         mesh = arguments.load_mesh(args.object)
-        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames)), networks)
+        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames, _SEED)), networks)
 
     def result(self, **measured: object) -> dict:
         """Return the measurements on it, with machine, object and networks."""
@@ -126,29 +129,30 @@ def _add_scale(subparsers) -> None:
         ("--particles", "poses that are hypotheses at the start, of a codebook of 50,000 (default 100 to 50,000)"),
         ("--poses", "of the codebook, 50,000 of them hypotheses at the start (default 1,000 to a million)"),
     ):
-        parser.add_argument(option, nargs="+", type=arguments.positive_int, metavar="N", help=what)
-    parser.add_argument("--frames", type=arguments.positive_int, default=60, help="of the slide (default 60)")
+        parser.add_argument(option, nargs="+", type=limits.poses, metavar="N", help=what)
+    parser.add_argument("--frames", type=limits.count, default=60, help="of the slide (default 60)")
     options.add_network_options(parser)
     options.add_json_option(parser)
 
 
 def _scale(args: argparse.Namespace) -> int:
+    from midastouch_common import se3
     from midastouch_common.output_paths import cached_codebook_path
     from midastouch_tools.codebooks import cached_codebook
     from midastouch_tools.progress import progress_bar
 
-    from ..speed.scaling import PARTICLES, POSES, FilterInput, measure, sizes
+    from ..speed.scaling import PARTICLES, POSES, measure, sizes
     from ..trials.cache import Touches
 
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
     measurements = Touches.perceive(sequence, networks).measurements
-    slide = FilterInput(measurements, sequence.poses_measured)
+    steps = list(zip(se3.odometry(sequence.poses_measured), measurements, strict=True))
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"
     ):
         cached_codebook(mesh, networks.tcn, networks.sensor, poses)
-        measured = measure(mesh.path, cached_codebook_path(mesh.name, poses), slide, particles)
+        measured = measure(mesh.path, cached_codebook_path(mesh.name, poses), steps, particles)
         points.append({"particles": particles, "poses": poses} | measured)
     return options.conclude(args, "bench-scale", timed.result(frames=args.frames, scaling=points))

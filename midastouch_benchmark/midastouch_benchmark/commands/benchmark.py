@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 from . import options
 
@@ -18,8 +18,8 @@ def add_parser(subparsers) -> None:
         "measure accuracy over objects on simulated slides, and compare variants of the filter",
         "midastouch benchmark --meshes ../shared/meshes/ycb --variant paper --jobs 2 --json out/accuracy.json",
         "Slides, codebooks and what the networks make of the slides are made once and kept in --out, as is every\n"
-        "finished trial: the same command goes on where it was stopped. With --cluster, trials run on the workers of\n"
-        "a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
+        "finished trial: the same command continues where it was stopped. With --cluster, trials run on the workers\n"
+        "of a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
         "--variant takes names and sets:\n"
         "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
         "(each mechanism and gate off), gates, front (what error is set against run time for: presets, alignments,\n"
@@ -37,14 +37,14 @@ def add_parser(subparsers) -> None:
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )
-    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
-    parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: as the protocol needs)")
-    parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per slide (default 10)")
+    parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=limits.path_length, help="of a slide, m (default: as the protocol needs)")
+    parser.add_argument("--seeds", type=limits.count, default=10, help="trials per slide (default 10)")
     parser.add_argument(
         "--init", nargs="+", choices=("paper", "uniform"), help="starts (default: as the protocol has it)"
     )
-    parser.add_argument("--beta", type=arguments.positive, help="width of `--init paper` (default: the protocol's)")
-    parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
+    parser.add_argument("--beta", type=limits.start_width, help="width of `--init paper` (default: the protocol's)")
+    parser.add_argument("--stride", type=limits.count, default=1, help="use every n-th frame (default 1)")
     parser.add_argument(
         "--variant", nargs="+", default=[], metavar="NAME", help="compared with the default, on the same slides"
     )
@@ -54,22 +54,19 @@ def add_parser(subparsers) -> None:
         metavar="NAME",
         help="what is done to the slides, and how trials start; see above (default plain)",
     )
-    parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
+    parser.add_argument("--codebook-size", type=limits.poses, help="poses (default: the protocol's)")
     options.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_tools.machine import machine_info
-
     from ..statistics.accuracy import compact_trials, summarise_accuracy
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..trials.campaign import Plan, run_campaign
+    from ..trials.campaign import Plan
     from ..trials.object_sets import chosen_meshes
     from ..trials.protocols import chosen_protocol
     from ..trials.setup import load_filter_config
-    from ..trials.trial_log import TrialLog
     from ..trials.variants import VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
@@ -89,12 +86,8 @@ def run(args: argparse.Namespace) -> int:
         args.protocol,
     )
     meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
-    log, machine = TrialLog(folder / "trials.jsonl"), machine_info()
-    with options.campaign(args, "trial") as workforce:
-        trials, missing = run_campaign(plan, meshes, log, workforce)
-    result = {
-        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
-        "machine": machine,
+    trials, result = options.run_campaign(args, plan, "trial", meshes)
+    result |= {
         "objects": [
             {
                 "object": mesh.name,
@@ -107,7 +100,6 @@ def run(args: argparse.Namespace) -> int:
         # without the command after the colon, which names folders of this machine
         "skipped_variants": {name: reason.partition(":")[0] for name, reason in skipped.items()},
         "levels": LEVELS,
-        "missing_trials": missing,
         "summary": summarise_accuracy(trials),
         "comparison": compare_variants(trials),
         "trials": compact_trials(trials),

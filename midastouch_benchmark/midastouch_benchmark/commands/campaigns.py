@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 from . import options
 
@@ -27,13 +27,11 @@ def _add_identify(subparsers) -> None:
         "midastouch identify --meshes ../shared/meshes/ycb --slides 10 --json out/identify.json",
         "Each trial slides 0.3 m over one object, of which nothing is known at the start: once with the object in the\n"
         "catalogue, and once left out of it. Slides, codebooks and finished trials are kept in --out, as by\n"
-        "`midastouch benchmark`: the same command goes on where it was stopped.",
+        "`midastouch benchmark`: the same command continues where it was stopped.",
     )
-    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
-    parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
-    parser.add_argument(
-        "--codebook-size", type=arguments.positive_int, default=50_000, help="poses of an object (default 50000)"
-    )
+    parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=limits.path_length, default=0.3, help="of a slide, m (default 0.3)")
+    parser.add_argument("--codebook-size", type=limits.poses, default=50_000, help="poses of an object (default 50000)")
     options.add_campaign_options(parser, "slide")
 
 
@@ -42,12 +40,10 @@ def _identify(args: argparse.Namespace) -> int:
     from ..trials.cache import SlideKind
     from ..trials.identification import IdentityPlan
     from ..trials.object_sets import chosen_meshes
-    from ..trials.setup import load_filter_config
 
     cache = options.cache_of(args, slides=SlideKind(args.length), codebook_size=args.codebook_size)
-    plan = IdentityPlan(cache, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
+    plan = IdentityPlan(cache, options.single_threaded(args), tuple(range(args.slides)))
     trials, result = options.run_campaign(args, plan, "slide")
-    result["config"] |= {"jobs": args.jobs, "cluster": args.cluster}
     catalogue = [mesh.name for mesh in chosen_meshes(args.meshes, args.objects, args.out)]
     summary = summarise_identification(trials) if trials else None
     result |= {"catalogue": catalogue, "identification": summary, "trials": trials}
@@ -71,9 +67,9 @@ def _add_ideal_observer(subparsers) -> None:
     parser.add_argument(
         "--evidence", nargs="+", choices=("maps", "codes"), help="what the observer compares (default: each)"
     )
-    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
-    parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: the protocol's)")
-    parser.add_argument("--codebook-size", type=arguments.positive_int, default=10_000, help="poses (default 10000)")
+    parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=limits.path_length, help="of a slide, m (default: the protocol's)")
+    parser.add_argument("--codebook-size", type=limits.poses, default=10_000, help="poses (default 10000)")
     options.add_campaign_options(parser, "slide")
 
 
@@ -88,7 +84,6 @@ def _ideal_observer(args: argparse.Namespace) -> int:
     config, evidence = options.single_threaded(args), tuple(dict.fromkeys(args.evidence or EVIDENCE))
     plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
     trials, result = options.run_campaign(args, plan, "slide")
-    result["config"] |= {"jobs": args.jobs, "cluster": args.cluster}
     summary = summarise_observing(trials, evidence, config.keyframe_spacing)
     return options.conclude(args, "ideal-observer", result | {"ideal_observer": summary, "trials": trials})
 
@@ -104,12 +99,14 @@ def _add_exploration(subparsers) -> None:
         "does: by what suggest_motion says, asked for slides or for lifts, too, or at random, until the filter is\n"
         "converged, it is said that nothing tells the remaining places apart, or the way is too long. Policies begin\n"
         "at the same places; that of an arm in MuJoCo (arm) over the object, which it presses and slides on.\n"
-        "Codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
+        "Codebooks and finished trials are kept in --out: the same command continues where it was stopped.",
     )
-    parser.add_argument("--trials", type=arguments.positive_int, default=10, help="per object and policy (default 10)")
+    parser.add_argument("--trials", type=limits.count, default=10, help="per object and policy (default 10)")
     parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: these), arm")
-    parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
-    parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
+    parser.add_argument(
+        "--length", type=limits.path_length, default=1.0, help="give up after this path [m] (default 1)"
+    )
+    parser.add_argument("--codebook-size", type=limits.poses, default=50_000, help="poses (default 50000)")
     options.add_campaign_options(parser, "trial")
 
 
@@ -134,25 +131,26 @@ def _add_motion(subparsers) -> None:
         "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 20 --json out/motion.json",
         "A UR in MuJoCo approaches an object somewhere, slides on, and on another slide something goes wrong. Camera,\n"
         "light, delays, friction, the error of the mount and how firmly the object is held are drawn at random.\n"
-        "Finished trials are kept in --out: the same command goes on where it was stopped. Needs the mujoco extra.",
+        "Finished trials are kept in --out: the same command continues where it was stopped. Needs the mujoco extra.",
     )
     options.add_meshes_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
-    parser.add_argument("--trials", type=arguments.positive_int, default=20, help="on each object (default 20)")
+    parser.add_argument(
+        "--out", type=arguments.writable_folder, metavar="DIR", default="out/benchmark", help="default out/benchmark"
+    )
+    parser.add_argument("--trials", type=limits.count, default=20, help="on each object (default 20)")
     options.add_sensor_option(parser, options.SIMULATED)
     options.add_workforce_options(parser, "trial")
     options.add_json_option(parser)
 
 
 def _motion(args: argparse.Namespace) -> int:
-    from pathlib import Path
 
     from midastouch_simulation.mujoco_arm import require_mujoco
 
     from ..trials.motion import MotionPlan
 
     require_mujoco()
-    plan = MotionPlan(args.trials, args.sensor, Path(args.out))
+    plan = MotionPlan(args.trials, args.sensor, args.out)
     trials, result = options.run_campaign(args, plan, "trial")
     return options.conclude(args, "evaluate-motion", result | {"trials": trials})
 
@@ -167,8 +165,8 @@ def _add_start(subparsers) -> None:
         "Of each object a filter is asked for as by set_object with the mesh alone, and then given the first touch of\n"
         "each slide. Slides are kept in --out, as by `midastouch benchmark`. Wall time: let nothing else run.",
     )
-    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
-    parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
+    parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=limits.path_length, default=0.3, help="of a slide, m (default 0.3)")
     options.add_object_options(parser)
 
 

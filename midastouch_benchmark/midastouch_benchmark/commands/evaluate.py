@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 from . import options
 
@@ -24,8 +24,9 @@ def add_parser(subparsers) -> None:
         "evaluate",
         run,
         "run the whole pipeline over sequences and measure errors and times",
-        "midastouch build-codebook ../shared/meshes/ycb/035_power_drill.ply\n"
-        "  midastouch evaluate ../shared/data/ycb_slide_sim/035_power_drill/00 --seeds 5 --init paper",
+        "midastouch simulate handle_tool --seed 3 --out out/slide\n"
+        "  midastouch build-codebook handle_tool\n"
+        "  midastouch evaluate out/slide --seeds 5 --init uniform",
         "Every frame is processed, in order, without ROS. Mesh and codebook are found by the object's name\n"
         "after `midastouch build-codebook`, or given.",
     )
@@ -52,10 +53,10 @@ def add_parser(subparsers) -> None:
         default="paper",
         help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
     )
-    parser.add_argument("--beta", type=arguments.positive, help="width of `--init paper` (default 1, with --real 0.5)")
-    parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
-    parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
-    parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
+    parser.add_argument("--beta", type=limits.start_width, help="width of `--init paper` (default 1, with --real 0.5)")
+    parser.add_argument("--seeds", type=limits.count, default=10, help="trials per sequence (default 10)")
+    parser.add_argument("--stride", type=limits.count, default=1, help="use every n-th frame (default 1)")
+    parser.add_argument("--max-frames", type=limits.count, help="stop after this many frames")
     options.add_network_options(parser, sensor="")
     options.add_sequence_options(parser)
     options.add_json_option(parser)
@@ -132,7 +133,6 @@ def _identify(
 
     from midastouch_common.errors import InputError
     from midastouch_filter.identification.catalogue import read_catalogue
-    from midastouch_tools.machine import machine_info
 
     from ..trials.identification import identify, right_answer
     from ..trials.sequence_trials import perceived
@@ -152,5 +152,4 @@ def _identify(
         truth = right_answer(catalogue, sequence.object_name)
         trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
     names = [entry.name for entry in catalogue.entries]
-    result = {"machine": machine_info(), "catalogue": names, "identified": trials}
-    return options.conclude(args, "evaluate --objects", result)
+    return options.conclude(args, "evaluate --objects", {"catalogue": names, "identified": trials})

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import os
 
 from midastouch_common.errors import InputError
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -19,7 +18,7 @@ def add_parser(subparsers) -> None:
         "make every report again that is of other code than today's, the most important first",
         "midastouch evidence --minutes 180",
         "The reports are those of reports/README.md, each made by the command that is named there, in a checkout with\n"
-        "../shared beside it. The same command goes on where it was stopped.",
+        "../shared beside it. The same command continues where it was stopped.",
     )
     parser.add_argument("reports", nargs="*", metavar="NAME", help="only these (default: all)")
     parser.add_argument("--list", action="store_true", help="show what would be made, and how long that takes")
@@ -29,10 +28,8 @@ def add_parser(subparsers) -> None:
         help="make nothing; exit 1 while a headline figure is of other code",
     )
     parser.add_argument("--headline", action="store_true", help="only those whose figures stand on the pages of docs/")
-    parser.add_argument("--minutes", type=arguments.positive, help="start nothing after this time")
-    parser.add_argument(
-        "--jobs", type=arguments.positive_int, default=len(os.sched_getaffinity(0)), help="default: one per core"
-    )
+    parser.add_argument("--minutes", type=limits.minutes, help="start nothing after this time")
+    arguments.add_jobs_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,7 +44,12 @@ def run(args: argparse.Namespace) -> int:
     steps = [each for each in plan(args.reports or None) if each.headline or not args.headline]
     open_ = [each for each in steps if each.state != "today"]
     if args.check:
-        return _check([each.name for each in open_ if each.headline])
+        old = [each.name for each in open_ if each.headline]
+        if not fingerprint.is_of_today():
+            print(f"reports/fingerprint.json is of other code; run: {fingerprint.RENEW}")
+            return 1
+        print("\n".join(f"{name}: of other code" for name in old) or "every headline figure is of today's code")
+        return 1 if old else 0
     if args.list:
         rows = [
             (each.name, "headline" if each.headline else "", each.state, in_words(each.takes(args.jobs)), each.command)
@@ -63,17 +65,6 @@ def run(args: argparse.Namespace) -> int:
     if failed:
         print(f"failed: {', '.join(failed)}")
     return 1 if failed else 0
-
-
-def _check(old: list[str]) -> int:
-    """Print the reports that are not of today's code; return the exit status."""
-    from ..evidence import fingerprint
-
-    if not fingerprint.is_of_today():
-        print(f"reports/fingerprint.json is of other code; run: {fingerprint.RENEW}")
-        return 1
-    print("\n".join(f"{name}: of other code" for name in old) or "every headline figure is of today's code")
-    return 1 if old else 0
 
 
 def _add_fingerprint(subparsers) -> None:

@@ -11,18 +11,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from midastouch_common.errors import InputError
+from midastouch_common.missing_modules import install_extra
 from midastouch_common.output_paths import SIMULATED, codebook_path
 from midastouch_filter.core.presets import PRESETS_IN_WORDS
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
     from midastouch_filter.core.config import FilterConfig
     from midastouch_perception.codebook import Codebook
+    from midastouch_tools.jobs import Workers
 
     from ..trials.cache import Cache
+    from ..trials.campaign import Plan
     from ..trials.setup import Networks
-    from ..trials.trial_log import Campaign, Workforce
+    from ..trials.trial_log import Campaign
 
 
 def add_network_options(parser: argparse.ArgumentParser, sensor: str = SIMULATED) -> None:
@@ -113,24 +116,26 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 
 
 def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, also: Sequence[str] = ()) -> int:
-    """Write `result` to the file of --json, with the command line that made it and its fingerprint; print its tables.
+    """Write `result` to the file of --json, with the command line that made it, its fingerprint and, unless
+    it has one already, the machine; print its tables.
 
     kind: one of `EXPERIMENTS`; notes: further lines; also: parts of the fingerprint on which this result depends, too.
     Returns the exit status.
     """
+    from midastouch_tools.machine import machine_info
     from midastouch_tools.result_file import to_json, write_compact_json
 
     from ..tables.experiments import EXPERIMENTS
     from ..tables.table import shown
 
-    experiment, result = EXPERIMENTS[kind], to_json(result)
+    experiment, result = EXPERIMENTS[kind], to_json({"machine": machine_info()} | result)
     if args.json:
         from ..evidence.fingerprint import today
 
         made = "+".join(today()[part] for part in (*experiment.parts, *also))
         write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     left = [
-        f"{result[key]} {unit}s are left; the same command goes on with them"
+        f"{result[key]} {unit}s are left; the same command continues with them"
         for key, unit in (("missing_trials", "trial"), ("missing_slides", "slide"))
         if result.get(key)
     ]
@@ -147,8 +152,9 @@ def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
 
 def add_workforce_options(parser: argparse.ArgumentParser, unit: str) -> None:
     """Add the options of workers and time that `campaign` takes. unit: name of one trial."""
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
+    arguments.add_jobs_option(parser)
+    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786")
+    parser.add_argument("--minutes", type=limits.minutes, help=f"start no {unit} after this time")
 
 
 def add_meshes_options(parser: argparse.ArgumentParser) -> None:
@@ -167,7 +173,9 @@ def add_meshes_options(parser: argparse.ArgumentParser) -> None:
 def add_object_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of objects, folder, settings and networks, and --json."""
     add_meshes_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
+    parser.add_argument(
+        "--out", type=arguments.writable_folder, metavar="DIR", default="out/benchmark", help="default out/benchmark"
+    )
     add_filter_options(parser)
     add_network_options(parser)
     add_json_option(parser)
@@ -179,7 +187,7 @@ def campaign_folder(args: argparse.Namespace, *parts: str) -> Path:
     from ..evidence.fingerprint import today
 
     made_by = "+".join(today()[part] for part in ("slides", *parts))
-    return Path(args.out).resolve() / made_by  # workers may run elsewhere
+    return args.out.resolve() / made_by  # workers may run elsewhere
 
 
 def cache_of(args: argparse.Namespace, **settings: Any) -> Cache:
@@ -198,32 +206,53 @@ def single_threaded(args: argparse.Namespace) -> FilterConfig:
     return dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
 
 
+CONNECT_S = 10.0  # s
+
+
 @contextmanager
-def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
-    """Open the workers that run the trials, by the options of a campaign."""
-    from midastouch_tools.cluster import open_cluster
+def open_cluster(address: str) -> Iterator[Workers]:
+    """Open the workers of the Dask scheduler at an address such as tcp://10.0.0.1:8786.
+
+    Raises InputError without Dask, if no scheduler answers, and if workers die again and again.
+    """
+    from midastouch_tools.jobs import Workers
+
+    try:
+        from distributed import Client, KilledWorker
+
+        client = Client(address, timeout=CONNECT_S)
+    except ImportError as error:
+        raise InputError(f"--cluster needs Dask; install it: {install_extra('cluster')}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{address}: no scheduler answers ({error}); start one: dask scheduler") from error
+    with client:
+        try:
+            # not pure: Dask would reuse the result of an earlier task with the same arguments
+            yield Workers(client.get_executor(pure=False), lambda: len(client.nthreads()))
+        except KilledWorker as error:
+            raise InputError(f"workers died again and again ({error}); give each more memory") from error
+
+
+def run_campaign(
+    args: argparse.Namespace, plan: Campaign | Plan, unit: str, meshes: list[ObjectMesh] | None = None
+) -> tuple[list[dict], dict]:
+    """Run a campaign with the workers of the options; return its trials, and the first entries of its result: config,
+    machine and the number of missing units. meshes: the objects, if not those of the options."""
+    from midastouch_tools.jobs import open_workers
+    from midastouch_tools.machine import machine_info
     from midastouch_tools.progress import progress_bar
 
+    from ..trials.object_sets import chosen_meshes
     from ..trials.trial_log import Workforce
 
+    machine, meshes = machine_info(), meshes or chosen_meshes(args.meshes, args.objects, args.out)
     with ExitStack() as opened:
 
         def start_progress(total: int) -> Callable[[int], object]:
             return opened.enter_context(progress_bar(total=total, unit=unit)).update
 
         deadline = time.monotonic() + 60 * args.minutes if args.minutes else math.inf
-        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
-        yield Workforce(cluster, deadline, start_progress)
-
-
-def run_campaign(args: argparse.Namespace, plan: Campaign, unit: str) -> tuple[list[dict], dict]:
-    """Run a campaign over the objects of the options; return its trials, and the first entries of its result: config,
-    machine and the number of missing units."""
-    from midastouch_tools.machine import machine_info
-
-    from ..trials.object_sets import chosen_meshes
-
-    machine, meshes = machine_info(), chosen_meshes(args.meshes, args.objects, args.out)
-    with campaign(args, unit) as workforce:
-        trials, missing = plan.run(meshes, workforce)
-    return trials, {"config": plan.describe(), "machine": machine, f"missing_{unit}s": missing}
+        workers = opened.enter_context(open_cluster(args.cluster) if args.cluster else open_workers(args.jobs))
+        trials, missing = plan.run(meshes, Workforce(workers, deadline, start_progress))
+    config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
+    return trials, {"config": config, "machine": machine, f"missing_{unit}s": missing}

@@ -18,7 +18,13 @@ def add_parser(subparsers) -> None:
         "Takes the JSON files of every command that measures, several of each.",
     )
     parser.add_argument("results", nargs="+", metavar="JSON", help="result files")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for index.html, index.md, pictures")
+    parser.add_argument(
+        "--out",
+        type=arguments.writable_folder,
+        required=True,
+        metavar="DIR",
+        help="folder for index.html, index.md, pictures",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

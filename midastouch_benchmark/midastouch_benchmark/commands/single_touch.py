@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
 from midastouch_common.output_paths import codebook_path
-from midastouch_tools.commands import arguments
+from midastouch_tools.commands import arguments, limits
 
 from . import options
 
@@ -35,8 +35,8 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--codebook", metavar="FILE", help="of one object, or folder of build-codebook (default out/codebooks)"
     )
-    parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="per object (default 10000)")
-    parser.add_argument("--seed", type=arguments.seed, default=0, help="of the touches (default 0)")
+    parser.add_argument("--queries", type=limits.queries, default=10_000, help="per object (default 10000)")
+    parser.add_argument("--seed", type=limits.seed, default=0, help="of the touches (default 0)")
     parser.add_argument(
         "--lighting",
         choices=("tacto", "random"),
@@ -52,7 +52,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--baseline-size", choices=("0",), help=argparse.SUPPRESS)
     parser.add_argument(
         "--exhaustive",
-        type=arguments.seed,
+        type=limits.seed,
         default=0,
         metavar="N",
         help="touches per object that are also compared, map by map, with each pose of a book: what no code can beat; "
@@ -67,7 +67,6 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from midastouch_common.files import require_file
-    from midastouch_tools.machine import machine_info
     from midastouch_tools.progress import progress_bar
 
     from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
@@ -100,7 +99,6 @@ def run(args: argparse.Namespace) -> int:
             "exhaustive": args.exhaustive,
             "networks": networks.describe(),
         },
-        "machine": machine_info(),
     }
     return options.conclude(args, "single-touch", content)
 

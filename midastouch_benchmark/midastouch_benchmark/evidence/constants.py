@@ -24,8 +24,11 @@ from midastouch_filter.core.presets import PRESETS
 from ..trials.setup import Networks
 
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
-# modules for messages, trainings and calibrations, which make no estimates
-_ELSEWHERE = ("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network")
+# modules for messages, trainings and calibrations, and those that only refuse images: they make no estimates
+_ELSEWHERE = (
+    *("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network"),
+    *("frame_guard", "fixed_pattern", "gel_view"),
+)
 _OF_ESTIMATES = ("grasp", "symmetry")  # no image, map or code depends on these
 _OF_THE_MACHINE = ("threads",)
 _ROUNDING = 1e-6  # of a number with the seven digits of a float

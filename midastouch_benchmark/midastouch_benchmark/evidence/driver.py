@@ -62,19 +62,13 @@ class Step:
 def plan(names: list[str] | None = None) -> list[Step]:
     """Return every report on estimates, or those of these names, the most important first."""
     there, first = reported(), headline()
-    old = set(stale(there))
+    states = dict.fromkeys(there, "today") | {name: fingerprint_of(name) or "unknown" for name in stale(there)}
     ordered = [*first, *(name for name in COMMANDS if name not in first)]
     return [
-        Step(name, COMMANDS[name], name in first, _state(name, there, old), _seconds(name, there))
+        Step(name, COMMANDS[name], name in first, states.get(name, "missing"), _seconds(name, there))
         for name in ordered
         if name in (names or COMMANDS) and name not in NO_ESTIMATES
     ]
-
-
-def _state(name: str, there: list[str], old: set[str]) -> str:
-    if name not in there:
-        return "missing"
-    return (fingerprint_of(name) or "unknown") if name in old else "today"
 
 
 def measured_seconds() -> dict[str, float]:
@@ -121,7 +115,7 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
         left = sum(each.takes(jobs) for each in steps[number:])
         say(f"{step.name} ({number + 1} of {len(steps)}); about {in_words(left)} left")
         if end is not None and time.monotonic() >= end:
-            say(f"the time is up; the same command goes on with {step.name}")
+            say(f"the time is up; the same command continues with {step.name}")
             break
         began = time.monotonic()
         try:
@@ -132,7 +126,7 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
             continue
         took = time.monotonic() - began
         if not whole:
-            say(f"{step.name}: not all trials are done; the same command goes on with it")
+            say(f"{step.name}: not all trials are done; the same command continues with it")
             break
         # a resumed report takes less time than a whole one
         remember_seconds(step.name, max(took * (jobs if step.shared_out else 1), step.seconds / 2))

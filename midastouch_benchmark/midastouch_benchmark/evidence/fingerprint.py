@@ -17,7 +17,7 @@ import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +34,7 @@ from midastouch_tools.result_file import read_json
 from ..trials import disturbances, protocols
 from . import constants
 from .constants import Constants
-from .filter_probes import filter_probes
-from .perception_probes import perception_probes, real_gel_probes, slide_probes
-from .probe import Probe, Probes
-from .scene import ProbeScene, nudged, off
+from .probes import Probe, Probes, ProbeScene, filter_probes, perception_probes, real_gel_probes, slide_probes
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMITTED = ROOT / "reports" / "fingerprint.json"
@@ -79,19 +76,12 @@ Fingerprint = dict[str, Part]
 def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fingerprint:
     """Measure the code as it runs here; config: the filter's, if not its defaults; seed: of a nudge to every input."""
     both = scenes()
-    if seed is None:
-        seen, answered = perception_probes(both[0]), filter_probes(both, config or FilterConfig())
-        touched = real_gel_probes(both[0].mesh, both[0].poses)
-    else:
-        rng = np.random.default_rng(seed)
-        seen = perception_probes(both[0], partial(off, rng=rng))
-        answered = filter_probes(both, config or FilterConfig(), partial(nudged, rng=rng))
-        touched = real_gel_probes(both[0].mesh, both[0].poses, partial(off, rng=rng))
+    rng = None if seed is None else np.random.default_rng(seed)
     return {
-        PERCEPTION: Part(seen, constants.of_perception(both[0].networks)),
+        PERCEPTION: Part(perception_probes(both[0], rng), constants.of_perception(both[0].networks)),
         SLIDES: Part(slide_probes(both), {}),
-        ESTIMATES: Part(answered, constants.of_filter()),
-        REAL_GEL: Part(touched, constants.of_calibration()),
+        ESTIMATES: Part(filter_probes(both, config or FilterConfig(), rng), constants.of_filter()),
+        REAL_GEL: Part(real_gel_probes(both[0].mesh, both[0].poses, rng), constants.of_calibration()),
     }
 
 

@@ -16,7 +16,7 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_radius
+from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_maps, measured_radius
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import TouchedBackground, shows_contact
@@ -194,33 +194,25 @@ def roc_area(high: np.ndarray, low: np.ndarray) -> float:
     return float(np.mean((high > low) + 0.5 * (high == low))) if high.size and low.size else float("nan")
 
 
-def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
-    """Return the fraction of real no-contact images (B, H, W, 3) uint8 refused, unchanged and made wrong in each way.
+def layout_quality(backgrounds: np.ndarray) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the fraction of real no-contact images (B, H, W, 3) uint8 refused, unchanged and made wrong in each way;
+    and of those turned in each way, the fraction whose turn is named.
 
     Each is compared with the mean of the others.
     """
     wrong: dict[str, Callable] = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
     wrong["saturated"] = lambda image: as_bytes(image * 2.5)
     refused: dict[str, list[bool]] = {name: [] for name in wrong}
-    for image, layout in _each_against_the_others(backgrounds):
-        for name, make in wrong.items():
-            refused[name].append(bool(image_problem(np.ascontiguousarray(make(image)), layout)))
-    return {name: float(np.mean(alarms)) for name, alarms in refused.items()}
-
-
-def causes_named(backgrounds: np.ndarray) -> dict[str, float]:
-    """Return the fraction of real no-contact images (B, H, W, 3) uint8 whose cause is named, by how they are turned."""
     named: dict[str, list[bool]] = {name: [] for name in ORIENTATIONS}
-    for image, layout in _each_against_the_others(backgrounds):
-        for name, make in ORIENTATIONS.items():
-            named[name].append(misorientation(np.ascontiguousarray(make(image)), layout) == name)
-    return {name: float(np.mean(right)) for name, right in named.items()}
-
-
-def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield every image and the mean layout of the others."""
     for i, image in enumerate(backgrounds):
-        yield image, mean_layout(np.delete(backgrounds, i, axis=0))
+        layout = mean_layout(np.delete(backgrounds, i, axis=0))
+        for name, make in wrong.items():
+            made = np.ascontiguousarray(make(image))
+            refused[name].append(bool(image_problem(made, layout)))
+            if name in named:
+                named[name].append(misorientation(made, layout) == name)
+    alarms, causes = ({name: float(np.mean(each)) for name, each in some.items()} for some in (refused, named))
+    return alarms, causes
 
 
 def missed_by_depth(touches: Sequence[tuple[float, bool]]) -> list[dict]:
@@ -292,4 +284,5 @@ def measured_balls(
     for _ in range(n):
         radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)
-        yield radius, measured_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+        maps = measured_maps(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+        yield radius, measured_radius(maps, sensor.for_maps.pixel_size)

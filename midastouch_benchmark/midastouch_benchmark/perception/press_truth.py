@@ -1,4 +1,4 @@
-"""Truth of presses of a ball: the usable presses, the ball's place in each, and the sensor calibrations.
+"""Report `presses`: the usable presses of a ball, its place in each, and the sensor calibrations that judge them.
 
 The ball is known by labels. Without labels the images give it: every press's contact is moved until one light for all
 presses explains the images best, as `midastouch calibrate` does; no network and no label takes part. If that fails, it
@@ -7,7 +7,10 @@ is taken from the outline that the network measures, by which the network seems 
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -17,11 +20,12 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_calibration.fit import FEWEST, MOST, calibrate
 from midastouch_perception.sensor_calibration.presses import Press
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tdn import colour_layout
+from midastouch_perception.tdn import DepthNet, colour_layout, load_tdn
 from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
-from midastouch_tools.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses
+from midastouch_tools.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses, load_ball_presses
+from midastouch_tools.progress import progress_bar
 
-from .press_quality import visible_contact
+from .press_quality import measure_presses, visible_contact
 
 
 class FittedBall:
@@ -55,10 +59,6 @@ class FittedBall:
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray) -> np.ndarray:
         """Return the penetration (H, W) m of the ball."""
         return np.maximum(self._fitted[image.tobytes()][1], 0)
-
-    def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
-        """Return the deepest penetration [m]; the sinking of the gel around the ball is not known."""
-        return float(penetration.max())
 
 
 def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
@@ -161,3 +161,75 @@ def held_out_calibrations(
         made = calibrate(images, presses.background, ball_diameter, sensor, diameter_is_right=True).calibration
         out |= {names[i]: made for i in group}
     return out
+
+
+def report(args: argparse.Namespace) -> dict:
+    """Judge the depth network on presses of a ball, and with --check-labels their labels; InputError for unusable ones,
+    missing labels, or another gel's calibration."""
+    sensor = SensorModel.load(args.sensor)
+    if args.px_per_mm:
+        sensor = sensor.at_scale(1e3 * args.px_per_mm)
+    usable, unusable = usable_presses(load_ball_presses(args.folder), sensor)
+    if args.check_labels and usable.circles is None:
+        raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")
+    network, radius = load_tdn(args.tdn, sensor), args.ball_diameter / 2
+    settings = {
+        "ball_diameter": args.ball_diameter,
+        "calibration": args.calibration,
+        "calibrated_with": args.calibrate_with,
+        "seed": args.seed,
+    }
+    calibrations = calibrations_of(settings, usable, sensor)
+    known = with_truth(usable, args.ball_diameter, sensor)
+    with progress_bar(total=len(usable.images), unit="press") as bar:
+        rows, summary = measure_presses(network, known.presses, radius, bar.update, calibrations)
+    summary["brightness_mm"] = 1e3 * brightness_effect(network, usable, calibrations)
+    checked = {}
+    if args.check_labels:
+        ball = FittedBall(usable, args.ball_diameter, sensor)
+        labelled = usable.only(list(ball.presses.images))
+        checked = {
+            "labels": measure_presses(ball, labelled, radius)[1],  # type: ignore[arg-type] # it replaces a network
+            "against_fit": measure_presses(network, ball.presses, radius, calibrations=calibrations)[1],
+        }
+    return {
+        "folder": str(Path(args.folder).resolve()),
+        **settings,
+        "px_per_mm": args.px_per_mm,
+        "tdn": args.tdn,
+        "network": network.network_id,
+        "sensor": args.sensor,
+        "model_calibration": SensorCalibration.default(sensor) is not None,
+        "unusable": _listed(unusable),
+        "unfitted": _listed(known.unfitted),
+        "depth_problem": known.problem,
+        "presses": rows,
+        "summary": summary,
+        **checked,
+    }
+
+
+def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
+    return [{"image": name, "problem": problem} for name, problem in problems.items()]
+
+
+CHANGES = 0.9, 1.1
+
+
+def brightness_effect(
+    network: DepthNet, presses: BallPresses, calibrations: Mapping[str, SensorCalibration] | None = None
+) -> float:
+    """Return the root mean square over all pixels [m] by which the map of a press changes with its brightness.
+
+    Of each press the larger effect of the two `CHANGES` counts; the result is the median over presses. The no-contact
+    image stays as it is; calibrations: of each press, as in `measure_presses`.
+    """
+    effects = []
+    for name, image in presses.images.items():
+        if calibrations is not None:
+            network.calibration = calibrations[name]
+        measured = network.predict(image, presses.background)
+        changed = [np.clip(np.rint(factor * image.astype(np.float32)), 0, 255).astype(np.uint8) for factor in CHANGES]
+        errors = [network.predict(other, presses.background) - measured for other in changed]
+        effects.append(max(float(np.sqrt(np.mean(error**2))) for error in errors))
+    return float(np.median(effects))

@@ -1,5 +1,5 @@
-"""Checks on sensors of real gel: slow changes of light that are taken for a contact, light touches that are missed, and
-how reliably a gel is recognised by its texture.
+"""Report `checks`, and the checks on sensors of real gel: slow changes of light that are taken for a contact, light
+touches that are missed, and how reliably a gel is recognised by its texture.
 
 One gate (`DepthStage`) decides the first two: a contact is a change that a shape explains. For the last, each sensor is
 compared with its own no-contact image and with those of other sensors.
@@ -7,10 +7,12 @@ compared with its own no-contact image and with those of other sensors.
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -25,10 +27,25 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet, load_tdn
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
-from midastouch_tools.datasets.ball_presses import BallPresses
+from midastouch_simulation.optics import ColourTable
+from midastouch_simulation.randomisation import RandomisationRange
+from midastouch_simulation.training.setting import load_backgrounds
+from midastouch_tools.datasets.ball_presses import BallPresses, load_ball_presses
+from midastouch_tools.progress import progress_bar
 
 from ..trials.real_sensor import calibrate_measured
-from .check_quality import LIGHT_TOUCHES, as_bytes, missed_by_depth, wire
+from .check_quality import (
+    LIGHT_TOUCHES,
+    TOUCHES,
+    CheckQuality,
+    as_bytes,
+    diameter_checks,
+    imaginary_sensors,
+    layout_quality,
+    missed_by_depth,
+    real_checks,
+    wire,
+)
 
 SLOW_LIGHT = (0.05, 0.1, 0.2, 0.4)
 """Largest change of the light within a record, as a fraction of the no-contact image."""
@@ -62,9 +79,13 @@ def measured_readings(tdn: str, rng: np.random.Generator) -> list[Reading]:
 def mini_reading(tdn: str) -> Reading:
     """Return a GelSight Mini read by the calibration of its model, with the no-contact colours of that calibration."""
     mini = SensorModel.load("gelsight_mini")
-    colours = SensorCalibration.default(mini).background
-    background = cv2.resize(colours, (mini.width, mini.height), interpolation=cv2.INTER_CUBIC)
-    return Reading("GelSight Mini, by its model's calibration", load_tdn(tdn, mini), as_bytes(background))
+    return Reading("GelSight Mini, by its model's calibration", load_tdn(tdn, mini), resting_image(mini))
+
+
+def resting_image(sensor: SensorModel) -> np.ndarray:
+    """Return the no-contact image (H, W, 3) uint8 of a sensor that has a calibration of its model, by its colours."""
+    colours = SensorCalibration.default(sensor).background
+    return as_bytes(cv2.resize(colours, (sensor.width, sensor.height), interpolation=cv2.INTER_CUBIC))
 
 
 def slow_light(readings: Sequence[Reading], records: int, rng: np.random.Generator) -> list[dict]:
@@ -227,3 +248,43 @@ def _with_spot(background: np.ndarray, other: np.ndarray, rng: np.random.Generat
     spoiled = background.copy()
     spoiled[square] = np.clip(light[0] + other - light[1], 0, 255)[square]
     return spoiled
+
+
+_RECORDS = 12  # of slow light on each calibrated sensor
+
+
+def report(args: argparse.Namespace) -> dict:
+    """Measure how often the checks on tactile images are wrong, on imaginary, measured and real sensors."""
+    sensor, rng = SensorModel.load(args.sensor), np.random.default_rng(args.seed)
+    pressed = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
+    backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
+    ranges = RandomisationRange(colour_table=ColourTable.load(args.colour_table) if args.colour_table else None)
+    network = load_tdn(args.tdn, sensor)
+    quality = CheckQuality(network)
+    sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
+    for own, other in progress_bar(iterable=pairwise(sensors), total=args.sensors, unit="sensor"):
+        quality.add(own, other)
+    real = SensorModel.load("digit_real")
+    network_of_real = load_tdn(args.tdn, real)
+    large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
+    digits = [Reading("DIGIT", network_of_real, background) for background in large]
+    measured = measured_readings(args.tdn, rng)
+    calibrated = [each for each in measured if each.tdn.calibration_in_use] + [mini_reading(args.tdn)]
+    refused, named = layout_quality(backgrounds)
+    return {
+        "network": network.network_id,
+        "sensor": args.sensor,
+        "sensors": args.sensors,
+        "no_contact_images": len(backgrounds),
+        "seed": args.seed,
+        "fit_check": quality.fit(),
+        "no_contact_image": refused,
+        "cause_named": named,
+        "capture": quality.capture(),
+        "contact": quality.contact(),
+        "light_touches": missed_touches(measured, TOUCHES * args.sensors, rng),
+        "real_sensors": {name: real_checks(network_of_real, each, rng) for name, each in pressed.items()},
+        "gels": gels_known(network_of_real, pressed, large, real, rng),
+        "slow_light": slow_light(digits, 1, rng) + slow_light(calibrated, _RECORDS, rng),
+        "ball_diameter": diameter_checks(real, large, args.sensors, rng),
+    }

@@ -7,6 +7,7 @@ the sensor's presses, which every other evaluation simulates.
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 from collections.abc import Iterator
 
@@ -23,13 +24,15 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import AnyCodeNet
+from midastouch_perception.tcn import AnyCodeNet, load_tcn
 from midastouch_perception.tdn import load_tdn
-from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
+from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_simulation.soft_gel import ElasticLayer
 from midastouch_simulation.solids import Layer, rectangle, stacked
+from midastouch_tools.progress import progress_bar
 
 from ..single_touch.matches import best_matches, single_touch_errors
+from ..trials.object_sets import chosen_meshes
 from ..trials.real_sensor import calibrate_measured, within_gel
 
 THICKNESSES = (None, 1.5e-3, 3e-3, 6e-3)
@@ -152,3 +155,24 @@ class CommandedPresses:
             for there, contact in zip(depths, contacts, strict=True):
                 read = {"commanded_mm": 1e3 * float(there.max()), "depth_mm": 1e3 * contact.depth_m}
                 yield {"press": kind} | sensor.about | read
+
+
+def report(args: argparse.Namespace) -> dict:
+    """Measure touches and presses of known depth on soft gel."""
+    meshes = chosen_meshes(args.meshes, args.objects, "out/benchmark")
+    sensor = SensorModel.load("digit_real")
+    tcn, sensors = load_tcn("fast", sensor), []
+    for number, name in enumerate(measured_sensors()):
+        optics = MeasuredOptics.load(name)
+        for thickness in THICKNESSES:
+            sensors.append(SoftSensor(optics, sensor, thickness))
+            sensors.append(SoftSensor(optics, sensor, thickness, np.random.default_rng([args.seed, number])))
+    commanded = CommandedPresses(sensor, args.presses, np.random.default_rng(args.seed))
+    pressed = [row for each in sensors for row in commanded.seen_by(each)]
+    touches = []
+    for mesh in progress_bar(iterable=meshes, total=len(meshes), unit="object"):
+        # the seed of an object does not depend on which others are measured
+        rng = np.random.default_rng([args.seed, int(mesh.sha256[:8], 16)])
+        touched = SoftGelTouches(mesh, sensor, tcn, args.touches, rng)
+        touches += [row for each in sensors for row in touched.seen_by(each)]
+    return {"seed": args.seed, "touches": touches, "presses": pressed}

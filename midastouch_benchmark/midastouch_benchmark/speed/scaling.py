@@ -6,12 +6,10 @@ import multiprocessing
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -28,16 +26,11 @@ PARTICLES = (100, 1_000, 10_000, USUAL)
 POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
 
 
-@dataclass(frozen=True)
-class FilterInput:
-    """Input of every filter. touches; measured: poses (N, 4, 4) of the gel in any fixed frame, of which only steps
-    count."""
-
-    touches: Sequence[Measurement]
-    measured: np.ndarray
+Steps = Sequence[tuple[np.ndarray | None, Measurement]]
+"""Input of every filter: odometry and touch of each step."""
 
 
-def measure(mesh: Path, codebook: Path, slide: FilterInput, particles: int) -> dict:
+def measure(mesh: Path, codebook: Path, steps: Steps, particles: int) -> dict:
     """Measure one step, with its deferred work, on a codebook of which `particles` poses are hypotheses at the start.
 
     step_ms: as of `CallTimer`; memory_mb: the most that a process with this filter alone needs, MiB.
@@ -47,19 +40,19 @@ def measure(mesh: Path, codebook: Path, slide: FilterInput, particles: int) -> d
     # spawned: a forked process would begin with the memory of this one
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
         try:
-            return process.submit(_measure, mesh, codebook, slide, particles).result()
+            return process.submit(_measure, mesh, codebook, steps, particles).result()
         except BrokenProcessPool as error:
             raise InputError(
                 f"{codebook}: the process with {particles} hypotheses died; memory is short, give fewer"
             ) from error
 
 
-def _measure(mesh_path: Path, codebook: Path, slide: FilterInput, particles: int) -> dict:
+def _measure(mesh_path: Path, codebook: Path, steps: Steps, particles: int) -> dict:
     mesh, stopwatch = ObjectMesh.load(mesh_path), CallTimer()
     config = FilterConfig(max_particles=particles)
     particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config)
     particle_filter.initialise_uniform()
-    for odometry, touch in zip(se3.odometry(slide.measured), slide.touches, strict=True):
+    for odometry, touch in steps:
         with stopwatch:
             particle_filter.step(odometry, touch)
             particle_filter.deferred_update()

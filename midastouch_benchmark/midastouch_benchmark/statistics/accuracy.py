@@ -30,32 +30,24 @@ def final_errors(trials: list[dict], key: str) -> np.ndarray:
 
 def is_right(trial: dict) -> bool:
     """Return whether the trial ended `converged` at a pose that is right by its yardstick."""
-    return trial["final"]["state"] == CONVERGED and _judged(trial, "right", "estimate_trans_mm")
+    return trial["final"]["state"] == CONVERGED and trial["final"]["right"]
 
 
 def is_right_or_among_modes(trial: dict) -> bool:
     """Return whether the trial ended as in `is_right`, or `ambiguous` with a mode that is right."""
     ambiguous = trial["final"]["state"] == AMBIGUOUS
-    return is_right(trial) or (ambiguous and _judged(trial, "among_modes", "min_cluster_trans_mm"))
-
-
-def _judged(trial: dict, what: str, error: str) -> bool:
-    """Return the verdict in the trial's end; trials before `RECORD` 7 have none and are judged by a distance."""
-    final = trial["final"]
-    if what in final:
-        return final[what]
-    return final[error] is not None and final[error] <= 1e3 * trial["right_m"]
+    return is_right(trial) or (ambiguous and trial["final"]["among_modes"])
 
 
 def wrong_converged(trials: list[dict]) -> float:
     """Return the fraction of all frames in which the filter was converged at a wrong pose."""
-    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
-    return wrong / max(sum(t["frames"] for t in trials), 1)
+    return int(_converged_wrong(trials).sum()) / max(sum(t["frames"] for t in trials), 1)
 
 
-def said_foreign(trials: list[dict]) -> float:
-    """Return the fraction of trials at whose end the filter reports that another object is touched."""
-    return float(np.mean([t["final"]["foreign"] for t in trials]))
+def _alarms(trials: list[dict]) -> dict[str, float]:
+    """Return `wrong_converged`, and `foreign`: the fraction of trials that report another object at their end."""
+    foreign = float(np.mean([t["final"]["foreign"] for t in trials]))
+    return {"wrong_converged": wrong_converged(trials), "foreign": foreign}
 
 
 def _summarise(trials: list[dict]) -> dict:
@@ -104,8 +96,7 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
             name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials]))
             for name in dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
         },
-        "wrong_converged": wrong_converged(trials),
-        "foreign": said_foreign(trials),
+        **_alarms(trials),
         "held": grasp_summary(trials),
     }
     if not in_full:
@@ -113,8 +104,7 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         return out
     out["trust"] = trust(trials)
     for name, one in out["objects"].items():
-        of_object = [trial for trial in trials if trial["object"] == name]
-        one |= {"wrong_converged": wrong_converged(of_object), "foreign": said_foreign(of_object)}
+        one |= _alarms([trial for trial in trials if trial["object"] == name])
     return out
 
 
@@ -154,7 +144,7 @@ def trust(trials: list[dict]) -> dict:
     `frames` later; found_again: those right after, of those right before; misled: of those right before, those that are
     ever converged at a wrong pose; misled_frames: in how many frames; frames_until_right: infinite if never again;
     final errors of particles, closest mode and published pose; ms: of a frame; filter_cpu_ms: of the filter; weights:
-    by bin of `WEIGHTS`, frames, mean weight of the published mode, fraction of frames whose pose is right.
+    by bin of `WEIGHTS`, frames, and fraction of them whose pose is right.
     enough: whether there are enough trials for a claim.
     """
     figures = Figures.by_slide(trials)
@@ -176,12 +166,7 @@ def trust(trials: list[dict]) -> dict:
 
 
 def counted_anew(summary: dict, trials: list[dict]) -> dict:
-    """Return a report's summary over these trials, with all that is counted in trials computed again by today's code.
-
-    If the trials lack a field that is counted now, the summary is returned unchanged.
-    """
-    if "trust" not in summary or any("foreign" not in trial["final"] for trial in trials):
-        return summary
+    """Return a report's summary over these trials, with all that is counted in trials computed by today's code."""
     figures = Figures.by_slide(trials)
     return summary | {"trust": summary["trust"] | _at_the_end(trials, figures) | _around_an_event(trials, figures)}
 
@@ -200,7 +185,7 @@ def right_or_among_modes_at_end(trials: list[dict]) -> dict:
 
 def pose_right_at_end(trials: list[dict]) -> dict:
     """Return the fraction of trials, with its interval, whose last published pose is right, whatever the state."""
-    return Figures.by_slide(trials).fraction([_judged(trial, "right", "estimate_trans_mm") for trial in trials])
+    return Figures.by_slide(trials).fraction([trial["final"]["right"] for trial in trials])
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
@@ -266,10 +251,8 @@ def _around_an_event(trials: list[dict], figures: Figures) -> dict:
 def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
     out = []
     for k in range(len(WEIGHTS) + 1):
-        frames, right, weight = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right", "weight"))
-        count = int(np.sum(frames))
-        mean = float(np.sum(weight)) / count if count else None
-        out.append({"frames": count, "mean_weight": mean, "right": figures.fraction(right, frames)})
+        frames, right = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right"))
+        out.append({"frames": int(np.sum(frames)), "right": figures.fraction(right, frames)})
     return out
 
 

@@ -36,7 +36,13 @@ def compare_variants(trials: list[dict]) -> list[dict]:
 
 
 def _row(trials: list[dict], default: list[dict]) -> dict:
-    one = _figures(trials)
+    one = {
+        "trials": len(trials),
+        **{key: float(np.nanmean(final_errors(trials, key))) for key in ("e_trans_mm", "e_rot_deg")},
+        "right": sum(map(is_right, trials)) / len(trials),
+        "wrong_converged": wrong_converged(trials),
+        "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
+    }
     groups = [(t["object"], t["slide"]) for t in trials]
     differences: dict[str, float | list[float]] = {}
     for name, figure in _PAIRED.items():
@@ -80,16 +86,6 @@ _PAIRED = {
     "wrong_converged_difference": lambda trials: np.array([wrong_converged([trial]) for trial in trials]),
     "cpu_difference_ms": lambda trials: np.array([trial["filter_cpu_ms"] for trial in trials]),
 }
-
-
-def _figures(trials: list[dict]) -> dict:
-    return {
-        "trials": len(trials),
-        **{key: float(np.nanmean(final_errors(trials, key))) for key in ("e_trans_mm", "e_rot_deg")},
-        "right": sum(map(is_right, trials)) / len(trials),
-        "wrong_converged": wrong_converged(trials),
-        "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
-    }
 
 
 def pareto_front(rows: list[dict], error: str) -> list[dict]:

@@ -8,6 +8,7 @@ fraction q of all cases.
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -37,47 +38,25 @@ def nees(estimate: Estimate, truth: np.ndarray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-class Coverage:
-    """Counter of the levels at which the published Gaussians hold the truth, by kind of frame.
+def level_counts(frames: pd.DataFrame) -> dict[str, list[int]]:
+    """Return the frames in each bin of `LEVELS` and in the one beyond, by kind: how often Gaussians hold the truth.
 
     Kinds: `one_mode`, `several_modes`: number of reported modes; `converged`: the state; `right`: the pose is right by
-    the trial's yardstick, which leaves wrong modes out and judges the covariance alone.
+    the trial's yardstick, which leaves wrong modes out and judges the covariance alone. frames: with columns nees,
+    n_modes, state, right.
     """
-
-    def __init__(self) -> None:
-        self._counts = {kind: np.zeros(len(LEVELS) + 1, int) for kind in KINDS}
-
-    def add(self, estimate: Estimate, truth: np.ndarray, right: bool) -> None:
-        """Count a frame with a published pose; truth: (4, 4) `T_obj_gel`; right: whether the pose is right."""
-        bin_ = int(np.searchsorted(_NEES, nees(estimate, truth)))
-        status = estimate.status
-        kinds = (status.n_modes == 1, status.n_modes > 1, status.state == CONVERGED, right)
-        for kind, holds in zip(KINDS, kinds, strict=True):
-            self._counts[kind][bin_] += holds
-
-    def counts(self) -> dict[str, list[int]]:
-        """Return the frames in each bin of `LEVELS` and in the one beyond, by kind."""
-        return {kind: counts.tolist() for kind, counts in self._counts.items()}
+    modes = frames["n_modes"]
+    kinds = dict(zip(KINDS, (modes == 1, modes > 1, frames["state"] == CONVERGED, frames["right"]), strict=True))
+    bins = np.searchsorted(_NEES, frames["nees"].astype(float))
+    return {kind: np.bincount(bins, holds, len(LEVELS) + 1).astype(int).tolist() for kind, holds in kinds.items()}
 
 
-class WeightReliability:
-    """Counter of how often the published pose is right, by the weight of its mode."""
-
-    def __init__(self) -> None:
-        self._frames, self._right = (np.zeros(len(WEIGHTS) + 1, int) for _ in range(2))
-        self._weight = np.zeros(len(WEIGHTS) + 1)
-
-    def add(self, weight: float, right: bool) -> None:
-        """Count a frame whose published pose is that of a mode of this weight."""
-        bin_ = int(np.searchsorted(WEIGHTS, weight, side="right"))
-        self._frames[bin_] += 1
-        self._right[bin_] += right
-        self._weight[bin_] += weight
-
-    def counts(self) -> dict[str, list]:
-        """Return frames, right ones and sum of weights, in each bin of `WEIGHTS`."""
-        sums = np.round(self._weight, 3)
-        return {"frames": self._frames.tolist(), "right": self._right.tolist(), "weight": sums.tolist()}
+def weight_counts(frames: pd.DataFrame) -> dict[str, list]:
+    """Return frames and right ones in each bin of `WEIGHTS`: how often the published pose is right, by the weight of
+    its mode. frames: with columns mode_mass and right."""
+    bins = np.searchsorted(WEIGHTS, frames["mode_mass"], side="right")
+    kinds = {"frames": np.ones(len(bins)), "right": frames["right"]}
+    return {kind: np.bincount(bins, each, len(WEIGHTS) + 1).astype(int).tolist() for kind, each in kinds.items()}
 
 
 def observed_fractions(counts: np.ndarray) -> np.ndarray:

@@ -60,7 +60,14 @@ _OBJECTS: dict[str, Form] = {
     "rate": text("hz_mean", "{:.0f} Hz"),
 }
 """Columns on the trials over one object, without intervals."""
-_ESTIMATES: dict[str, Form] = {"pose, median": pose("estimate", "median"), "converged": part("converged")}
+
+
+def _states(row: Row) -> str:
+    counts = {key.removeprefix("states."): count for key, count in row.items() if key.startswith("states.")}
+    return ", ".join(f"{state} {counts[state]:.0f}" for state in sorted(counts, key=counts.get, reverse=True))
+
+
+_ESTIMATES: dict[str, Form] = {"pose, median": pose("estimate", "median"), "states at the end": _states}
 _ALARMS: dict[str, Form] = {
     "converged wrong, of frames": percent("wrong_converged", 1),
     "said to be another object": percent("foreign"),

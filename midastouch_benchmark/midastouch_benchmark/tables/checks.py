@@ -1,4 +1,4 @@
-"""Tables of the checks on tactile images: false and missed alarms, of `evaluate-perception checks` or its report."""
+"""Tables of the checks on tactile images: false and missed alarms, of `evaluate-perception checks` and `guards`."""
 
 from __future__ import annotations
 
@@ -75,6 +75,27 @@ def gels(content: dict | None = None) -> pd.DataFrame:
     return Table(about).of(_named((content or report("checks"))["gels"]))
 
 
+def ramps(content: dict | None = None) -> pd.DataFrame:
+    """Table of images of growing and shrinking presses that are not felt, and of readings that fall meanwhile."""
+
+    def fall(row: Row) -> str:
+        return f"{row['presses_falling']} ({abs(row['most_fall_mm']):.2f} mm)"
+
+    about = {
+        "sensor": text("sensor"),
+        "pressed by 0.2 to 2.5 mm": text("shape"),
+        "presses": text("presses"),
+        "images": text("images"),
+        "taken for free": text("missed"),
+        "of presses": text("presses_missed"),
+        "unknown": text("unknown"),
+        "depth falls while they grow, in presses (at most)": fall,
+        "free images": text("free_images"),
+        "not free": text("false"),
+    }
+    return Table(about).of((content or report("ramps"))["ramps"])
+
+
 def slow_light(content: dict | None = None) -> pd.DataFrame:
     """Table of how often a slow change of the light is taken for a contact."""
     about = {
@@ -85,6 +106,23 @@ def slow_light(content: dict | None = None) -> pd.DataFrame:
         "taken for contact": percent("false_contacts"),
     }
     return Table(about).of((content or report("checks"))["slow_light"])
+
+
+def guards(content: dict) -> pd.DataFrame:
+    """Table of the frames that the guards refuse, of an `evaluate-perception guards` result."""
+
+    def refused(row: Row) -> str:
+        low, high = row["interval"]
+        return f"{100 * row['share']:.2f} % ({100 * low:.2f} %...{100 * high:.2f} %)"
+
+    about = {
+        "sensor": text("sensor"),
+        "frames": text("what"),
+        "slides": text("slides"),
+        "shown": text("frames"),
+        "refused": refused,
+    }
+    return Table(about).of(content["guards"])
 
 
 _FIT = Table(

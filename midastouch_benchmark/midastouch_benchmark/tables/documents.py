@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from . import accuracy, checks, comparisons, exploring, motion, perception, soft_gel, speed, trust
+from . import accuracy, checks, comparisons, exploring, perception, speed, trust
 from .reports import (
     COMMANDS,
     CONDITIONS,
@@ -117,11 +117,11 @@ TABLES = {
         comparisons.grasps, comparisons.variants, comparisons.front,
         figures,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
-        exploring.identification, exploring.exploration, exploring.observing, motion.motion, motion.faults,
+        exploring.identification, exploring.exploration, exploring.observing, exploring.motion, exploring.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
-        soft_gel.soft_gel, soft_gel.commanded_depth, perception.single_touch, perception.single_touch_limit,
-        checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.gels,
-        speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
+        perception.soft_gel, perception.commanded_depth, perception.single_touch, perception.single_touch_limit,
+        checks.checks, checks.diameters, checks.contacts, checks.brightness, checks.slow_light, checks.ramps,
+        checks.gels, speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
 } | {"peers": comparisons.baselines}  # fmt: skip
 """Tables by NAME in their mark."""

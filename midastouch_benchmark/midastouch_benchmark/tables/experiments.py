@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..statistics.comparison import rows_by_init
 from ..trials.variants import DEFAULT
-from . import accuracy, checks, comparisons, exploring, motion, perception, soft_gel, speed, trust
+from . import accuracy, checks, comparisons, exploring, perception, speed, trust
 from .table import Table, listed, text
 
 Titled = tuple[str, pd.DataFrame]
@@ -171,7 +171,7 @@ EXPERIMENTS = {
         ("sequences", "summary"), "Depth network", _untitled(perception.depth_table), ("perception",)
     ),
     "evaluate-perception gel": Experiment(
-        ("touches",), "Soft gel", _untitled(soft_gel.soft_gel, soft_gel.commanded_depth), ("real_gel",)
+        ("touches",), "Soft gel", _untitled(perception.soft_gel, perception.commanded_depth), ("real_gel",)
     ),
     "evaluate-perception presses": Experiment(
         ("presses",),
@@ -184,6 +184,9 @@ EXPERIMENTS = {
         "true radius.",
         _left_out,
     ),
+    "evaluate-perception ramps": Experiment(
+        ("ramps",), "What is pressed is felt", _untitled(checks.ramps), ("perception", "real_gel")
+    ),
     "evaluate-perception checks": Experiment(
         ("fit_check",),
         "Checks on tactile images",
@@ -191,6 +194,9 @@ EXPERIMENTS = {
         ("real_gel",),
         "network {network}, sensor {sensor}: {sensors} imaginary sensors over {no_contact_images} real no-contact "
         "images; areas under the ROC curve are against the sensors that are right",
+    ),
+    "evaluate-perception guards": Experiment(
+        ("guards",), "Frames that are refused", _untitled(checks.guards), ("perception",)
     ),
     "single-touch": Experiment(
         ("queries",),
@@ -218,7 +224,7 @@ EXPERIMENTS = {
     "evaluate-motion": Experiment(
         ("trials", "missing_trials"),
         "An arm that touches",
-        _untitled(motion.motion_table, motion.fault_table),
+        _untitled(exploring.motion_table, exploring.fault_table),
         ("perception",),
     ),
 }

@@ -1,17 +1,77 @@
-"""Tables of the networks, the sensor calibration and the checks of a sensor."""
+"""Tables of the networks, the sensor calibration, the checks of a sensor, and the effect of soft gel on all of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ..single_touch.matches import TOP
-from ..statistics.intervals import error_ratio
+from ..statistics.intervals import bootstrap_interval, error_ratio
 from .reports import OPTICS, benchmark_summary, report, reported, rows_of
-from .soft_gel import commanded_depths
-from .table import Form, Table, fraction, listed, percent, pose, text, value, with_row
+from .table import Form, Row, Table, between, fraction, is_missing, listed, percent, pose, text, value, with_row
+
+_GEL: dict[str, Form] = {
+    "gel": lambda row: "as fitted" if is_missing(row["thickness_mm"]) else f"elastic, {row['thickness_mm']:g} mm",
+    "calibrated": lambda row: "yes" if row["calibrated"] else "no",
+}
+
+
+def soft_gel(content: dict | None = None) -> pd.DataFrame:
+    """Table of soft gel's effect on maps, poses and codes: medians, and the 90 % range of errors along the normal."""
+    content = content or report("soft_gel")
+    rows = []
+    for kind, group in _of_gels(content["touches"]):
+        normal = bootstrap_interval(group["normal_mm"], group["object"].tolist(), np.median)
+        spread = {f"q{k}": group["normal_mm"].quantile(k / 100) for k in (5, 95)}
+        one_touch = group["best_m"].sum() / group["random_m"].sum()
+        middle = group.drop(columns=list(kind)).median(numeric_only=True)
+        rows.append(kind | {"trials": len(group), "normal": normal, "one_touch": one_touch} | spread | dict(middle))
+
+    def along_the_normal(row: Row) -> str:
+        most = f"{row['q5']:+.2f} to {row['q95']:+.2f}"
+        return f"{row['normal_mm']:+.2f} mm ({between(row['normal'], '{:+.2f}')}; 90 %: {most})"
+
+    claims = {
+        "deepest over the object's": text("deepest", "{:.2f}"),
+        "area over the object's": text("area", "{:.2f}"),
+        "pose off along the normal": along_the_normal,
+        "across": text("tangential_mm", "{:.2f} mm"),
+        "tilt": text("tilt_deg", "{:.1f} deg"),
+        "one touch": text("one_touch", "{:.3f}"),
+    }
+    return Table(_GEL | {"touches": text("trials")}, claims).of(rows)
+
+
+def commanded_depth(content: dict | None = None) -> pd.DataFrame:
+    """Table of errors of the depth that is read from presses of a known depth on soft gel."""
+    claims = {
+        "depth less the commanded one, median": text("bias", "{:+.2f} mm"),
+        "error, median": lambda row: f"{row['error']:.2f} mm ({between(row['interval'], '{:.2f}')})",
+    }
+    about = {"pressed in": text("press")} | _GEL | {"presses": text("trials")}
+    return Table(about, claims).of(commanded_depths(content or report("soft_gel")))
+
+
+def commanded_depths(content: dict) -> Iterator[dict]:
+    """Yield a row for each kind of press and gel of a result: the pressed shape, the number of presses, median bias and
+    error [mm] of the depth that is read."""
+    for kind, group in _of_gels(content["presses"], "press"):
+        off = group["depth_mm"] - group["commanded_mm"]
+        interval = bootstrap_interval(off.abs(), range(len(off)), np.median)
+        figures = {"bias": off.median(), "error": off.abs().median(), "interval": interval}
+        yield kind | {"trials": len(off)} | figures
+
+
+def _of_gels(rows: list[dict], *further: str) -> Iterator[tuple[dict, pd.DataFrame]]:
+    """Yield (keys, rows) for each calibration, thickness and `further` key in rows of a result."""
+    keys = [*further, "calibrated", "thickness_mm"]
+    frame = pd.DataFrame(rows).sort_values(keys, na_position="first", kind="stable")
+    for kind, group in frame.groupby(keys, dropna=False, sort=False):
+        yield dict(zip(keys, kind, strict=True)), group
+
 
 _WANTED = {
     "with 10 others": ((0.95, 1.05), (0.93, 1.07), 0.05, 0.9),
@@ -47,8 +107,7 @@ PRESSES: dict[str, Form] = {
     "by 10 % of light": text("brightness_mm", "{:.3f} mm"),
 }
 _SHAPE: dict[str, Form] = {
-    # older reports have it as found_share
-    "recall": lambda row: percent("recall" if "recall" in row else "found_share")(row),
+    "recall": percent("recall"),
     "bulging": percent("bulges_share"),
     "IoU with that ball": text("iou_ideal", "{:.2f}"),
     "centre off by": _FITS["centres apart"],

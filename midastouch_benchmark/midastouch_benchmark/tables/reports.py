@@ -101,6 +101,7 @@ COMMANDS = {
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
     "../shared/data/digit_real/sphere_presses_vocdex",
+    "ramps": f"{_PERCEPTION} ramps --presses 12",
     "soft_gel": f"{_PERCEPTION} gel --meshes ../shared/meshes/ycb --touches 20",
     "single_touch": f"{_SINGLE_TOUCH} --queries 2000",
     "single_touch_random": f"{_SINGLE_TOUCH} --queries 500 --lighting random "

@@ -9,7 +9,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.control.contact_servo import ContactServo, Limits, centre_of, slope_of
+from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
 from midastouch_perception.contact import Contact
@@ -30,6 +30,8 @@ _LATENCIES = 0.02, 0.08  # s, the arm's own
 _DELAYS, _JITTER = (0.02, 0.04), 0.01  # s of images: at 30 Hz the newest is no older than the guard allows
 _FRICTIONS, _HOLDING = (0.2, 1.0), (5.0, 20.0)  # N
 _RATES = 30.0, 60.0  # Hz
+_BIAS, _NOISE, _WEIGHED = 5.0, 0.5, 0.1  # N, N, kg: errors of the arm's force, and of the tool's mass known to it
+_GRAVITY = 9.81  # m/s^2
 
 
 class ArmRig:
@@ -58,19 +60,24 @@ class ArmRig:
         latency = rng.uniform(*_LATENCIES)
         self.arm = MujocoArm(mesh, sensor, Setting(base_from_object, start, mount, gel, holding, latency))
         self.controller = Controller(ContactServo(Limits(depth=guard.depth), _ARM_LATENCY), guard)
+        self._errors = rng.spawn(1)[0]  # the other draws stay the same
+        self._bias, self._mass = self._errors.uniform(-_BIAS, _BIAS, 3), self._errors.uniform(-_WEIGHED, _WEIGHED)
         delay, fps = rng.uniform(*_DELAYS), rng.choice(_RATES)
         self.frame_time = 1 / fps
         self.rehearsal = Rehearsal(
             self.arm, lambda: self.arm.gel_on_object, self._look, self.controller, fps,
-            lambda: delay + rng.uniform(0.0, _JITTER),
+            lambda: delay + rng.uniform(0.0, _JITTER), self._measure_force,
         )  # fmt: skip
 
-    def _look(self, T_obj_gel: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def _measure_force(self) -> np.ndarray:
+        """Return the force (3,) [N] on the gel that the arm's sensor measures."""
+        weight = -_GRAVITY * self._mass * self.arm.pose[2, :3]
+        return self.arm.wrench[:3] + weight + self._bias + _NOISE * self._errors.standard_normal(3)
+
+    def _look(self, T_obj_gel: np.ndarray) -> Measured:
         contact = self._see(T_obj_gel)
-        if not contact.in_contact:
-            return 0.0, np.zeros(2), np.zeros(2)
         points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._sensor)
-        return contact.depth_m, slope_of(points, self._sensor), centre_of(points)
+        return Measured.of(0.0, contact.depth_m, contact.area_m2, points, self._sensor)
 
 
 def turn(rng: np.random.Generator, angle: float) -> np.ndarray:

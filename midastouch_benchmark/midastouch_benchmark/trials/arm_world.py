@@ -39,8 +39,9 @@ class Sensed(NamedTuple):
 class ArmWorld:
     """World of an arm; limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
 
-    Attributes: reach: of the arm; sensed: of the image last yielded; deepest [m]: largest depth of the object in the
-    gel so far. Args: mesh: lies on a random side; sensor: full size; perceive(T_obj_gel): measures an image there; rng.
+    Attributes: rig; reach: of the arm; sensed: of the image last yielded; deepest [m]: largest depth of the object in
+    the gel so far. Args: mesh: lies on a random side; sensor: full size; perceive(T_obj_gel): measures an image there;
+    rng.
     """
 
     def __init__(
@@ -60,25 +61,15 @@ class ArmWorld:
         self._perceive = perceive
         self._coming: list[tuple[np.ndarray, Sensed]] = []
         self.deepest = 0.0
-        self._rig: ArmRig | None = None  # takes its first image while it is made
+        self.rig: ArmRig | None = None  # takes its first image while it is made
         base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)
         start = over(mesh, base_from_object, _ABOVE)
-        self._rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
+        self.rig = ArmRig(mesh, sensor, base_from_object, start, guard, self._see, rng)
 
     @property
     def base_from_gel(self) -> np.ndarray:
         """T_base_gel (4, 4) according to the arm."""
-        return self._rig.arm.pose
-
-    @property
-    def seconds(self) -> float:
-        """Time simulated so far [s]."""
-        return self._rig.rehearsal.now
-
-    @property
-    def frame_time(self) -> float:
-        """Time between images [s]."""
-        return self._rig.frame_time
+        return self.rig.arm.pose
 
     def follow(self, plan: Plan[_T]) -> Generator[np.ndarray, None, _T]:
         """Carry out a plan; yield T_obj_gel (4, 4), one per image, and return the plan's result."""
@@ -88,12 +79,12 @@ class ArmWorld:
         """Move the arm; when it is done, yield T_obj_gel (4, 4), one per image, and return how it ended. A `CheckReach`
         is answered as `mujoco_arm` does."""
         if isinstance(act, CheckReach):
-            reached = bool(self._rig.arm.reaches(act.poses).all())
+            reached = bool(self.rig.arm.reaches(act.poses).all())
             return self._done(skills.SkillEnd(reached, "" if reached else NOT_REACHED), 0.0)
         skill = _skill(act)
-        ended = self._rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
+        ended = self.rig.rehearsal.carry_out(skill, _TIMEOUT, self._watch)
         if ended is None:
-            self._rig.controller.cancel(self.seconds)
+            self.rig.controller.cancel(self.rig.rehearsal.now)
             ended = skills.SkillEnd(False, f"not done after {_TIMEOUT:.0f} s")
         coming, self._coming = self._coming, []
         for pose, self.sensed in coming:
@@ -101,15 +92,15 @@ class ArmWorld:
         return self._done(ended, skill.path)
 
     def _done(self, ended: skills.SkillEnd, path: float) -> Done:
-        return Done(*ended, path, self._rig.controller.servo.touching, self.base_from_gel)
+        return Done(*ended, path, self.rig.controller.servo.touching, self.base_from_gel)
 
     def _watch(self, _: PeriodState) -> None:
-        self.deepest = max(self.deepest, self._rig.arm.deepest)
+        self.deepest = max(self.deepest, self.rig.arm.deepest)
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
         touch = self._perceive(T_obj_gel)
-        if self._rig is not None:
-            self._coming.append((T_obj_gel, Sensed(touch, self._rig.arm.pose)))
+        if self.rig is not None:
+            self._coming.append((T_obj_gel, Sensed(touch, self.rig.arm.pose)))
         return touch.contact
 
 

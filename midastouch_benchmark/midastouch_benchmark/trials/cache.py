@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import zipfile
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, sha256
+from midastouch_common.files import atomic_path, readable, sha256
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.output_paths import cached_codebook_path
 from midastouch_filter.core.object_model import symmetry_of
@@ -78,7 +78,7 @@ class Touches:
     @classmethod
     def load(cls, path: Path) -> Touches:
         """Read a file of `save`; InputError for any other."""
-        try:
+        with readable(path, "not a file of touches", "remove it"):
             with np.load(path, allow_pickle=False) as data:
                 origin = json.loads(str(data["made_from"]))
                 in_contact, area, ms = data["in_contact"], data["area"], data["ms"]
@@ -90,8 +90,6 @@ class Touches:
                     measurements.append(Measurement(True, code, float(a), origin["tcn"], penetration))
                 else:
                     measurements.append(Measurement(False))
-        except (OSError, ValueError, KeyError, EOFError, StopIteration, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: not a file of touches ({error}); remove it") from error
         return cls(measurements, ms, origin)
 
     def frames(self, sequence: Sequence, stride: int) -> list[TrialFrame]:
@@ -169,6 +167,7 @@ class Cache:
     sensor: str = "digit_tacto"
     slides: SlideKind = SlideKind()
     codebook_size: int = 50_000
+    PREFIX: ClassVar[str] = ""  # of folders of slides that are not over the mesh asked for
 
     def __getstate__(self) -> dict:
         """Return the state without the networks: another process loads its own."""
@@ -186,7 +185,9 @@ class Cache:
     def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
         """Return the object's codebook, of `size` poses if given, or of `codebook_size`."""
         networks = self.networks
-        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks, jobs=1)
+        return cached_codebook(
+            mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._home / "codebooks", jobs=1
+        )
 
     def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
         """Return a hash of the same codebook, which must have been made."""
@@ -194,7 +195,7 @@ class Cache:
 
     def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
         """Return the path at which `codebook` keeps it."""
-        return cached_codebook_path(mesh.name, size or self.codebook_size, self._codebooks)
+        return cached_codebook_path(mesh.name, size or self.codebook_size, self._home / "codebooks")
 
     @property
     def _touches(self) -> str:
@@ -204,17 +205,9 @@ class Cache:
     def _home(self) -> Path:
         return self.folder / Path(self.sensor).stem
 
-    @property
-    def _codebooks(self) -> Path:
-        return self._home / "codebooks"
-
-    @property
-    def _kind(self) -> str:
-        return self.slides.folder
-
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Return slide `number` over the object. The number is its seed; if that gets stuck, 1000 is added to it."""
-        kind = f"{self._kind}_{mesh.sha256[:8]}"
+        kind = f"{self.PREFIX}{self.slides.folder}_{mesh.sha256[:8]}"
         path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
         if not path.is_dir():
             self._simulate(mesh, number, path)

@@ -1,4 +1,4 @@
-"""Campaign on accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster."""
+"""Campaign on accuracy: objects x variants x slides x starts x seeds, resumable, by several workers."""
 
 from __future__ import annotations
 
@@ -85,30 +85,30 @@ class Plan:
         }
         return key_of(labels | depends_on | variant.inputs)
 
+    def run(self, meshes: list[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+        """Run the trials that the log does not hold yet, as `run_open`; slides and codebooks that they need are made
+        first.
 
-def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
-    """Run the trials that the log does not hold yet, as `run_open`; slides and codebooks that they need are made first.
-
-    Seeds come outermost, so that the trials that a bounded run leaves out are spread over all objects. Workers must see
-    the cache's folder. Raises InputError if the protocol needs another object, and there is none.
-    """
-    foreign = _foreign(PROTOCOLS[plan.protocol], meshes)
-    sizes = tuple(dict.fromkeys(VARIANTS[name].codebook_size for name in plan.variants))  # None: the cache's own
-    objects = {mesh.path for mesh in meshes}
-    make_books(plan.cache, sorted(objects), workforce.cluster, sizes)
-    touched = product(sorted(objects | {mesh.path for mesh in foreign if mesh}), plan.slides)
-    for _ in workforce.cluster.map(_make_touches, [(plan.cache, *one) for one in touched], workforce.deadline):
-        pass
-    units, code = [], _filter_code()
-    digests = {(mesh.path, size): plan.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
-    for seed, (mesh, other), variant in product(plan.seeds, list(zip(meshes, foreign, strict=True)), plan.variants):
-        digest, trials = digests[mesh.path, VARIANTS[variant].codebook_size], {}
-        for slide, init in product(plan.slides, plan.inits):
-            labels = {"sequence": f"{mesh.name}/{slide:02d}", "object": mesh.name, "slide": slide, "seed": seed}
-            labels |= {"init": init, "variant": variant, "protocol": plan.protocol}
-            trials[plan.key(mesh, other, digest, labels)] = labels
-        units.append(((plan, mesh.path, other and other.path, variant, code), trials))
-    return run_open(_run_unit, units, log, workforce)
+        Seeds come outermost, so that the trials that a bounded run leaves out are spread over all objects. Workers must
+        see the cache's folder. Raises InputError if the protocol needs another object, and there is none.
+        """
+        foreign = _foreign(PROTOCOLS[self.protocol], meshes)
+        sizes = tuple(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))  # None: the cache's own
+        objects = {mesh.path for mesh in meshes}
+        make_books(self.cache, sorted(objects), workforce.workers, sizes)
+        touched = product(sorted(objects | {mesh.path for mesh in foreign if mesh}), self.slides)
+        for _ in workforce.workers.map(_make_touches, [(self.cache, *one) for one in touched], workforce.deadline):
+            pass
+        units, code = [], _filter_code()
+        digests = {(mesh.path, size): self.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
+        for seed, (mesh, other), variant in product(self.seeds, list(zip(meshes, foreign, strict=True)), self.variants):
+            digest, trials = digests[mesh.path, VARIANTS[variant].codebook_size], {}
+            for slide, init in product(self.slides, self.inits):
+                labels = {"sequence": f"{mesh.name}/{slide:02d}", "object": mesh.name, "slide": slide, "seed": seed}
+                labels |= {"init": init, "variant": variant, "protocol": self.protocol}
+                trials[self.key(mesh, other, digest, labels)] = labels
+            units.append(((self, mesh.path, other and other.path, variant, code), trials))
+        return run_open(_run_unit, units, TrialLog(self.cache.folder / "trials.jsonl"), workforce)
 
 
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +27,6 @@ from midastouch_motion.exploration.reach import EVERYWHERE
 from midastouch_motion.exploration.surroundings import Surroundings
 from midastouch_perception.pipeline import TouchReading
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.camera import TactoCamera
 from midastouch_simulation.mujoco_arm import require_mujoco
 from midastouch_simulation.slide import STEP, measure_poses
@@ -42,9 +39,6 @@ from .setup import Networks
 from .trial import FRAME_TIME
 from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
-
-if TYPE_CHECKING:
-    from .arm_world import ArmWorld
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, which is asked for slides only",
@@ -109,15 +103,6 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names or _BY_DEFAULT))
 
 
-def _arm(
-    mesh: ObjectMesh, sensor: SensorModel, perceive: Callable[[np.ndarray], TouchReading], rng: np.random.Generator
-) -> ArmWorld:
-    """Return the world of an arm; imported only here, since it needs ROS for its settings, and other fingers do not."""
-    from .arm_world import ArmWorld
-
-    return ArmWorld(mesh, sensor, perceive, rng)
-
-
 class _Trial:
     """Exploration of one object by one finger, until its pose is known."""
 
@@ -135,7 +120,11 @@ class _Trial:
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
         self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
-        self._arm = _arm(mesh, networks.sensor, self._perceive, self._rng) if policy == "arm" else None
+        self._arm = None
+        if policy == "arm":
+            from .arm_world import ArmWorld  # it needs ROS for its settings, and other fingers do not
+
+            self._arm = ArmWorld(mesh, networks.sensor, self._perceive, self._rng)
         self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
         reach = self._arm.reach if self._arm else EVERYWHERE
         self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
@@ -167,7 +156,7 @@ class _Trial:
             "ending": ending,
             "path_m": float(began),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
-            "seconds": self._arm.seconds if self._arm else None,
+            "seconds": self._arm.rig.rehearsal.now if self._arm else None,
             "deepest_mm": 1e3 * self._arm.deepest if self._arm else None,
             **self._answer(),
         }
@@ -238,7 +227,7 @@ class _Trial:
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
         self._measured, self._before = measured, pose
         self.estimate = self._filter.step(
-            odometry, measurement, elapsed=self._arm.frame_time if self._arm else FRAME_TIME
+            odometry, measurement, elapsed=self._arm.rig.frame_time if self._arm else FRAME_TIME
         )
         if self.estimate.status.state != CONVERGED:
             self._converged_at = None

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 
-from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
@@ -17,7 +16,7 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue, Entry, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
-from midastouch_filter.identification.identity import UNKNOWN, Identity
+from midastouch_filter.identification.identity import UNKNOWN
 
 from ..evidence import fingerprint
 from .cache import Cache
@@ -27,8 +26,6 @@ from .yardstick import Yardstick
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
 """Paths [m] at which probabilities are kept, in addition to those at the end."""
-
-_THREADS = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,11 +38,6 @@ class IdentityPlan(Campaign):
     catalogue: tuple[Path, ...] = ()
     LOG_NAME = "identifications.jsonl"
 
-    @property
-    def settings(self) -> FilterConfig:
-        """Settings of a filter that runs in parallel with others."""
-        return dataclasses.replace(self.config, threads=_THREADS)
-
     def describe(self) -> dict:
         """Return the settings for the JSON."""
         return {
@@ -56,7 +48,6 @@ class IdentityPlan(Campaign):
             "filter": dataclasses.asdict(self.config),
             "trial_code": source_digest(Path(__file__)),
             "fingerprint": fingerprint.of_estimates(),
-            "threads": _THREADS,
         }
 
     def rounds(self) -> list[list[dict]]:
@@ -74,16 +65,16 @@ class IdentityPlan(Campaign):
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Return the `trials` of a slide: with the object in the catalogue and, if there are others, without."""
-        catalogue, slide = _catalogue(self.cache, self.catalogue, self.settings), labels["slide"]
+        catalogue, slide = _catalogue(self.cache, self.catalogue, self.config), labels["slide"]
         entry = catalogue.entry(catalogue.duplicates.get(mesh.name, mesh.name))
         frames = self.cache.frames(entry.mesh, slide)
         labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
-        trials = [labels | identify(catalogue, frames, entry.name, self.settings)]
+        trials = [labels | identify(catalogue, frames, entry.name, self.config)]
         if len(catalogue) > 1:
             others = catalogue.without(entry.name)
             labels |= {"in_catalogue": False, "objects": len(others)}
-            trials.append(labels | identify(others, frames, UNKNOWN, self.settings))
-        alone = ParticleFilter(entry.mesh, self.cache.codebook(entry.mesh), self.settings, slide)
+            trials.append(labels | identify(others, frames, UNKNOWN, self.config))
+        alone = ParticleFilter(entry.mesh, self.cache.codebook(entry.mesh), self.config, slide)
         trials[0] |= _alone(alone, frames, entry)
         return {"trials": trials}
 
@@ -103,54 +94,33 @@ def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> C
 def identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig) -> dict:
     """Run a slide over an object that is not named; truth: the right answer.
 
-    Returns the fields of `Answers.describe`, and pose_right: the object is right, the state converged and the published
-    pose right (`Yardstick`); cpu_ms: of a frame, without the networks.
+    Returns answer, right, and confidence, its probability, at the end; asked: [path m, confidence, right] on the way;
+    right_from_m: path from which the answer is right until the end, None if the last is wrong; length_m; pose_right:
+    the object is right, the state converged and the published pose right (`Yardstick`); cpu_ms: of a frame, without the
+    networks.
     """
-    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0), Answers(truth)
-    cpu, count, stamp = 0.0, 0, 0
-    for frame in frames:
+    localiser, given = CatalogueLocaliser(catalogue, config, seed=0), []
+    cpu, path, stamp = 0.0, 0.0, 0
+    for frame, odometry in with_odometry(frames):
         start, stamp = time.process_time(), stamp + round(1e9 * (frame.seconds or 0.0))
         estimate = localiser.process(frame.measured, frame.measurement, frame.others, stamp)
         cpu += time.process_time() - start
-        count += 1
-        answers.note(frame, localiser.identity)
+        identity = localiser.identity
+        path += 0.0 if odometry is None else Odometry.from_matrix(odometry).distance
+        given.append([path, max(identity.unknown, identity.leading.probability), identity.answer == truth])
+    wrong = [k for k, (_, _, right) in enumerate(given) if not right]
+    since = wrong[-1] + 1 if wrong else 0
     found = truth != UNKNOWN and localiser.object.name == truth
-    return answers.describe() | {
+    return {
+        "answer": identity.answer,
+        "right": given[-1][2],
+        "confidence": given[-1][1],
+        "asked": [next(each for each in given if each[0] >= at) for at in ASKED_AT_M if at <= path],
+        "right_from_m": given[since][0] if since < len(given) else None,
+        "length_m": path,
         "pose_right": found and _is_right(estimate, frame, catalogue.entry(truth)),
-        "cpu_ms": 1e3 * cpu / count,
+        "cpu_ms": 1e3 * cpu / len(given),
     }
-
-
-class Answers:
-    """Answers along a slide, with the path at each. Args: truth: the right answer. Attributes: path [m]: so far."""
-
-    def __init__(self, truth: str):
-        self._truth, self.path = truth, 0.0
-        self._last: TrialFrame | None = None
-        self._given: list[tuple[float, float, bool]] = []
-
-    def note(self, frame: TrialFrame, identity: Identity) -> None:
-        """Note the identity after a frame."""
-        if self._last is not None:
-            self.path += Odometry.from_matrix(se3.inverse(self._last.measured) @ frame.measured).distance
-        self._last, self._answer = frame, identity.answer
-        sure = max(identity.unknown, identity.leading.probability)
-        self._given.append((self.path, sure, identity.answer == self._truth))
-
-    def describe(self) -> dict:
-        """Return answer, right, and confidence, its probability, at the end; asked: [path m, confidence, right] on the
-        way; right_from_m: path from which the answer is right until the end, None if the last is wrong; length_m."""
-        wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
-        since = wrong[-1] + 1 if wrong else 0
-        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED_AT_M if at <= self.path]
-        return {
-            "answer": self._answer,
-            "right": self._given[-1][2],
-            "confidence": self._given[-1][1],
-            "asked": [list(each) for each in asked],
-            "right_from_m": self._given[since][0] if since < len(self._given) else None,
-            "length_m": self.path,
-        }
 
 
 def right_answer(catalogue: Catalogue, name: str) -> str:

@@ -11,8 +11,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_simulation.training.setting import TEST_OBJECTS
 
-from .cad_parts import CAD_PARTS, SMALL_CAD_PARTS
-from .known_parts import write_parts
+from .cad_parts import CAD_PARTS, SMALL_CAD_PARTS, write_parts
 from .small_parts import small_parts
 
 _MADE: dict[str, Callable[[Path], list[ObjectMesh]]] = {

@@ -73,9 +73,7 @@ DIFFERENCES: dict[str, Callable[[ObjectMesh, np.random.Generator], ObjectMesh]] 
 class OtherShapeCache(Cache):
     """A cache whose slides are over objects that differ from the mesh asked for."""
 
-    @property
-    def _kind(self) -> str:
-        return f"other_shape_{super()._kind}"
+    PREFIX = "other_shape_"
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
         differ = list(DIFFERENCES.values())[number % len(DIFFERENCES)]

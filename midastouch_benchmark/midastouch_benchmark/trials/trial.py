@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 
 from midastouch_common import se3
 from midastouch_common.pose_metric import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
@@ -19,7 +20,7 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.paper_filter import PaperFilter
 
 from ..baselines.registration import DeadReckoning
-from ..statistics.coverage import Coverage, WeightReliability
+from ..statistics.coverage import level_counts, nees, weight_counts
 from .yardstick import Yardstick
 
 STAGES = ("tdn", "tcn", "filter")
@@ -110,7 +111,6 @@ class _Record:
         self._rows: list[dict] = []
         self._initial: dict[str, float] = {}
         self._filter_ms: Counter[str] = Counter()
-        self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
         """Record the errors of the start itself, before the first step; truth: (4, 4) `T_obj_gel`."""
@@ -121,20 +121,19 @@ class _Record:
         self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float, filter_cpu_ms: float
     ) -> None:
         touch, status = frame.measurement, estimate.status
-        known, right = bool(np.isfinite(frame.truth).all()), False
+        known, right, error = bool(np.isfinite(frame.truth).all()), False, None
         if estimate.pose is not None and known:
             right = bool(self._yardstick.right(estimate.pose[None], frame.truth)[0])
             if touch.in_contact:
                 # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
-                truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
-                self._coverage.add(estimate, truth, right)
-                self._reliability.add(status.mode_mass, right)
+                error = nees(estimate, self._yardstick.counted(frame.truth[None], estimate.pose)[0])
         self._filter_ms.update(status.ms)
         self._frames.append({
             "index": frame.index, "state": status.state, "foreign": status.foreign, "known": known, "right": right,
             "among_modes": bool(self._yardstick.right(_mode_poses(estimate), frame.truth).any()),
             "in_contact": touch.in_contact, "area": touch.contact_area if touch.in_contact else np.nan,
             "ms": frame.ms | {"filter": filter_ms}, "cpu_ms": filter_cpu_ms,
+            "judged": error is not None, "nees": error, "n_modes": status.n_modes, "mode_mass": status.mode_mass,
         })  # fmt: skip
         self._last = frame, estimate
         if self._series:
@@ -163,15 +162,13 @@ class _Record:
 
     def result(self, particle_filter: AnyFilter) -> dict:
         last = self._rows[-1] if self._series else self._row(*self._last, particle_filter)
-
-        def column(name: str) -> np.ndarray:
-            return np.array([frame[name] for frame in self._frames])
-
-        ms = {stage: [frame["ms"].get(stage, 0.0) for frame in self._frames] for stage in STAGES}
+        frames = pd.DataFrame(self._frames)
+        judged = frames[frames["judged"]]
+        ms = {stage: [each.get(stage, 0.0) for each in frames["ms"]] for stage in STAGES}
         seconds = 1e-3 * np.sum(list(ms.values()), axis=0)
-        right, in_contact, foreign = column("right"), column("in_contact"), column("foreign")
-        converged, ambiguous = column("state") == CONVERGED, (column("state") == AMBIGUOUS) & column("known")
-        kept = converged & right
+        in_contact, converged = (np.array(each) for each in (frames["in_contact"], frames["state"] == CONVERGED))
+        ambiguous = (frames["state"] == AMBIGUOUS) & frames["known"]
+        kept = converged & np.array(frames["right"])
         out = {
             "frames": len(seconds),
             "wall_s": float(seconds.sum()),
@@ -179,7 +176,7 @@ class _Record:
             # the 5th percentile of the rate is the 95th of the time per frame
             "hz_p05": float(1 / np.percentile(seconds, 95)),
             "ms": {stage: float(np.mean(each)) for stage, each in ms.items()},
-            "filter_cpu_ms": float(np.mean(column("cpu_ms"))),
+            "filter_cpu_ms": float(np.mean(frames["cpu_ms"])),
             "filter_stages_ms": {name: each / len(seconds) for name, each in self._filter_ms.items()},
             "initial": self._initial,
             "final": {key: last[key] for key in FINAL_KEYS},
@@ -187,15 +184,15 @@ class _Record:
             "right_from_frame": _from_then_on(kept | ~in_contact),
             **self._around_event(kept),
             "frames_in_contact": int(in_contact.sum()),
-            "contact_area_mm2": 1e6 * float(np.mean(column("area")[in_contact])) if in_contact.any() else None,
+            "contact_area_mm2": 1e6 * float(np.mean(frames["area"][in_contact])) if in_contact.any() else None,
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int(kept.sum()),
-            "frames_foreign": int(foreign.sum()),
+            "frames_foreign": int(frames["foreign"].sum()),
             "frames_ambiguous": int(ambiguous.sum()),
-            "frames_ambiguous_among": int((ambiguous & column("among_modes")).sum()),
+            "frames_ambiguous_among": int((ambiguous & frames["among_modes"]).sum()),
             **self._yardstick.describe(),
-            "coverage": self._coverage.counts(),
-            "reliability": self._reliability.counts(),
+            "coverage": level_counts(judged),
+            "reliability": weight_counts(judged),
         }
         return out | ({"per_frame": {key: [row[key] for row in self._rows] for key in last}} if self._series else {})
 

@@ -1,4 +1,4 @@
-"""Campaigns of trials on a cluster, and finished trials on disk: a long run continues where it was stopped."""
+"""Campaigns of trials by several workers, and finished trials on disk: a long run continues where it was stopped."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_tools.cluster import Cluster
+from midastouch_tools.jobs import Workers
 from midastouch_tools.result_file import to_json
 
 from .cache import Cache
@@ -71,20 +71,20 @@ def source_digest(*places: Path) -> str:
 
 @dataclass(frozen=True)
 class Workforce:
-    """Cluster that runs trials, and its deadline.
+    """Workers that run trials, and their deadline.
 
-    Attributes: cluster; deadline: in seconds of `time.monotonic`, after which nothing new is started; start_progress:
+    Attributes: workers; deadline: in seconds of `time.monotonic`, after which nothing new is started; start_progress:
     called with the number of trials to run; the function that it returns is called with the number done since.
     """
 
-    cluster: Cluster
+    workers: Workers = field(default_factory=Workers)
     deadline: float = np.inf
     start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None
 
 
-def make_books(cache: Cache, meshes: Iterable[Path], cluster: Cluster, sizes: tuple[int | None, ...] = (None,)) -> None:
+def make_books(cache: Cache, meshes: Iterable[Path], workers: Workers, sizes: tuple[int | None, ...] = (None,)) -> None:
     """Make the missing codebooks of these sizes, even after the deadline: keys of trials depend on them."""
-    for _ in cluster.map(_make_book, [(cache, path, sizes) for path in meshes]):
+    for _ in workers.map(_make_book, [(cache, path, sizes) for path in meshes]):
         pass
 
 
@@ -111,7 +111,7 @@ def run_open(
         lacking = {key: what for key, what in asked.items() if log.get(key) is None}
         open_ += [(*arguments, lacking)] if lacking else []
     progress = workforce.start_progress(sum(len(lacking) for *_, lacking in open_))
-    for trials in workforce.cluster.map(run, open_, workforce.deadline):
+    for trials in workforce.workers.map(run, open_, workforce.deadline):
         for key, trial in trials.items():
             log.add(key, trial)
             progress(1)
@@ -136,7 +136,7 @@ class Campaign(ABC):
 
     def prepare(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> None:
         """Make all that the keys of trials depend on: the codebooks."""
-        make_books(self.cache, [mesh.path for mesh in meshes], workforce.cluster)
+        make_books(self.cache, [mesh.path for mesh in meshes], workforce.workers)
 
     @abstractmethod
     def describe(self) -> dict:

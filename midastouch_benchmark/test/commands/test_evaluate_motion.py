@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from midastouch_benchmark.tables.motion import fault_table, motion_table
+from midastouch_benchmark.tables.exploring import fault_table, motion_table
 from midastouch_tools import cli
 
 pytest.importorskip("mujoco", reason="not installed: tools/requirements/mujoco.txt")

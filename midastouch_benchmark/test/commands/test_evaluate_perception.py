@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_benchmark.tables.soft_gel import commanded_depth, soft_gel
+from midastouch_benchmark.tables.perception import commanded_depth, soft_gel
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.camera import no_contact_image
@@ -48,7 +48,7 @@ def test_images_that_show_no_press_are_named_and_left_out(digit, presses, tmp_pa
         "bright.png": (np.full_like(digit.background, 255), "saturated"),
         "free.png": (digit.background, "nothing touches the gel"),
         "other.png": (np.roll(digit.background, 60, axis=1), "differs everywhere"),
-        "turned.png": (np.ascontiguousarray(presses["0.png"][::-1, ::-1]), "upside down"),
+        "turned.png": (np.ascontiguousarray(presses["01.png"][::-1, ::-1]), "upside down"),
     }
     again = {"again.png": next(iter(presses.values()))}
     folder = write(tmp_path / "presses", presses | again | {n: i for n, (i, _) in spoiled.items()}, digit.background)
@@ -158,6 +158,7 @@ def test_tables_of_checks_show_what_the_json_holds(shared, tmp_path, capsys):
 
 def test_the_former_commands_still_work():
     parser = cli.build_parser()
-    for report, given in {"tdn": ["a"], "presses": ["a", "--ball-diameter", "1"], "gel": [], "checks": ["a"]}.items():
+    required = {"tdn": ["a"], "presses": ["a", "--ball-diameter", "0.006"], "gel": [], "checks": ["a"]}
+    for report, given in required.items():
         former = vars(parser.parse_args([f"evaluate-{report}", *given]))
         assert former == vars(parser.parse_args(["evaluate-perception", report, *given]))

@@ -81,7 +81,7 @@ def test_the_command_names_sensor_and_network_as_they_were_given(box):
         "gels/my_touch.yaml",
         "out/tcn.onnx",
     )
-    assert args.out == str(codebook_path("my cup", sensor.name))
+    assert args.out == codebook_path("my cup", sensor.name)
 
 
 def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
@@ -113,7 +113,7 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
         ("evaluate-start", ("real_gel",), ["estimates", "real_gel"]),
     ],
 )
-def test_a_result_is_kept_with_command_and_fingerprint(tmp_path, capsys, monkeypatch, kind, also, parts):
+def test_a_result_is_kept_with_command_fingerprint_and_machine(tmp_path, capsys, monkeypatch, kind, also, parts):
     shown = dataclasses.replace(EXPERIMENTS[kind], tables=lambda content: (), notes=lambda content: ["a line"])
     monkeypatch.setitem(EXPERIMENTS, kind, shown)
     parser = argparse.ArgumentParser()
@@ -124,7 +124,9 @@ def test_a_result_is_kept_with_command_and_fingerprint(tmp_path, capsys, monkeyp
     assert capsys.readouterr().out.splitlines()[:2] == ["a line", "another"]
     made_by = "+".join(fingerprint.today()[part] for part in parts)
     kept = {"command": "midastouch measure", "fingerprint": made_by, "mm": 0.3333, "missing_slides": 3}
-    assert json.loads((tmp_path / "r.json").read_text()) == kept
+    written = json.loads((tmp_path / "r.json").read_text())
+    assert written.pop("machine")["cores"] > 0
+    assert written == kept
 
 
 def test_without_json_nothing_is_written(tmp_path, capsys, monkeypatch):
@@ -142,13 +144,27 @@ def parsed(*given: str) -> argparse.Namespace:
     return parser.parse_args(["--jobs", "1", *given])
 
 
-def test_the_deadline_is_counted_from_the_start():
-    with options.campaign(parsed(), "trial") as workforce:
-        assert workforce.deadline == math.inf
-    before = time.monotonic()
-    with options.campaign(parsed("--minutes", "2"), "trial") as workforce:
-        progress = workforce.start_progress(2)
-        for number, square in enumerate(workforce.cluster.map(pow, [(1, 2), (3, 2)], workforce.deadline)):
-            assert square == (2 * number + 1) ** 2
+class Squares:
+    """A campaign of two trials, which keeps its workforce."""
+
+    def describe(self) -> dict:
+        return {"power": 2}
+
+    def run(self, meshes, workforce) -> tuple[list[dict], int]:
+        self.deadline = workforce.deadline
+        progress, trials = workforce.start_progress(2), []
+        for square in workforce.workers.map(pow, [(1, 2), (3, 2)], workforce.deadline):
+            trials.append({"square": square})
             progress(1)
-    assert before + 120 <= workforce.deadline <= time.monotonic() + 120
+        return trials, 0
+
+
+def test_a_campaign_has_workers_and_a_deadline_that_counts_from_its_start():
+    plan, before = Squares(), time.monotonic()
+    trials, result = options.run_campaign(parsed("--minutes", "2"), plan, "trial")
+    assert before + 120 <= plan.deadline <= time.monotonic() + 120
+    assert trials == [{"square": 1}, {"square": 9}]
+    assert result["config"] == {"power": 2, "jobs": 1, "cluster": None}
+    assert result["missing_trials"] == 0
+    options.run_campaign(parsed(), plan, "trial")
+    assert plan.deadline == math.inf

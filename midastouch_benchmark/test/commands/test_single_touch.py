@@ -20,10 +20,3 @@ def test_what_cannot_be_measured_is_said_at_once(arguments, message, tmp_path, m
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
-
-
-@pytest.mark.parametrize("option", [["--lighting", "moon"], ["--queries", "0"], ["--exhaustive", "-1"]])
-def test_values_out_of_range_are_refused(option, capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["single-touch", "eyebolt", *option])
-    assert option[0] in capsys.readouterr().err

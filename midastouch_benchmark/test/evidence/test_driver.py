@@ -49,7 +49,7 @@ def test_after_a_report_with_missing_trials_nothing_follows(root, shell):
     assert not list(root.glob("reports/*/*.json"))
     assert (root / "ran").read_text() == "a\n"
     assert "about 20 min left" in said[0]
-    assert "goes on" in said[-1]
+    assert "continues" in said[-1]
 
 
 def test_a_command_that_fails_is_named_and_the_next_goes_on(root, monkeypatch):

@@ -17,7 +17,7 @@ from midastouch_benchmark.evidence.fingerprint import (
     ids,
     read,
 )
-from midastouch_benchmark.evidence.probe import Probe
+from midastouch_benchmark.evidence.probes import Probe
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_perception.tcn.inference import TactileCodeNet
@@ -56,6 +56,7 @@ def test_what_changes_the_perception_changes_the_estimates():
     assert ids(one)[ESTIMATES] != ids(one | {PERCEPTION: of(1.4)})[ESTIMATES]
 
 
+@pytest.mark.slow
 def test_a_part_that_did_not_change_keeps_its_id(tmp_path, monkeypatch):
     path = tmp_path / "fingerprint.json"
     first = {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0)}

@@ -4,7 +4,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midastouch_benchmark.perception.ball_cap import (
+from midastouch_benchmark.perception.press_quality import (
     cap_penetration,
     circle_outline,
     fit_sphere,

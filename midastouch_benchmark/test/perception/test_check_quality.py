@@ -8,7 +8,6 @@ from midastouch_benchmark.perception.check_quality import (
     TOUCHES,
     CheckQuality,
     ImaginarySensor,
-    causes_named,
     diameter_checks,
     imaginary_sensors,
     layout_quality,
@@ -136,13 +135,12 @@ def test_layouts_of_real_sensors(shared):
     from midastouch_simulation.training.setting import load_backgrounds
 
     images = np.concatenate(load_backgrounds(shared / "data/digit_backgrounds", 80, 60))
-    refused = layout_quality(images)
+    refused, named = layout_quality(images)
     assert refused.pop("right") < 0.1
     assert refused.pop("mirrored top to bottom") > 0.6  # blue alone tells it
     # some sensors are lit as others are that stand on their head with red and blue swapped
     assert refused.pop("mirrored top to bottom and with red and blue swapped") > 0.5
     assert min(refused.values()) > 0.9
-    named = causes_named(images)
     assert min(named.values()) >= 0.5
     assert np.mean(list(named.values())) > 0.75
 

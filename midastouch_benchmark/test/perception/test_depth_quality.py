@@ -1,7 +1,10 @@
+from collections import Counter
+
 import numpy as np
 import pytest
 
-from midastouch_benchmark.perception.reports import DepthQuality, brightness_effect
+from midastouch_benchmark.perception.depth_quality import depth_figures, depth_sums
+from midastouch_benchmark.perception.press_truth import brightness_effect
 from midastouch_tools.datasets.ball_presses import BallPresses
 
 
@@ -12,44 +15,42 @@ def halves(left: float, right: float) -> np.ndarray:
     return out
 
 
+def figures(*pairs: tuple[np.ndarray, np.ndarray]) -> dict[str, float]:
+    """Figures over frames, each a prediction and the truth."""
+    sums = Counter()
+    for predicted, truth in pairs:
+        sums.update(depth_sums(predicted, truth))
+    return depth_figures(sums)
+
+
 def test_errors_over_all_pixels_and_over_the_touched_ones():
-    quality = DepthQuality()
-    quality.add(halves(0.0, 0.8e-3), halves(0.0, 1.0e-3))
-    result = quality.result()
+    result = figures((halves(0.0, 0.8e-3), halves(0.0, 1.0e-3)))
     assert result["rmse_mm"] == pytest.approx(0.2 / np.sqrt(2))
     assert result["contact_rmse_mm"] == pytest.approx(0.2)
     assert result["contact_iou"] == 1.0
 
 
 def test_iou_counts_what_is_claimed_and_what_is_missed():
-    quality = DepthQuality()
-    quality.add(halves(1e-3, 1e-3), halves(0.0, 1e-3))
-    assert quality.result()["contact_iou"] == pytest.approx(0.5)
+    assert figures((halves(1e-3, 1e-3), halves(0.0, 1e-3)))["contact_iou"] == pytest.approx(0.5)
 
 
 def test_small_predictions_are_enlarged_bilinearly():
     ramp = np.linspace(0, 1e-3, 120, dtype=np.float32)[None].repeat(160, axis=0)
-    quality = DepthQuality()
-    quality.add(ramp, np.linspace(0, 1e-3, 240, dtype=np.float32)[None].repeat(320, axis=0))
-    assert quality.result()["rmse_mm"] < 0.01
+    truth = np.linspace(0, 1e-3, 240, dtype=np.float32)[None].repeat(320, axis=0)
+    assert figures((ramp, truth))["rmse_mm"] < 0.01
 
 
-def test_merging_pools_pixels_not_means():
-    one, two, both = DepthQuality(), DepthQuality(), DepthQuality()
-    for quality in (one, both):
-        quality.add(halves(0, 1e-3), halves(0, 0.9e-3))
-    for quality in (two, both):
-        quality.add(halves(0, 0), halves(0.5e-3, 0))
-        quality.add(halves(0, 0), halves(0, 0))
-    one.merge(two)
-    assert one.result() == both.result()
-    assert one.frames == 3
+def test_frames_pool_pixels_not_means():
+    touched = halves(0, 1e-3), halves(0, 0.9e-3)
+    free = halves(0, 0), halves(0, 0)
+    result = figures(touched, free, free)
+    assert result["frames"] == 3
+    assert result["rmse_mm"] == pytest.approx(0.1 / np.sqrt(6))
+    assert result["contact_rmse_mm"] == pytest.approx(0.1)
 
 
 def test_no_contact_anywhere_has_no_iou():
-    quality = DepthQuality()
-    quality.add(halves(0, 0), halves(0, 0))
-    assert np.isnan(quality.result()["contact_iou"])
+    assert np.isnan(figures((halves(0, 0), halves(0, 0)))["contact_iou"])
 
 
 FREE = np.full((320, 240, 3), 100, np.uint8)

@@ -2,8 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_benchmark.perception.ball_cap import cap_penetration
-from midastouch_benchmark.perception.press_quality import measure_presses, visible_contact
+from midastouch_benchmark.perception.press_quality import cap_penetration, measure_presses, visible_contact
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
@@ -31,9 +30,6 @@ class FakeTdn:
 
     def predict(self, image, background, difference=None):
         return self._measured(self.difference(image, background)[..., 0] * np.float32(1e-5))
-
-    def depth(self, difference, penetration):
-        return float(penetration.max())
 
 
 @pytest.fixture(scope="module")

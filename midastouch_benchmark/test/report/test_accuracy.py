@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.report.front import front_figure
+from midastouch_benchmark.report.pictures import front_figure
 from midastouch_benchmark.report.results_page import write_results_page
 from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
 from midastouch_benchmark.statistics.comparison import compare_variants

@@ -1,4 +1,5 @@
 import html
+import signal
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_benchmark.tables.reports import report
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_tools.drawing.page import Page
 
 KEYS = [
     f"{prefix}_{unit}"
@@ -24,10 +26,10 @@ def trial(seed: int, run) -> dict:
         "object": "ball",
         "seed": seed,
         "initial": {"e_trans_mm": 20.0, "e_rot_deg": 60.0},
-        "final": {key: column[-1] for key, column in errors.items()} | {"state": "converged", "n_particles": 500},
+        "final": {key: column[-1] for key, column in errors.items()}
+        | {"state": "converged", "n_particles": 500, "right": True, "among_modes": True},
         "hz_mean": 50.0,
         "hz_p05": 40.0,
-        "right_m": 0.01,
         "ms": {"tdn": 3.0, "tcn": 1.0, "filter": 10.0},
         "per_frame": {
             "frame": list(range(len(run))),
@@ -93,6 +95,15 @@ def test_every_kind_of_result_has_its_tables_on_the_page(tmp_path):
         experiment = EXPERIMENTS[kind]
         cells = [str(cell) for _, table in experiment.tables(result) for cell in table.to_numpy().ravel()]
         assert [text for text in (*cells, *experiment.notes(result)) if text not in content] == [], kind
+
+
+def test_a_page_that_is_broken_off_leaves_the_one_before(evaluation, tmp_path, monkeypatch):
+    write_results_page([("a.json", evaluation)], tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(Page, "write_markdown", lambda *_: signal.raise_signal(2))
+    with pytest.raises(KeyboardInterrupt):
+        write_results_page([("b.json", report("exploration")), ("a.json", evaluation)], tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}, {"a": 1}])

@@ -3,8 +3,8 @@ import pytest
 import trimesh
 from PIL import Image
 
+from midastouch_benchmark.report.pictures import error_picture, overview
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.report.single_touch import error_picture, overview
 from midastouch_benchmark.single_touch.per_object import summarise_objects
 
 FIGURES = (

@@ -4,8 +4,6 @@ import pytest
 from midastouch_benchmark.statistics.accuracy import (
     coverage,
     frames_until_right,
-    is_right,
-    is_right_or_among_modes,
     summarise_accuracy,
     trust,
 )
@@ -81,19 +79,6 @@ def test_a_truth_among_the_modes_is_told_from_a_lost_one(trials):
     wrong = unsure | {"final": unsure["final"] | {"state": "converged"}}
     figures = trust([sure, unsure, lost, wrong])
     assert (figures["right_at_end"]["share"], figures["right_or_among_modes_at_end"]["share"]) == (0.25, 0.5)
-
-
-def test_a_trial_of_an_older_report_is_judged_by_its_distance(trials):
-    def older(state: str, **errors: float | None) -> dict:
-        final = {key: value for key, value in trials[0]["final"].items() if key not in ("right", "among_modes")}
-        return trials[0] | {"final": final | {"state": state} | errors}
-
-    assert is_right(older("converged", estimate_trans_mm=9.0))
-    assert not is_right(older("converged", estimate_trans_mm=11.0))
-    assert not is_right(older("converged", estimate_trans_mm=None))
-    assert not is_right(older("ambiguous", min_cluster_trans_mm=9.0))
-    assert is_right_or_among_modes(older("ambiguous", min_cluster_trans_mm=9.0))
-    assert not is_right_or_among_modes(older("ambiguous", min_cluster_trans_mm=None))
 
 
 def test_regions_are_judged_at_every_level(trials):

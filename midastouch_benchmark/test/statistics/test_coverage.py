@@ -1,13 +1,14 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from midastouch_benchmark.statistics.coverage import (
     LEVELS,
     WEIGHTS,
-    Coverage,
-    WeightReliability,
+    level_counts,
     nees,
     observed_fractions,
+    weight_counts,
 )
 from midastouch_common import se3
 from midastouch_filter.core.estimate import Estimate, Mode
@@ -32,6 +33,12 @@ def draws(n: int, scale: float = 1.0):
         yield estimate_of(pose, factor @ factor.T), truth
 
 
+def judged(estimate: Estimate, truth: np.ndarray, right: bool) -> dict:
+    """Frame of a trial."""
+    status = estimate.status
+    return {"nees": nees(estimate, truth), "n_modes": status.n_modes, "state": status.state, "right": right}
+
+
 def test_nees_averages_six_for_a_right_covariance():
     values = [nees(estimate, truth) for estimate, truth in draws(600)]
     assert np.mean(values) == pytest.approx(6, abs=0.5)
@@ -40,34 +47,28 @@ def test_nees_averages_six_for_a_right_covariance():
 def test_a_right_covariance_covers_as_it_says_a_small_one_less():
     fractions = []
     for scale in (1.0, 2.0):
-        coverage = Coverage()
-        for estimate, truth in draws(500, scale):
-            coverage.add(estimate, truth, right=True)
-        fractions.append(observed_fractions(coverage.counts()["right"]))
+        frames = [judged(estimate, truth, True) for estimate, truth in draws(500, scale)]
+        fractions.append(observed_fractions(level_counts(pd.DataFrame(frames))["right"]))
     assert fractions[0] == pytest.approx(LEVELS, abs=0.05)
     assert (fractions[1][:-2] < LEVELS[:-2]).all()
     assert fractions[1][9] < 0.2
 
 
 def test_frames_are_counted_by_kind():
-    coverage = Coverage()
     pose, covariance = np.eye(4), 1e-4 * np.eye(6)
-    coverage.add(estimate_of(pose, covariance), pose, right=True)
-    coverage.add(estimate_of(pose, covariance, n_modes=3, state="ambiguous"), pose, right=False)
-    counts = {kind: sum(values) for kind, values in coverage.counts().items()}
+    unsure = estimate_of(pose, covariance, n_modes=3, state="ambiguous")
+    frames = pd.DataFrame([judged(estimate_of(pose, covariance), pose, True), judged(unsure, pose, False)])
+    counts = {kind: sum(values) for kind, values in level_counts(frames).items()}
     assert counts == {"one_mode": 1, "several_modes": 1, "converged": 1, "right": 1}
     assert np.isnan(observed_fractions(np.zeros(len(LEVELS) + 1))).all()
 
 
 def test_published_poses_are_counted_by_the_weight_of_their_mode():
-    reliability = WeightReliability()
-    for weight, right in ((0.0, False), (0.95, True), (0.96, False), (1.0, True)):
-        reliability.add(weight, right)
-    counts = reliability.counts()
+    frames = [(0.0, False), (0.95, True), (0.96, False), (1.0, True)]
+    counts = weight_counts(pd.DataFrame(frames, columns=["mode_mass", "right"]))
     assert len(counts["frames"]) == len(WEIGHTS) + 1
     assert (counts["frames"][0], counts["frames"][-2:]) == (1, [2, 1])
     assert counts["right"][-2:] == [1, 1]
-    assert counts["weight"][-2:] == pytest.approx([1.91, 1.0])
 
 
 def test_a_covariance_of_zero_is_no_crash():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from midastouch_benchmark.tables import comparisons, perception, reports, trust
+from midastouch_benchmark.tables import comparisons, reports, trust
 from midastouch_benchmark.tables.table import UNMEASURED
 from midastouch_benchmark.trials.variants import SETS, VARIANTS
 
@@ -46,12 +46,6 @@ def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     for module in (reports, comparisons):
         monkeypatch.setattr(module, "reported", list)
     assert UNMEASURED in table().to_numpy()[0].tolist()
-
-
-@pytest.mark.parametrize("key", ["recall", "found_share"])
-def test_recall_of_presses_is_read_by_its_former_name_too(key):
-    content = {"folder": "ball", "network": "fast", "ball_diameter": 6e-3, "summary": {"presses": 4, key: 0.75}}
-    assert list(perception.presses_table(content)["recall"]) == ["75 %"]
 
 
 def test_every_protocol_has_row_and_command_for_each_set():

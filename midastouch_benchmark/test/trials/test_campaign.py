@@ -8,13 +8,12 @@ import pytest
 import trimesh
 
 from midastouch_benchmark.trials.cache import SlideKind, Touches
-from midastouch_benchmark.trials.campaign import Plan, run_campaign
-from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
+from midastouch_benchmark.trials.campaign import Plan
+from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.symmetry.search import ObjectSymmetry
-from midastouch_tools.cluster import open_cluster
 
 
 @dataclass(frozen=True)
@@ -24,6 +23,7 @@ class StubCache:
     sequence: object
     book: object
     networks: object
+    folder: Path
     codebook_size: int = 4000
     slides: SlideKind = field(default_factory=lambda: SlideKind(0.045))
 
@@ -54,9 +54,9 @@ def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
 
 
 @pytest.fixture
-def plan(sequence, codebook, networks) -> Plan:
+def plan(sequence, codebook, networks, tmp_path) -> Plan:
     return Plan(
-        StubCache(sequence, codebook, networks),
+        StubCache(sequence, codebook, networks, tmp_path),
         FilterConfig(max_particles=1000),
         ("default", "no_drift"),
         ("paper",),
@@ -67,18 +67,12 @@ def plan(sequence, codebook, networks) -> Plan:
 
 
 @pytest.fixture
-def here():
-    with open_cluster() as cluster:
-        yield Workforce(cluster)
-
-
-@pytest.fixture
-def log(tmp_path: Path) -> TrialLog:
-    return TrialLog(tmp_path / "trials.jsonl")
+def here() -> Workforce:
+    return Workforce()
 
 
 @pytest.mark.slow
-def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
+def test_every_combination_is_run_once(plan, saved_mesh, here):
     totals, done = [], []
 
     def start_progress(total):
@@ -86,7 +80,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
         return done.append
 
     reported = replace(here, start_progress=start_progress)
-    trials, missing = run_campaign(plan, [saved_mesh], log, reported)
+    trials, missing = plan.run([saved_mesh], reported)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_drift", 0), ("no_drift", 1),
@@ -94,22 +88,21 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
     assert (totals, sum(done)) == ([4], 4)
     # again: nothing is left to do
-    kept = TrialLog(tmp_path / "trials.jsonl")
-    again, _ = run_campaign(plan, [saved_mesh], kept, reported)
+    again, _ = plan.run([saved_mesh], reported)
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
     other = replace(plan, config=replace(plan.config, tested_poses=301))
-    assert run_campaign(other, [saved_mesh], log, replace(here, deadline=0))[1] == 4
+    assert other.run([saved_mesh], replace(here, deadline=0))[1] == 4
 
 
-def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log, here):
-    trials, missing = run_campaign(plan, [saved_mesh], log, replace(here, deadline=0))
+def test_nothing_is_started_after_the_time_given(plan, saved_mesh, here):
+    trials, missing = plan.run([saved_mesh], replace(here, deadline=0))
     assert (trials, missing) == ([], 4)
 
 
 @pytest.mark.slow
-def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, log, here, monkeypatch):
+def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, here, monkeypatch):
     monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", BUDGET, codebook_size=500))
     seen = []
     make = Variant.filter
@@ -120,7 +113,7 @@ def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, log,
 
     monkeypatch.setattr(Variant, "filter", spy)
     plan = replace(plan, variants=("few_poses", "no_codes"), seeds=(0,))
-    trials, missing = run_campaign(plan, [saved_mesh], log, here)
+    trials, missing = plan.run([saved_mesh], here)
     assert (missing, seen) == (0, [(500, False), (4000, True)])
     assert all(t["frames_in_contact"] == 10 for t in trials)
     # and they are other trials than the default's
@@ -128,10 +121,10 @@ def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, log,
     assert len({plan.key(saved_mesh, None, "", labels) for labels in variants}) == 2
 
 
-def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
+def test_a_protocol_disturbs_the_frames(plan, saved_mesh, here):
     plan = replace(plan, variants=("default",), seeds=(0,))
-    plain, _ = run_campaign(plan, [saved_mesh], log, here)
-    lifted, _ = run_campaign(replace(plan, protocol="lift"), [saved_mesh], log, here)
+    plain, _ = plan.run([saved_mesh], here)
+    lifted, _ = replace(plan, protocol="lift").run([saved_mesh], here)
     assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
     assert plain[0]["frames_in_contact"] == plain[0]["frames"]
     assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10

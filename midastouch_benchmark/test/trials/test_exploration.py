@@ -11,7 +11,6 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.objects import bundled_objects
-from midastouch_tools.cluster import open_cluster
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +24,7 @@ def explored(tmp_path_factory):
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():
-        with open_cluster() as cluster:
-            return plan.run([mesh], Workforce(cluster))
+        return plan.run([mesh], Workforce())
 
     return run(), run
 
@@ -60,8 +58,7 @@ def trials_of(folder, mesh, policy, length, trials=1):
     """Tried with a small codebook and few particles."""
     config = FilterConfig(max_particles=1000, threads=1)
     plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
-    with open_cluster() as cluster:
-        return plan.run([mesh], Workforce(cluster))[0]
+    return plan.run([mesh], Workforce())[0]
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import read_catalogue
 from midastouch_perception.objects import bundled_objects
-from midastouch_tools.cluster import open_cluster
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +23,7 @@ def campaign(tmp_path_factory):
     cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
     plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
-    with open_cluster() as cluster:
-        trials, missing = plan.run(meshes, Workforce(cluster))
+    trials, missing = plan.run(meshes, Workforce())
     assert not missing
     return plan, meshes, trials
 
@@ -49,11 +47,10 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
 def test_finished_slides_are_kept_and_a_deadline_ends(campaign):
     plan, meshes, trials = campaign
     begun = []
-    with open_cluster() as cluster:
-        reported = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
-        again, _ = plan.run(meshes, reported)
-        further = dataclasses.replace(plan, slides=(0, 1))
-        _, missing = further.run(meshes, Workforce(cluster, -np.inf))
+    reported = Workforce(start_progress=lambda total: begun.append(total) or (lambda done: None))
+    again, _ = plan.run(meshes, reported)
+    further = dataclasses.replace(plan, slides=(0, 1))
+    _, missing = further.run(meshes, Workforce(deadline=-np.inf))
     assert begun == [0]
     assert again == trials
     assert missing == 2

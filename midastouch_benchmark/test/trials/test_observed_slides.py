@@ -18,7 +18,6 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
-from midastouch_tools.cluster import open_cluster
 
 
 def answers(*rows: tuple[int, float, bool]) -> list[Answer]:
@@ -97,8 +96,7 @@ def test_the_same_slides_are_run_once(tmp_path):
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():
-        with open_cluster() as cluster:
-            return plan.run([mesh], Workforce(cluster))
+        return plan.run([mesh], Workforce())
 
     (found,), missing = run()
     assert not missing

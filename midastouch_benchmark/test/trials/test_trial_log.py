@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce, key_of, run_open, source_digest
-from midastouch_tools.cluster import open_cluster
 
 
 def test_trials_are_found_again(tmp_path):
@@ -71,8 +70,7 @@ class Run:
 
 
 def complete(log, run, **options):
-    with open_cluster() as cluster:
-        return run_open(run, UNITS, log, Workforce(cluster, **options))
+    return run_open(run, UNITS, log, Workforce(**options))
 
 
 def test_only_what_the_log_lacks_is_run(log):

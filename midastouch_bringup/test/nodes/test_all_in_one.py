@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
+# as a program it is not among pytest's tests, whose folders are known
 sys.path.append(str(Path(__file__).parents[3] / "tests"))
 sys.path.extend(str(Path(__file__).parents[3] / f"midastouch_{name}/test/nodes") for name in ("filter", "perception"))
 

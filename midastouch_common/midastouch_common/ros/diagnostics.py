@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -15,6 +15,8 @@ from .private_rclpy import RCLError
 
 PERIOD_S = 1.0
 _LOG_PERIOD = 5.0
+LASTING_S = 2.0
+"""Time [s] after which `LastingWarnings` logs a reason: what only takes its time at a start is over by then."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -99,6 +101,26 @@ class Diagnostics:
         out = DiagnosticArray(status=[status])
         out.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(out)
+
+
+class LastingWarnings:
+    """Warnings of what keeps a node from its work: each is logged once when it has lasted, and once when it is over."""
+
+    def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:
+        self._node, self._now = node, now
+        self._since: dict[str, float] = {}
+        self._logged: dict[str, str] = {}
+
+    def observe(self, reasons: Mapping[str, str]) -> None:
+        """Take note of all present reasons by their kinds, about once a second; a text may change, its kind stays."""
+        now = self._now()
+        self._since = {kind: self._since.get(kind, now) for kind in reasons}
+        for kind, reason in reasons.items():
+            if kind not in self._logged and now - self._since[kind] >= LASTING_S:
+                self._logged[kind] = reason
+                self._node.get_logger().warning(reason)
+        for kind in self._logged.keys() - reasons.keys():
+            self._node.get_logger().info(f"over: {self._logged.pop(kind)}")
 
 
 class Rate:

@@ -13,7 +13,7 @@ from rclpy.task import Future
 
 from . import qos
 
-_ABSENT = "not running"
+_ABSENT = "not found"  # it may run: to be discovered takes seconds
 _LOOK_S = 0.1  # for nodes that have come or gone
 _ASK_AGAIN_S = 1.0  # an event can be lost during discovery, and an answer with a node that dies
 
@@ -31,7 +31,7 @@ class LifecycleWatch:
 
     @property
     def states(self) -> dict[str, str]:
-        """Label of each node's state by the node's name, e.g. `inactive`; `not running` if the node is missing."""
+        """Label of each node's state by the node's name, e.g. `inactive`; `not found` if the node is missing."""
         return {watched.name: watched.state for watched in self._watched}
 
     @property
@@ -80,6 +80,18 @@ class _Watched:
             self._answer = None
 
 
+def publishers(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that publish a topic, sorted."""
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in found)
+
+
+def why_silent(node: Node, topic: str) -> str:
+    """Return why nothing comes on a topic, as far as the graph shows it."""
+    names = publishers(node, topic)
+    return f"{', '.join(names)} publishes it, but sends none" if names else "no node publishes it"
+
+
 class OnlyPublisher:
     """Check that a subscribed topic has a single publisher, as the stream of one sensor must."""
 
@@ -90,10 +102,8 @@ class OnlyPublisher:
     @property
     def problem(self) -> str:
         """Message that names the publishers and the fix if there are several, logged when it changes; or empty."""
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        problem = ""
-        if len(found) > 1:
-            names = sorted(f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in found)
+        problem, names = "", publishers(self._node, self._topic)
+        if len(names) > 1:
             topic = self._node.resolve_topic_name(self._topic)
             problem = f"{topic} has {len(names)} publishers: {', '.join(names)}; stop all but one of them"
         if problem and problem != self._logged:

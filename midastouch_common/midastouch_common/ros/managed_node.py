@@ -48,7 +48,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         self.failure = ""
         self._doing, self._starting = _UNCONFIGURED, False
         self._error: Exception | None = None
-        self._lasting: set | None = None  # subscriptions and timers made before `connect`; None while not connected
+        self._before: set | None = None  # subscriptions and timers made before `connect`; None while not connected
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._change_state_or_refuse
         try:
@@ -56,6 +56,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         except InputError:
             self.destroy_node()
             raise
+        self._lasting = diagnostics.LastingWarnings(self)
         self.diagnostics = diagnostics.Diagnostics(self, self._describe_state)
 
     def autostart(self) -> None:
@@ -123,6 +124,10 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics of the active node."""
 
+    def obstacles(self) -> Mapping[str, str]:
+        """Return, by kind, what keeps the active node from its work; it is logged if it lasts."""
+        return {}
+
     def destroy_node(self) -> None:
         """Disconnect, then destroy the node as rclpy does."""
         self._disconnect()
@@ -177,7 +182,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     def _connect(self) -> None:
         """Connect; if that fails, disconnect again before raising."""
-        self._lasting = {*self.subscriptions, *self.timers}
+        self._before = {*self.subscriptions, *self.timers}
         try:
             self.connect()
             refuse_unused_overrides(self)
@@ -187,14 +192,14 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
 
     def _disconnect(self) -> None:
         """Disconnect, even if only a part is connected; a no-op when the node is not connected."""
-        if self._lasting is None:
+        if self._before is None:
             return
         self.disconnect()
-        for subscription in {*self.subscriptions} - self._lasting:
+        for subscription in {*self.subscriptions} - self._before:
             self.destroy_subscription(subscription)
-        for timer in {*self.timers} - self._lasting:
+        for timer in {*self.timers} - self._before:
             self.destroy_timer(timer)
-        self._lasting = None
+        self._before = None
 
     def _disconnect_and_unload(self) -> None:
         self._disconnect()
@@ -222,6 +227,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
             return diagnostics.ERROR, self.failure, state
         if self._doing:
             return diagnostics.WARN, self._doing, state
+        self._lasting.observe(self.obstacles())
         level, message, values = self.describe()
         return level, message, {**state, **values}
 

@@ -46,11 +46,17 @@ class Waiting:
 class TransformQueue:
     """First-in, first-out queue; the first item waits for its transform, a time-out, or too many items behind it.
 
-    lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError if the transform will never come.
-    hold: stamp, payload, seconds in the queue -> whether something else is still to come. The seconds are by `steady`,
-    a clock that never stops. They count from `push`, not from when the item became the first: otherwise each item whose
-    wait is useless would add its own delay to those behind it.
-    now, timeout: functions that return seconds, for the wait for the transform.
+    Parameters
+    ----------
+    lookup
+        From a stamp [ns] to (4, 4) or `Wait`; raises TransformError or InputError if the transform will never come.
+    hold
+        Called with stamp, payload, and seconds in the queue; True if something else is still to come. The seconds count
+        from `push`, not from when the item became the first: otherwise each item whose wait is useless would add its
+        own delay to those behind it.
+    now, timeout
+        Return seconds, for the wait for the transform.
+    steady : clock [s] of the time in the queue; it never stops
     """
 
     def __init__(
@@ -69,8 +75,20 @@ class TransformQueue:
     def __len__(self) -> int:
         return len(self._items)
 
+    @property
+    def lacks(self) -> str:
+        """What the first item waits for; "" for an empty queue."""
+        return self._lacks if self._items else ""
+
     def push(self, stamp: int, payload: Any) -> None:
-        """Queue `payload` until its transform at `stamp` [ns] is known."""
+        """Queue an item until its transform is known.
+
+        Parameters
+        ----------
+        stamp : time [ns] of the transform
+        payload
+            Returned with the transform.
+        """
         self._items.append((stamp, payload, self._now(), self._steady()))
 
     def remove(self, stamp: int) -> None:

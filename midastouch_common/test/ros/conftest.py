@@ -1,13 +1,8 @@
-"""The stand-ins beside this file can be imported."""
+"""A source of transforms on a graph."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
@@ -43,3 +45,23 @@ def test_rate_restarts_when_asked():
     rate.add(0.004)
     assert rate.values()["mean_ms"] == "3.00"
     assert rate.values()["mean_ms"] == "0.00"
+
+
+def test_a_warning_that_lasts_is_logged_once_and_so_is_its_end():
+    logged, now = [], [0.0]
+    logger = SimpleNamespace(warning=lambda text: logged.append(text), info=lambda text: logged.append(text))
+    warnings = diagnostics.LastingWarnings(SimpleNamespace(get_logger=lambda: logger), lambda: now[0])
+
+    def observe(seconds, **reasons):
+        now[0] = seconds
+        warnings.observe(reasons)
+        return [logged.pop(0) for _ in range(len(logged))]
+
+    soon = diagnostics.LASTING_S / 2
+    assert observe(0.0, tf="no TF for 0 s") == []
+    assert observe(soon) == [], "it was short"
+    assert observe(1 + soon, tf="no TF for 1 s") == []
+    assert observe(1 + 3 * soon, tf="no TF for 2 s", image="no image") == ["no TF for 2 s"]
+    assert observe(1 + 5 * soon, tf="no TF for 3 s", image="no image") == ["no image"]
+    assert observe(1 + 9 * soon, tf="no TF for 5 s") == ["over: no image"]
+    assert observe(90.0) == ["over: no TF for 2 s"]

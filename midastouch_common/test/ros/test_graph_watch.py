@@ -32,7 +32,7 @@ def add(graph, name, **parameters):
 
 def test_nodes_are_followed_from_before_their_start_to_their_end(graph):
     watch = LifecycleWatch(graph.companion, ["one", "/two"])
-    assert watch.waiting_for == "one (not running), /two (not running)"
+    assert watch.waiting_for == "one (not found), /two (not found)"
     one = add(graph, "one", autostart=False)
     graph.spin_until(lambda: watch.states["one"] == "unconfigured", "the state of the first")
     add(graph, "two")
@@ -46,7 +46,7 @@ def test_nodes_are_followed_from_before_their_start_to_their_end(graph):
     assert graph.change_state("one", "deactivate")
     graph.spin_until(lambda: watch.waiting_for == "one (inactive)", "the event")
     graph.remove(one)
-    graph.spin_until(lambda: watch.waiting_for == "one (not running)", "its end")
+    graph.spin_until(lambda: watch.waiting_for == "one (not found)", "its end")
     add(graph, "one")
     graph.spin_until(lambda: watch.waiting_for == "", "its successor")
 

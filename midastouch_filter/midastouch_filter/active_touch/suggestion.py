@@ -33,7 +33,17 @@ CLEARANCE = 0.01
 
 @dataclass(frozen=True)
 class Wanted:
-    """Request: max_length [m] of a motion, None for the object's diagonal; lifts, whether allowed; count, at most."""
+    """Request for suggestions.
+
+    Attributes
+    ----------
+    max_length
+        Longest motion [m]; None for the object's diagonal.
+    lifts
+        True if the finger may leave the surface.
+    count
+        Largest number of suggestions.
+    """
 
     max_length: float | None = None
     lifts: bool = False
@@ -42,9 +52,26 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """Suggested motion: heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift:
-    no contact on the way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on one
-    object, from the present one, by its most probable hypothesis that can go this way; n = 0 if none can."""
+    """Suggested motion.
+
+    Attributes
+    ----------
+    heading : [rad]
+        In the gel's plane, from its x to its y axis.
+    length : [m]
+        Along the surface.
+    lift
+        True if there is no contact on the way.
+    information : [nats]
+        Expected.
+    cost : [m]
+        Travel.
+    reason
+        A sentence.
+    path
+        Gel poses (n, 4, 4) on one object, from the present one, by its most probable hypothesis that can go this way; n
+        = 0 if none can.
+    """
 
     heading: float
     length: float
@@ -57,8 +84,17 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Advice:
-    """Answer: suggestions, best first; indistinguishable, whether hypotheses remain that nothing within reach can
-    distinguish; message."""
+    """Answer to `Wanted`.
+
+    Attributes
+    ----------
+    suggestions
+        Best first.
+    indistinguishable
+        True if hypotheses remain that nothing within reach can distinguish.
+    message
+        A sentence.
+    """
 
     suggestions: list[Suggestion]
     indistinguishable: bool
@@ -221,7 +257,7 @@ def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], al
     if alike:
         return f"nothing within reach can tell these hypotheses apart: {', '.join(map(_called, alike))}"
     if not suggestions:
-        return "no slide within reach tells anything; allow lifts, or a longer way"
+        return "no slide within reach is informative; allow lifts, or longer slides"
     if len(narrow) > 1:
         return f"{len(narrow)} hypotheses compete: {', '.join(map(_called, narrow))}"
     return f"one hypothesis is left to be confirmed: {_called(narrow[0])}" if narrow else "no hypothesis stands out yet"

@@ -147,6 +147,16 @@ class PenetrationAlignment:
 
 
 def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Return the covariance (..., 6, 6) in a pose's own frame after that frame has moved by `motion` (4, 4)."""
+    """Return the covariance in a pose's own frame after that frame has moved.
+
+    Parameters
+    ----------
+    covariance : (..., 6, 6)
+    motion : (4, 4)
+
+    Returns
+    -------
+    (..., 6, 6)
+    """
     flat = np.ascontiguousarray(covariance).reshape(-1, 6, 6)
     return kernels.transform_covariances(flat, np.ascontiguousarray(motion)).reshape(covariance.shape)

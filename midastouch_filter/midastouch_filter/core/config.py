@@ -75,7 +75,7 @@ class FilterConfig:
     # --- changes
     change_lifted: float = _number(0.2, 0.0, 0.9, "", "probability that the object was moved while the gel was lifted")
     unknown_prior: float = _number(
-        0.5, 0.0, 0.999, "", "probability beforehand that it is none of the known objects; 0: it is one of them"
+        0.5, 0.0, 0.999, "", "prior probability that the object is not one of the known ones; 0: it is"
     )
 
     # --- further fingers on the same object

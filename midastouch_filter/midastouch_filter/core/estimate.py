@@ -12,10 +12,17 @@ from .state import Status
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: its weight in [0, 1], pose `T_obj_gel` (4, 4), covariance (6, 6), and n, number of its hypotheses.
+    """One mode of the belief.
 
-    The covariance is in REP-103 order, [x y z, rotation about X, Y, Z], about the fixed axes of the object frame:
-    m^2, m rad, rad^2.
+    Attributes
+    ----------
+    weight : probability in [0, 1]
+    pose : `T_obj_gel` (4, 4)
+    covariance
+        (6, 6) in REP-103 order, [x y z, rotation about X, Y, Z], about the fixed axes of the object frame: m^2, m rad,
+        rad^2.
+    n
+        Number of its hypotheses.
     """
 
     weight: float
@@ -40,9 +47,15 @@ class Mode:
 class Estimate:
     """Answer of one step.
 
-    modes, heaviest first (none while uninitialised); status; covariance (6, 6) of the whole belief about the dominant
-    mode's pose, in the order and axes of `Mode.covariance`: while several hypotheses compete, the distance between them
-    is part of it. None while uninitialised.
+    Attributes
+    ----------
+    modes
+        Heaviest first; none while uninitialised.
+    status
+        How far to trust the answer, and why.
+    covariance
+        (6, 6) of the whole belief about the dominant mode's pose, in the order and axes of `Mode.covariance`: while
+        several hypotheses compete, the distance between them is part of it. None while uninitialised.
     """
 
     modes: list[Mode]

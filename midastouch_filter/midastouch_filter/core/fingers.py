@@ -21,6 +21,7 @@ FIRST = ""
 """Name of the first finger; hypotheses are poses of its gel."""
 
 _LARGEST_HAND = 10.0  # m between two fingers of one hand
+_ONE_SPOT = 1e-3  # m between two gels that face the same way; real ones are as wide as their gel apart
 
 
 class Fingers:
@@ -79,4 +80,6 @@ def _checked_pose(T_gel_finger: np.ndarray) -> np.ndarray:
         raise ValueError("bad_finger_pose", str(error).replace("odometry", "pose")) from error
     if not motion.distance <= _LARGEST_HAND:
         raise ValueError("bad_finger_pose", f"pose is {motion.distance:.3g} m from the first finger's")
+    if motion.distance < _ONE_SPOT and motion.transform[2, 2] > 0:
+        raise ValueError("bad_finger_pose", "TF puts it where the first finger is: does it name the same frame?")
     return motion.transform

@@ -7,6 +7,7 @@ measured code to a codebook entry becomes a log-likelihood ratio against a rando
 
 with temperature T and outlier fraction fitted when the network was trained (an InfoNCE-trained similarity is such a
 ratio up to its temperature). l = 0: the touch is no evidence; l = log(outlier): it speaks fully against the pose.
+Hypotheses at poses of their own are weighed by maps rendered there, in `comparison.py`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,15 @@ def always() -> bool:
 
 
 def until_next_frame(elapsed: float | None, clock: Callable[[], float] = time.perf_counter) -> InTime:
-    """Return the `InTime` of a frame that begins now, `elapsed` [s] after the last one (`always` if None: unknown)."""
+    """Return the `InTime` of a frame that begins now.
+
+    Parameters
+    ----------
+    elapsed : [s] since the last frame
+        None if unknown: then the result is `always`.
+    clock
+        Returns seconds.
+    """
     if elapsed is None:
         return always
     end = clock() + _OF_THE_FRAME * elapsed

@@ -17,7 +17,23 @@ PRESETS: dict[str, dict[str, int]] = {
 
 
 def preset(name: str) -> dict[str, int]:
-    """Return the settings of a preset; raises InputError for an unknown name."""
+    """Return the settings of a preset.
+
+    Parameters
+    ----------
+    name
+        A key of `PRESETS`.
+
+    Returns
+    -------
+    dict
+        Fields of `FilterConfig` that differ from their defaults.
+
+    Raises
+    ------
+    InputError
+        There is no preset of that name.
+    """
     if name not in list(PRESETS):  # `in PRESETS` would fail on a list, which a file may hold as the name
         raise InputError(f"preset {name}: not known; there are {', '.join(PRESETS)}")
     return PRESETS[name]

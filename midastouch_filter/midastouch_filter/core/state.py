@@ -27,12 +27,28 @@ _LISTED = 0.9  # probability that the truth is among the published modes, below 
 class Status:
     """State of the filter after a step.
 
-    state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
-    mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
-    likelihood_trend [nats]: evidence of the last touches for the dominant mode, against one that barely explains them
-    (below 0: it does not explain them); skipped: how often each gate saved work or refused input; ms: milliseconds per
-    stage, with the deferred work after the last answer; symmetry: a phrase on the object's; foreign: whether the state
-    is `lost` because another object is touched.
+    Attributes
+    ----------
+    state, reason
+        One of `STATES`, and one sentence.
+    n_particles, ess, n_modes
+        Number of particles, their effective number, number of modes.
+    mode_mass
+        Weight of the dominant mode.
+    spread_t : [m]
+    spread_r : [rad]
+        Both are root mean squares within the dominant mode.
+    likelihood_trend : [nats]
+        Evidence of the last touches for the dominant mode, against one that barely explains them: below 0 it does not
+        explain them.
+    skipped
+        Number of times that each gate saved work or refused input, by name.
+    ms
+        Milliseconds per stage, with the deferred work after the last answer.
+    symmetry
+        Phrase on the object's symmetry.
+    foreign
+        True if the state is `lost` because another object is touched.
     """
 
     state: str
@@ -102,7 +118,10 @@ class StateMachine:
         if not e.in_contact:
             return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
         if self._foreign:
-            return LOST, f"these touches are not of this mesh: with {e.unknown:.1%} another object is touched"
+            return (
+                LOST,
+                f"these touches are not of this mesh: another object is, with {e.unknown:.1%} probability",
+            )
         if self._lost:
             return LOST, e.restarted or "the last touches contradict every hypothesis; looking for better ones"
         if self._converged:
@@ -122,5 +141,5 @@ class StateMachine:
         if e.error_r > c.converged_rotation * slack:
             return False, f"the published pose is known to {e.error_r:.2f} rad only"
         if e.unknown > _DOUBTED:
-            return False, f"with {e.unknown:.0%} these touches are not of this mesh"
+            return False, f"with a probability of {e.unknown:.0%} these touches are not of this mesh"
         return True, ""

@@ -20,13 +20,21 @@ MAP_SCALE = 0.25
 
 @dataclass(frozen=True)
 class Measurement:
-    """One touch, or its absence.
+    """One touch of one finger, or its absence.
 
-    in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60)
-    float32 m, the measured map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that measured it
-    in the gel frame of the first finger, whose pose the filter estimates: None for the first finger itself. If the two
-    images were taken at different times, each gel is where it was at the time of its image, in the frame that the
-    object rests in.
+    Attributes
+    ----------
+    in_contact
+        True if the gel touches something.
+    code : tactile code (D,), or None
+    contact_area : touched area [m^2]
+    network_id
+        Network of the code, "" if unknown.
+    penetration : measured map (80, 60) float32 [m], reduced by `reduced_penetration`, or None
+    T_gel_finger
+        Pose (4, 4) of the gel that measured it, in the gel frame of the first finger, whose pose the filter estimates;
+        None for the first finger itself. If the two images were taken at different times, each gel is where it was at
+        the time of its image, in the frame that the object rests in.
     """
 
     in_contact: bool
@@ -54,13 +62,28 @@ def require_network(touches: Iterable[Measurement], network_id: str) -> None:
 
 
 def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
-    """Reduce a penetration map, whose sides are multiples of 80 and 60, by block means: (80, 60) float32 [m]."""
+    """Reduce a penetration map by block means.
+
+    Parameters
+    ----------
+    penetration : map [m] whose sides are multiples of 80 and 60
+
+    Returns
+    -------
+    (80, 60) float32
+        Map [m] for `Measurement`.
+    """
     rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
     return kernels.block_means(np.ascontiguousarray(penetration, np.float32), rows, columns)
 
 
 def measurement_of(touch: TouchReading) -> Measurement:
-    """Return the measurement of one touch, with its penetration map."""
+    """Return the measurement of one touch, with its penetration map.
+
+    Parameters
+    ----------
+    touch
+    """
     contact = touch.contact
     penetration = reduced_penetration(contact.penetration) if contact.in_contact else None
     return Measurement(contact.in_contact, touch.code, contact.area_m2, touch.network_id, penetration)

@@ -49,7 +49,7 @@ class Entry:
         self.name, self.mesh, self.meta = mesh.name, mesh, codebook.meta
         self.source = path or mesh.path or mesh.name
         if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
-            raise InputError(f"{self.source}: codebook that does not say its {', '.join(missing)}; build it again")
+            raise InputError(f"{self.source}: codebook without its {', '.join(missing)}; build it again")
         self.model = ObjectModel(mesh, codebook, config, noise, workers)
 
     def is_same_as(self, other: Entry) -> bool:
@@ -65,9 +65,18 @@ class Entry:
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; duplicates, name of the entry with the same mesh, for each name that was left out; sensor, at
-    map resolution; network_id.
-    Raises InputError without objects.
+    Attributes: entries; duplicates; sensor, at map resolution; network_id.
+
+    Parameters
+    ----------
+    entries
+    duplicates
+        Name of the entry with the same mesh, for each name that was left out.
+
+    Raises
+    ------
+    InputError
+        There are no objects.
     """
 
     def __init__(self, entries: Sequence[Entry], duplicates: dict[str, str] | None = None):
@@ -81,10 +90,20 @@ class Catalogue:
     def of(
         cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], config: FilterConfig, room: int = ROOM
     ) -> Catalogue:
-        """Make a catalogue of meshes and codebooks, and the codebooks' files, if there are any, to name in messages.
+        """Make a catalogue; equal meshes count once, under the name of the first.
 
-        Equal meshes count once, under the name of the first. Raises InputError on more than `room` poses,
-        two objects of one name, and codebooks of different networks or sensors.
+        Parameters
+        ----------
+        objects
+            Meshes and codebooks, and the codebooks' files, if there are any, to name in messages.
+        config
+        room
+            Largest number of poses.
+
+        Raises
+        ------
+        InputError
+            There are more poses, two objects of one name, or codebooks of different networks or sensors.
         """
         noise, workers = NoiseModel.of(config), Workers(config.threads)
         entries: list[Entry] = []
@@ -133,11 +152,30 @@ def read_catalogue(
     sensor: str | Path,
     room: int = ROOM,
 ) -> Catalogue:
-    """Read codebooks (.npz), which name their meshes, folders of codebooks, and meshes.
+    """Read the objects of a catalogue; only the needed part of each codebook is read.
 
-    build: makes the codebook of a mesh; sensor: as for `SensorModel.load`. Only the needed part of a codebook is read;
-    codebooks of other sensors in a folder are left out. Raises InputError that names the file if it is missing,
-    unreadable, too large or too small, or of another sensor, and as `Catalogue.of` does.
+    Parameters
+    ----------
+    sources
+        Codebooks (.npz), which name their meshes; folders of codebooks, of which those of other sensors are left out;
+        meshes.
+    build
+        Makes the codebook of a mesh file.
+    config
+    sensor
+        As for `SensorModel.load`.
+    room : largest number of poses of all objects
+
+    Returns
+    -------
+    Catalogue
+        The objects; equal meshes count once.
+
+    Raises
+    ------
+    InputError
+        A file, which is named, is missing, unreadable, too large or too small, or of another sensor; or as
+        `Catalogue.of`.
     """
     catalogue = Catalogue.of((_read(source, build) for source in _files(sources, sensor)), config, room)
     require_sensor(catalogue.sensor, sensor, catalogue.entries[0].source)

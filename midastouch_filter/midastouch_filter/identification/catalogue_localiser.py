@@ -27,8 +27,15 @@ class CatalogueLocaliser(Localiser):
     There is no estimate until an object is more probable than `unknown`, none of them. While another object, or none,
     may be touched, the state is not `converged`. A given pose applies to every object.
 
-    Args: catalogue; config; seed; on_object: called with every entry that begins to lead; on_identity: called with the
-    identity, the gel's pose T_base_gel (4, 4) and the stamp [ns] whenever touches were compared.
+    Parameters
+    ----------
+    catalogue
+    config, seed
+        As for `ParticleFilter`.
+    on_object
+        Called with every entry that begins to lead.
+    on_identity
+        Called with the identity, the gel's pose `T_base_gel` (4, 4) and the stamp [ns] whenever touches were compared.
     """
 
     def __init__(

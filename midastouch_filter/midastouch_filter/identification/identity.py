@@ -50,7 +50,15 @@ class Identity:
 
     @classmethod
     def of(cls, names: Sequence[str], running: ParticleFilter) -> Identity:
-        """Return the identity that a filter on objects of these names has found."""
+        """Return the identity that a filter on several objects has found.
+
+        Parameters
+        ----------
+        names
+            Names of the objects, in the filter's order.
+        running
+            The filter.
+        """
         probabilities, unknown = running.identity
         modes = _modes(running)
         objects = []

@@ -6,12 +6,11 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
+from midastouch_common.ros.graph_watch import why_silent
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_common.ros.transform_source import TransformSource
 from midastouch_common.transforms.queue import TransformQueue, Wait
@@ -25,6 +24,7 @@ from ..localiser import Localiser, seconds_between
 from ..timeline import Judgement, Timeline
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics, MapSource, fingers_of
+from .node_clock import NodeClock
 from .status_report import StatusReport
 
 
@@ -32,8 +32,7 @@ class CodeProcessor:
     """Listener to codes and transforms, from its construction until `close`; the node destroys its subscriptions.
 
     maps: whether the filter uses them. Without `subscribe` codes come through `on_code` only. on_estimate: called with
-    the stamp [ns] of each frame once it is answered. Attributes:
-    transforms; network_id of the newest code; report, which publishes each frame's status.
+    the stamp [ns] of each answered frame. Attributes: transforms; network_id of the newest code; report, of each frame.
     """
 
     def __init__(
@@ -52,7 +51,8 @@ class CodeProcessor:
         self._timeline = Timeline(self._newest_transform, clock.now)
         self._last_arrival: float | None = None
         self._last_stamp: int | None = None
-        self._silent = False
+        self._silent = self._has_had_transforms = False
+        self._jumps = 0
         self._base, self._sensor = self._parameters["base_frame_id"], self._parameters["sensor_frame_id"]
         self._queue = TransformQueue(
             lambda stamp: self._lookup(self._base, self._sensor, stamp),
@@ -111,7 +111,7 @@ class CodeProcessor:
         judged = self._timeline.judge(stamp, measurement)
         self._obey(judged)
         if judged.held:
-            self.report.wait(stamp, "stamped before the last code: time ran back if the next code says so, too")
+            self.report.wait(stamp, "stamped before the last code; if the next code is, too, time ran back")
         elif judged.late:
             self.report.counts["out_of_order"] += 1
             self.report.say(stamp, STALE, "out of order: this code or a later one was here before")
@@ -134,6 +134,18 @@ class CodeProcessor:
         reason = f"stamped {1e-9 * stamp:.3f} s, unlike the codes before and after: dropped"
         self._problem("odd_stamps", f"tactile/code: {reason}; is the sensor's clock right, has it one publisher only?")
         self.report.say(stamp, STALE, reason)
+
+    def obstacles(self) -> dict[str, str]:
+        """Return, by kind, why no code can be answered: TF has never led from the base to the sensor."""
+        if self._has_had_transforms or self._clock.stamp() == 0:  # simulated time that has not begun
+            return {}
+        try:
+            self.transforms.latest_stamp(self._base, self._sensor)
+        except TransformError as error:
+            reason = str(error)
+        else:
+            reason = self._queue.lacks
+        return {"no_transform": f"no TF from {self._base} to {self._sensor}, so no pose: {reason}"} if reason else {}
 
     def _newest_transform(self) -> int | None:
         try:
@@ -165,6 +177,7 @@ class CodeProcessor:
                 self.report.counts["transform_timeout"] += 1
                 self.report.say(ready.stamp, STALE, f"no transform {self._base} -> {self._sensor}: {ready.reason}")
             else:
+                self._has_had_transforms = True
                 self._process(ready.stamp, ready.transform, ready.payload)
         if (waiting := self._queue.unreported()) is not None:
             self.report.wait(waiting.stamp, waiting.reason)
@@ -185,6 +198,9 @@ class CodeProcessor:
         if estimate is None:
             self.report.say(stamp, UNINITIALISED, self._localiser.waiting_for)
             return
+        jumps, self._jumps = self._jumps, estimate.status.skipped.get("odometry_jump", 0)
+        if self._jumps > jumps:  # it starts again at each
+            self._problem("jumps", f"{self._base} -> {self._sensor}: {estimate.status.reason}")
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
         self._on_estimate(stamp)
         self._localiser.deferred_update(in_time)
@@ -217,31 +233,5 @@ class CodeProcessor:
             return
         if (silence := self._clock.now() - self._last_arrival) > timeout:
             self._silent = True
-            reason = f"no tactile/code for {silence:.1f} s: is the sensor running? see /diagnostics"
+            reason = f"no tactile/code for {silence:.1f} s: {why_silent(self._node, 'tactile/code')}; see /diagnostics"
             self.report.say(self._clock.stamp(), STALE, reason)
-
-
-class NodeClock:
-    """Clocks of a node. Attributes: steady, rclpy's clock that never stops and that NTP cannot step."""
-
-    def __init__(self, node: Node):
-        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node = node
-        # time-outs must not run out while simulated time is paused
-        self._timeout_clock = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
-        self._last = self._gone = 0.0
-
-    def now(self) -> float:
-        """Return the seconds by which time-outs run; simulated time that jumps back does not turn them back."""
-        last, self._last = self._last, 1e-9 * self._timeout_clock.now().nanoseconds
-        self._gone += max(0.0, last - self._last)
-        return self._last + self._gone
-
-    def steady_now(self) -> float:
-        """Return the seconds of the steady clock."""
-        return 1e-9 * self.steady.now().nanoseconds
-
-    def stamp(self) -> int:
-        """Return the stamp [ns] for a status that is about no image."""
-        # 1 ns less: a replay's clock stands at the stamp of the image whose answer it waits for, which this is not
-        return max(0, self._node.get_clock().now().nanoseconds - 1)

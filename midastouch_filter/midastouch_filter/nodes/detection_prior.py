@@ -21,12 +21,13 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.diagnostics import OK, Diagnostics
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.services import offer
 from midastouch_common.ros.spin import run
 from midastouch_msgs.msg import FilterStatus
 
 PARAMETERS = (
     Parameter("class_id", "", "Class that the detector gives the object; empty: any", read_only=False),
-    Parameter("min_score", 0.5, "Least score of a detection that is believed", minimum=0.0, read_only=False),
+    Parameter("min_score", 0.5, "Lowest score at which a detection is used", minimum=0.0, read_only=False),
     Parameter(
         "sigma_translation",
         0.01,
@@ -37,7 +38,7 @@ PARAMETERS = (
         read_only=False,
     ),
     Parameter("sigma_rotation", 0.2, "As sigma_translation", "rad", minimum=0.02, maximum=3.2, read_only=False),
-    Parameter("when_lost", True, "Start a filter again that is lost", read_only=False),
+    Parameter("when_lost", True, "Restart the filter while it is lost", read_only=False),
     Parameter("period", 1.0, "Least time between two starts", "s", minimum=0.0, maximum=3600.0, read_only=False),
 )
 
@@ -58,16 +59,15 @@ class DetectionPrior(PipelineNode):
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched())
         self.create_subscription(Detection3DArray, "detections", self._on_detections, qos.stream_subscriber())
-        self.create_service(Trigger, "~/send", self._on_send)
+        offer(self, Trigger, "~/send", self._on_send)
 
     def _on_status(self, msg: FilterStatus) -> None:
         if msg.state != FilterStatus.STATE_WAITING:
             self._state = msg.state
 
-    def _on_send(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_send(self, _: Trigger.Request) -> str:
         self._asked = True
-        response.success, response.message = True, "the next detection of the object starts the filter"
-        return response
+        return "the next detection of the object starts the filter"
 
     def _on_detections(self, msg: Detection3DArray) -> None:
         if not self._is_wanted():

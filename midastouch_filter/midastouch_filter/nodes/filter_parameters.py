@@ -25,7 +25,7 @@ _NODE = (
         "In place of mesh and codebook, where the object is not known: codebooks, folders of codebooks and "
         "meshes, separated by ','; a mesh gets a coarse codebook",
     ),
-    Parameter("tcn", "fast", "Code network of a codebook that is built here: as that of the node tcn"),
+    Parameter("tcn", "fast", "Code network for a codebook that is built here: the same as of node tcn"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of the node tdn: codebooks must be of it"),
     Parameter(
         "object_folders",
@@ -64,7 +64,7 @@ _NODE = (
     Parameter(
         "finger_tolerance",
         0.05,
-        "The code of a further finger that is nearest to this sensor's counts if it is no older or newer",
+        "Largest difference in time between this sensor's code and the nearest one of a further finger",
         unit="s",
         minimum=0.0,
         maximum=1.0,
@@ -82,7 +82,7 @@ _NODE = (
     Parameter(
         "transform_timeout",
         1.0,
-        "A code whose transform has not come for so long is given up: state stale",
+        "A code is given up, state stale, after waiting this long for its transform",
         unit="s",
         minimum=0.0,
         maximum=600.0,
@@ -91,7 +91,7 @@ _NODE = (
     Parameter(
         "input_timeout",
         2.0,
-        "Without a code for so long the state is stale",
+        "The state is stale after this time without a code",
         unit="s",
         minimum=0.05,
         maximum=3600.0,
@@ -100,7 +100,7 @@ _NODE = (
     Parameter(
         "view_rate",
         10.0,
-        "Particles, cloud and hypotheses are published at most so often; 0: with every code",
+        "Highest rate of particles, cloud and hypotheses; 0: with every code",
         unit="Hz",
         minimum=0.0,
         maximum=1000.0,
@@ -109,7 +109,7 @@ _NODE = (
     Parameter(
         "suggestion_rate",
         2.0,
-        "The action suggest_motion answers anew at most so often; 0: with every code",
+        "Highest rate of answers of the action suggest_motion; 0: with every code",
         unit="Hz",
         minimum=0.0,
         maximum=1000.0,
@@ -173,8 +173,8 @@ GONE = {
         if field.metadata["former"] and name not in _SETTINGS
     },
     **config.GONE,
-    "suggestion_length": "the request of suggest_motion says max_length",
-    "suggestion_count": "the request of suggest_motion says count",
+    "suggestion_length": "the request of suggest_motion has max_length",
+    "suggestion_count": "the request of suggest_motion has count",
     **{
         f"initial_pose.{name}": "initial_pose is one list now: x y z [m], roll pitch yaw [rad]"
         for name in ("x", "y", "z", "roll", "pitch", "yaw")

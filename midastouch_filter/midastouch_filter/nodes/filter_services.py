@@ -17,6 +17,7 @@ from midastouch_common.message_arrays import covariance_from_msg, pose_from_msg
 from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import INACTIVE
 from midastouch_common.ros.parameters import Parameters
+from midastouch_common.ros.services import offer
 from midastouch_common.ros.transform_source import TransformSource
 from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.srv import SetObject
@@ -36,7 +37,7 @@ class FilterServices:
         self._log, self._localiser, self._change_object = node.get_logger(), localiser, change_object
         node.create_service(Empty, "reinitialize_global_localization", self._on_reinitialize)
         node.create_service(Empty, "request_nomotion_update", self._on_nomotion_update)
-        node.create_service(SetObject, "set_object", self._on_set_object)
+        offer(node, SetObject, "set_object", self._on_set_object)
 
     def _on_reinitialize(self, _: Empty.Request, response: Empty.Response) -> Empty.Response:
         if (localiser := self._active("reinitialize_global_localization")) is not None:
@@ -49,17 +50,10 @@ class FilterServices:
             localiser.filter.force_update()
         return response
 
-    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
+    def _on_set_object(self, request: SetObject.Request) -> None:
         if self._active("set_object") is None:
-            response.message = INACTIVE
-            return response
-        try:
-            self._change_object(request.mesh_path, request.codebook_path)
-        except InputError as error:
-            response.message = str(error)
-        else:
-            response.success = True
-        return response
+            raise InputError(INACTIVE)
+        self._change_object(request.mesh_path, request.codebook_path)
 
     def _active(self, service: str) -> Localiser | None:
         localiser = self._localiser()

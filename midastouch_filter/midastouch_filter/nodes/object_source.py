@@ -74,7 +74,7 @@ class ObjectSource:
         if self._parameters["mesh"] or self._parameters["codebook"]:
             raise InputError("objects, and mesh or codebook: which object is it? Give either of them")
         if self._parameters["init_mode"] != "uniform":
-            raise InputError("objects: no pose on an object that nobody knows; set init_mode to uniform")
+            raise InputError("objects: a pose can be given on a known object only; set init_mode to uniform")
         if self._paper:
             raise InputError("objects: the paper's filter has to know the object; set preset to balanced or fast")
         if not self._config.refinement:
@@ -117,6 +117,6 @@ class ObjectSource:
         except InputError as error:
             if not mesh.is_file() or codebook.is_file():
                 raise
-            name = next((name for name, path in bundled_objects().items() if path == mesh), mesh)
+            name = next((name for name, path in bundled_objects().items() if path.samefile(mesh)), mesh)
             command = build_command(name, self._sensor, self._parameters["tcn"], codebook)
             raise InputError(f"{codebook}: no such codebook file; check the path, or build it: {command}") from error

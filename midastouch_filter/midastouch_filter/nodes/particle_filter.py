@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from midastouch_common.ros import diagnostics, spin
-from midastouch_common.ros.graph_watch import OnlyPublisher
+from midastouch_common.ros.graph_watch import OnlyPublisher, publishers
 from midastouch_common.ros.managed_node import ManagedNode
 
 from ..core.presets import PAPER
@@ -15,12 +15,13 @@ from ..identification.catalogue import Catalogue
 from ..identification.catalogue_localiser import CatalogueLocaliser
 from ..loaded_object import SIZE, LoadedObject, build_object, load_object
 from ..localiser import Localiser
-from .code_processor import CodeProcessor, NodeClock
+from .code_processor import CodeProcessor
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import GONE, PARAMETERS, config_of, start_of
 from .filter_services import FilterServices, StartTopics
 from .finger_topics import fingers_of
 from .motion_advice import MotionAdvice
+from .node_clock import NodeClock
 from .object_source import NewObject, ObjectSource
 
 
@@ -71,6 +72,8 @@ class ParticleFilterNode(ManagedNode):
         mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
         if mesh or codebook:
             self.say(_loading(mesh, codebook))
+            if not codebook:  # which takes many seconds
+                self.get_logger().info(_loading(mesh, codebook))
         elif not objects:
             self.get_logger().warning(
                 "no object, so no pose: start again with object:=NAME of a bundled one, mesh:=FILE or objects:=..., or "
@@ -126,6 +129,16 @@ class ParticleFilterNode(ManagedNode):
         if self._codes is not None:
             self._codes.close()
             self._codes = None
+
+    def obstacles(self) -> dict[str, str]:
+        """Return why there is no pose although the node is active: codes or transforms do not come at all."""
+        obstacles = self._codes.obstacles()
+        if self._subscribe and not self._codes.network_id and not publishers(self, "tactile/code"):
+            topic = self.resolve_topic_name("tactile/code")
+            obstacles["no_codes"] = (
+                f"no code on {topic}, so no pose: no node publishes it; start midastouch run perception"
+            )
+        return obstacles
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""

@@ -20,6 +20,8 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.workers import Workers
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -28,16 +30,19 @@ KNOB = np.array([0.015, 0.025, -0.014])
 NOTHING_MEASURED = np.empty((0, 4, 4))
 
 
-def model_of(world, mesh) -> ObjectModel:
+TWOFOLD = Symmetry(np.stack([np.eye(4), HALF_TURN]))
+
+
+def model_of(world, mesh, symmetry: ObjectSymmetry) -> ObjectModel:
     poses = world.random_poses(mesh, 4000, np.random.default_rng(0))
     codebook = world.make_codebook(poses, world.encode(poses))
-    codebook.meta["sensor"] = "digit_tacto"
+    codebook.meta["sensor"], codebook.symmetry = "digit_tacto", symmetry  # which a search would find in seconds
     return ObjectModel(mesh, codebook, CONFIG, NOISE, Workers(1))
 
 
 @pytest.fixture(scope="module")
 def alike(world):
-    return model_of(world, world.bumpy_mesh(twofold=True))
+    return model_of(world, world.bumpy_mesh(twofold=True), ObjectSymmetry(TWOFOLD, 0.0, TWOFOLD))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +52,9 @@ def handed(world):
     direction = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
     knob = np.exp(60 * (direction @ KNOB / np.linalg.norm(KNOB) - 1))
     vertices = mesh.vertices * (1 + 0.4 * knob[:, None])
-    return model_of(world, ObjectMesh.from_arrays(vertices, mesh.faces, "handed"))
+    return model_of(
+        world, ObjectMesh.from_arrays(vertices, mesh.faces, "handed"), ObjectSymmetry(Symmetry(), 0.0, TWOFOLD)
+    )
 
 
 def copies(world, model, point=(0.02, 0.03, 0.012)) -> list[Hypothesis]:

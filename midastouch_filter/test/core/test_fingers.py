@@ -63,6 +63,7 @@ def test_poses_between_fingers_are_made_rigid(fingers):
         (2 * np.eye(4), "pose is not a rigid transform"),
         (np.eye(3), "pose of shape"),
         (se3.translation([1e300, 0, 0]), "pose is 1e+300 m from"),
+        (se3.translation([0, 0, 5e-4]), "TF puts it where the first finger is"),
     ],
 )
 def test_finger_poses_that_are_none_are_refused(fingers, gates, pose, reason):

@@ -8,6 +8,7 @@ from filter_runs import assert_defined, meta_of, model_of, some_book
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core import object_model
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.object_model import of_surface
 from midastouch_filter.core.particles import Particles
@@ -100,6 +101,12 @@ def near(model) -> bytes:
     points = model.lookup.poses[:100, :3, 3]
     faces = np.zeros(100, int)
     return model.surface.distance(points).tobytes() + model.normals.at(points, faces).tobytes()
+
+
+def test_a_symmetry_that_the_codebook_lacks_is_searched_for_its_sensor(world, monkeypatch):
+    monkeypatch.setattr(object_model, "object_symmetry", lambda mesh, sensor, poses: (mesh, sensor.name, poses))
+    book = some_book(world, world.mesh, sensor="digit_tacto")
+    assert object_model.symmetry_of(world.mesh, book) == (world.mesh, "digit_tacto", book.poses)
 
 
 def test_kept_arrays_are_those_that_would_be_made(world):

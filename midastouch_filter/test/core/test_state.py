@@ -33,7 +33,7 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(trend=-0.1), state.LOST, "contradict"),
         (narrow(restarted="odometry jumped"), state.LOST, "odometry jumped"),
         (narrow(unknown=0.1), state.CONVERGED, "100%"),
-        (narrow(unknown=0.4), state.AMBIGUOUS, "with 40% these touches are not of this mesh"),
+        (narrow(unknown=0.4), state.AMBIGUOUS, "with a probability of 40% these touches are not of this mesh"),
         (narrow(unknown=0.97), state.LOST, "these touches are not of this mesh"),
         (narrow(unknown=0.97, in_contact=False), state.NO_CONTACT, "touches nothing"),
         (narrow(trend=-0.1, in_contact=False), state.NO_CONTACT, "touches nothing"),

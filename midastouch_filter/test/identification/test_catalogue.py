@@ -10,7 +10,6 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.identification.catalogue import FEWEST, Catalogue, poses_worth, read_catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.symmetry.search import ObjectSymmetry
 
 CONFIG = FilterConfig(threads=1)
 SENSOR = "digit_tacto"
@@ -18,7 +17,7 @@ OTHER_GEL = SensorModel.load(SENSOR).at_scale(15e3).as_json()
 
 
 def described(mesh, poses, codes, derived=None, **other):
-    meta = meta_of(mesh, tcn="fourier-test", symmetry=ObjectSymmetry().as_json())
+    meta = meta_of(mesh, tcn="fourier-test")
     return Codebook(poses, codes, meta | other, derived)
 
 
@@ -134,7 +133,7 @@ def test_what_cannot_be_used_is_named(shelf, make, said):
         read(*shelf.books, make(shelf))
 
 
-@pytest.mark.parametrize(("factor", "said"), [(1000.0, "looks like millimetres"), (5e-3, "too small")])
+@pytest.mark.parametrize(("factor", "said"), [(1000.0, "in millimetres"), (5e-3, "too small")])
 def test_an_object_of_no_size_to_be_touched_is_refused(world, shelf, factor, said):
     path = shelf.folder / "of_no_size.ply"
     trimesh.Trimesh(factor * world.mesh.vertices, world.mesh.faces, process=False).export(path)

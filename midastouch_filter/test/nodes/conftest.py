@@ -1,16 +1,12 @@
-"""The stand-ins beside this file can be imported."""
+"""The time of the nodes of the filter."""
 
 from __future__ import annotations
 
-import sys
 import types
-from pathlib import Path
 
 import pytest
 
-from midastouch_filter.nodes.code_processor import NodeClock
-
-sys.path.insert(0, str(Path(__file__).parent))
+from midastouch_filter.nodes.node_clock import NodeClock
 
 
 @pytest.fixture

@@ -106,7 +106,7 @@ def test_the_papers_filter_gives_no_advice(graph):
     refused = ask(graph)
     assert (refused.success, refused.message) == (
         False,
-        "the paper's filter does not say where to touch next: set preset to balanced or fast",
+        "the paper's filter cannot suggest where to touch next: set preset to balanced or fast",
     )
     assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
 

@@ -10,7 +10,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, skipped
 from filter_fakes import FakeFilter, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from tf_messages import translation
+from rcl_interfaces.msg import Log
+from tf_messages import tf_msg, translation
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns
@@ -99,6 +100,7 @@ def test_code_of_another_network_is_refused_with_a_reason(graph):
         ({"initial_pose.x": 0.02}, "'initial_pose.x' is gone: initial_pose is one list now"),
         ({"suggestion_count": 2}, "'suggestion_count' is gone: .*count"),
         ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
+        ({"preset": "quick"}, "'preset'.*fast, balanced, paper"),
         ({"refined_modes": 0}, "refined_modes"),
         ({"initial_sigma": [0.02]}, "initial_sigma"),
         ({"codebook": "/data/mug.npz"}, "no mesh given"),
@@ -119,11 +121,6 @@ def test_a_preset_gives_defaults_and_what_is_set_goes_over_it(graph):
     assert node.get_parameter("refined_modes").value == config.refined_modes
 
 
-def test_an_unknown_preset_ends_the_node(graph):
-    with pytest.raises(InputError, match=r"'preset'.*fast, balanced, paper"):
-        graph.add(ParticleFilterNode, {"preset": "quick"})
-
-
 def test_there_are_no_more_parameters_than_a_user_can_oversee():
     assert len(PARAMETERS) <= 40
 
@@ -140,3 +137,28 @@ def test_the_paper_preset_hears_no_maps(graph):
     assert bench.frame(SECOND, T_BASE_OBJ).state == "ambiguous"
     assert made == [True]
     assert graph.companion.count_subscribers("tactile/points") == 0
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_what_keeps_it_from_a_pose_is_logged_once(graph, monkeypatch):
+    """At a terminal nobody sees the diagnostics."""
+    monkeypatch.setattr("midastouch_common.ros.diagnostics.LASTING_S", 0.2)
+    bench = Bench(graph)
+    logs = graph.listen(Log, "/rosout", latched=True, wanted=lambda log: "no pose" in log.msg)
+    no_transform = "no TF from base_link to digit_gel_frame, so no pose: "
+    graph.spin_until(lambda: any(log.msg.startswith(no_transform) for log in logs), "that TF is missing")
+    assert sum("no object, so no pose" in log.msg for log in logs) == 1
+    bench.frame(SECOND)
+    graph.spin_until(lambda: any(log.msg.startswith(f"over: {no_transform}") for log in logs), "its end")
+    assert sum(no_transform in log.msg for log in logs) == 2
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_stamps_without_transforms_are_logged(graph, monkeypatch):
+    monkeypatch.setattr("midastouch_common.ros.diagnostics.LASTING_S", 0.2)
+    bench = Bench(graph, **OBJECT)
+    logs = graph.listen(Log, "/rosout", latched=True, wanted=lambda log: "no TF from" in log.msg)
+    bench.tf.publish(tf_msg(SECOND, T_BASE_OBJ))
+    bench.delay(9 * SECOND)
+    graph.spin_until(lambda: logs, "that the stamps differ")
+    assert "no TF from base_link to digit_gel_frame, so no pose: no transform yet: " in logs[0].msg

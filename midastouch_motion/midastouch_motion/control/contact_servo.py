@@ -27,6 +27,8 @@ _STEEPEST = 0.5  # steepest slope of a surface that is believed
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
+_MISREAD = 1e-4  # m, median error of the depth that images show
+_FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
 LONGEST_PERIOD = 0.1
@@ -35,12 +37,36 @@ LONGEST_PERIOD = 0.1
 
 class Measured(NamedTuple):
     """Contact in one image: stamp [s]; depth [m] of the gel's deepest point, 0 if nothing touches; slope (2,) of the
-    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) [m] of the contact there."""
+    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) [m] of the contact there; area [m^2], and mean, the
+    mean depth [m] in it."""
 
     stamp: float
     depth: float
     slope: np.ndarray
     centre: np.ndarray
+    area: float = 0.0
+    mean: float = 0.0
+
+    @classmethod
+    def of(cls, stamp: float, depth: float, area: float, points: np.ndarray, sensor: SensorModel) -> Measured:
+        """Return the contact in an image.
+
+        Parameters
+        ----------
+        stamp : [s]
+        depth : [m]
+            0 without a contact.
+        area : [m^2]
+        points : (K, 3) [m]
+            Of the contact, in the gel's frame.
+        sensor
+        """
+        if depth <= 0:
+            return cls(stamp, 0.0, np.zeros(2), np.zeros(2))
+        # points show the shape within the contact's outline, by which soft gel has sunk in
+        shape = points[:, 2] - sensor.sag(points[:, 0], points[:, 1])
+        mean = depth - float(shape.max(initial=0.0) - shape.mean()) if len(points) else depth
+        return cls(stamp, depth, slope_of(points, sensor), centre_of(points), area, mean)
 
 
 @dataclass(frozen=True)
@@ -67,11 +93,20 @@ def centre_of(points: np.ndarray) -> np.ndarray:
 
 
 def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Return the slope (2,) of the plane through contact points (K, 3) [m] in the gel's frame: dz/dx and dz/dy.
+    """Fit a plane to contact points.
 
     It is a least-squares fit with a prior that weighs as much as a contact that extends 2 mm: the slope of the
     untouched gel there, on which the object lies. On a round object the contact is small, so the prior dominates and
     the gel turns until the contact lies at its apex.
+
+    Parameters
+    ----------
+    points : (K, 3) in the gel's frame [m]
+    sensor
+
+    Returns
+    -------
+    (2,) slopes dz/dx and dz/dy
     """
     if len(points) < 3:
         return np.zeros(2)
@@ -85,19 +120,28 @@ def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 class ContactServo:
-    """Servo that keeps a gel at a depth and flat on a surface. Args: limits; arm_latency [s] from a command to motion.
+    """Servo that keeps a gel at a depth and flat on a surface.
 
-    Attributes: limits; touching, whether the last image shows a contact.
+    Attributes: limits; arm_latency; touching, whether the last image shows a contact; fallen, whether it shows less
+    depth than an earlier one although the gel has moved on into the surface since: then it is deeper than images show.
+
+    Parameters
+    ----------
+    limits
+        Speeds, acceleration and depth that it keeps to.
+    arm_latency : from a command to the motion [s]
     """
 
     def __init__(self, limits: Limits, arm_latency: float):
-        self.limits, self._arm_latency = limits, arm_latency
+        self.limits, self.arm_latency = limits, arm_latency
         self._commands: deque[tuple[float, float, np.ndarray]] = deque(maxlen=_COMMANDS)  # from, to, twist
         self._delays: deque[float] = deque([0.1], maxlen=_REMEMBERED)
         self._last = np.zeros(6)
         self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
         self._now = -math.inf
+        self._deepest = self._measured  # deepest image since the gel last moved along the surface, or off it
+        self.fallen = False
 
     @property
     def touching(self) -> bool:
@@ -111,7 +155,7 @@ class ContactServo:
     @property
     def delay(self) -> float:
         """Longest recent time [s] from the stamp of an image to the arm's answer to it."""
-        return max(self._delays) + self._arm_latency
+        return max(self._delays) + self.arm_latency
 
     @property
     def gain(self) -> float:
@@ -119,9 +163,16 @@ class ContactServo:
         return 1.0 / (math.e * self.delay)
 
     def measure(self, now: float, measured: Measured) -> None:
-        """Take the measurement of an image, which became known at `now` [s]."""
+        """Take the measurement of an image.
+
+        Parameters
+        ----------
+        now : time at which it became known [s]
+        measured
+        """
         before, self._measured = self._measured, measured
         self._delays.append(max(now - measured.stamp, 0.0))
+        self.fallen = self._has_fallen(measured)
         passed = measured.stamp - before.stamp
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
             self._drift = np.zeros(3)
@@ -130,10 +181,29 @@ class ContactServo:
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
         self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
 
+    def _has_fallen(self, measured: Measured) -> bool:
+        """Return whether the depth fell under an approach."""
+        lost = self._deepest.depth - measured.depth
+        if lost > 0:
+            way = self._commanded(self._deepest.stamp, measured.stamp)
+            x, y = self._deepest.centre
+            into = -(way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
+            if into > np.linalg.norm(way[:2]):
+                return lost > _FALLEN and into > _MOVED_ON
+        self._deepest = measured
+        return False
+
     @property
     def depth(self) -> float:
         """Depth [m] once the arm has carried out all commands; 0 if the last image shows no contact."""
         return max(float(self._predicted()[0]), 0.0) if self.touching else 0.0
+
+    @property
+    def displaced(self) -> float:
+        """Largest volume [m^3] of the object in the gel that the last image allows, once the arm has carried out all
+        commands; 0 if it shows no contact."""
+        seen = self._measured
+        return seen.area * (seen.mean + max(self.depth - seen.depth, 0.0) + _MISREAD)
 
     @property
     def slope(self) -> np.ndarray:
@@ -164,7 +234,17 @@ class ContactServo:
         return min(self.limits.speed, depth / self.delay) * held / max(turning, 1.0)
 
     def pressed(self, depth: float, along: np.ndarray) -> np.ndarray:
-        """Return the twist that holds a depth [m] and the gel flat, and moves `along` (2,) [m/s] in the gel's plane."""
+        """Return the twist that holds a depth and the gel flat, and slides it.
+
+        Parameters
+        ----------
+        depth : [m]
+        along : (2,) velocity in the gel's plane [m/s]
+
+        Returns
+        -------
+        (6,) in the gel's frame [m/s, rad/s]
+        """
         predicted, gain = self._predicted(), self.gain
         deeper, *slopes = self._drift + gain * (predicted - (depth, 0.0, 0.0))
         # in a corner the gel's other side comes down as it turns
@@ -178,11 +258,21 @@ class ContactServo:
 
     def _predicted(self) -> np.ndarray:
         """Return depth and slope (3,) once the arm has carried out all commands."""
-        ahead = _after(self._measured, self._commanded(self._measured.stamp, self._now + self._arm_latency))
-        return ahead + max(self._now + self._arm_latency - self._measured.stamp, 0.0) * self._drift
+        ahead = _after(self._measured, self._commanded(self._measured.stamp, self._now + self.arm_latency))
+        return ahead + max(self._now + self.arm_latency - self._measured.stamp, 0.0) * self._drift
 
     def command(self, now: float, twist: np.ndarray) -> np.ndarray:
-        """Return the twist within the limits, which acts from now on, and keep it for the prediction."""
+        """Limit a twist, which acts from now on, and keep it for the prediction.
+
+        Parameters
+        ----------
+        now : [s]
+        twist : (6,) in the gel's frame [m/s, rad/s]
+
+        Returns
+        -------
+        (6,), within the limits
+        """
         speed = self.limits.speed if self.touching else self.limits.air_speed
         twist = np.concatenate([_within(twist[:3], speed), _within(twist[3:], self.limits.turn_speed)])
         change = self.limits.acceleration * max(min(now - self._now, LONGEST_PERIOD), 0.0)
@@ -204,7 +294,7 @@ class ContactServo:
 
     def _commanded(self, since: float, until: float) -> np.ndarray:
         """Return the way and turn (6,) of the arm between two moments [s], by the commands so far."""
-        since, until = since - self._arm_latency, min(until - self._arm_latency, self._now)
+        since, until = since - self.arm_latency, min(until - self.arm_latency, self._now)
         total = np.zeros(6)
         for begin, end, twist in reversed(self._commands):
             if end <= since:

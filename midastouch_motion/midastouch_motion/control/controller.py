@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_perception.sensor_model import MAX_PENETRATION
 
 from .contact_servo import LONGEST_PERIOD, ContactServo
 from .guard import Guard, Seen
 from .skills import BackOffSkill, Skill, SkillEnd
+from .wrench import ForceModel, Wrench
 
 _COMES_WITHIN = 1.0  # s: longest wait for the first image or an `enable`
 _STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that moves no further than this stays where it is
@@ -16,17 +18,28 @@ _FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and a gel
 
 
 class Controller:
-    """Controller of an arm. Args: servo; guard.
+    """Controller of an arm.
 
-    Attributes: servo; guard; skill that is carried out, None while nothing is.
+    Attributes: servo; guard; wrench; skill that is carried out, None while nothing is.
+
+    Parameters
+    ----------
+    servo
+        Holds depth and tilt in contact.
+    guard
+        Gives the reasons to stop.
+    forces
+        What the arm's forces mean, if samples of them come.
     """
 
-    def __init__(self, servo: ContactServo, guard: Guard):
-        self.servo, self.guard = servo, guard
+    def __init__(self, servo: ContactServo, guard: Guard, forces: ForceModel | None = None):
+        self.servo, self.guard, self.wrench = servo, guard, Wrench(forces or ForceModel())
         self.skill: Skill | None = None
         self._reason: SkillEnd | None = None  # result of a motion that is over, while the gel backs off
         self._since: float | None = None  # s, when the present motion was first asked for a twist
         self._moving = False
+        self._clear = True  # whether the last motion has led off whatever touched
+        self._held: float | None = None  # s, since when it stands still for a force that an image may explain
         self._free = False  # whether a gel that leaves a surface has been free of too strong a force
         self._following = _Following()
 
@@ -38,22 +51,37 @@ class Controller:
     def begin(self, skill: Skill) -> None:
         """Begin to carry out a skill."""
         self.skill, self._reason = skill, None
-        self._since, self._moving, self._free = None, False, False
+        self._since, self._moving, self._free, self._held = None, False, False, None
         self._following = _Following()
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, SkillEnd | None]:
-        """Return the twist (6,) at `now` [s], and the result of the motion once it has ended: then the twist is zero.
+        """Carry out one control period.
 
-        `seen.depth` is replaced by the servo's prediction. A gel that is too deep stops at once, backs off, and only
-        then ends the motion. A motion that has not begun yet waits up to a second for what it needs.
+        `seen.depth` is replaced by the servo's prediction. A gel that is too deep, or meets something with its rim,
+        stops at once, backs off, and only then ends the motion. A motion that has not begun yet waits up to a second
+        for what it needs.
+
+        Parameters
+        ----------
+        now : [s]
+        seen
+            Newest inputs of the guard.
+
+        Returns
+        -------
+        twist : (6,) of the gel [m/s, rad/s]
+            Zero once the motion has ended.
+        end : SkillEnd or None
+            Result of the motion once it has ended.
         """
         seen.depth = self.servo.depth
+        free = self._clear and not (self._moving or self.servo.touching or seen.unread)
+        untared = self.wrench.tare() if free else ""
         if self._since is None:
             self._since = now
             return self.servo.stop(now), None  # the motion accelerates from zero
-        problem = self.guard.stop(now, seen)
-        if not (problem or self.skill.leaves) and (problem := self.guard.too_deep(seen)):
-            self._reason, self.skill = SkillEnd(False, problem), BackOffSkill()
+        problem = self.guard.stop(now, seen) or untared
+        if not (problem or self.skill.leaves) and (self._must_go_back(now, seen) or self._held is not None):
             return self.servo.stop(now), None
         if problem := problem or self._too_strong(seen):
             if not self._moving and now - self._since < _COMES_WITHIN:
@@ -72,6 +100,31 @@ class Controller:
             return self._end(now, self._reason or SkillEnd(False, problem))
         return twist, None
 
+    def _must_go_back(self, now: float, seen: Seen) -> bool:
+        """Return whether the gel must be pulled back; if so, begin that, after which the motion ends for the reason."""
+        fallen = "its depth falls although it is pressed on: deeper than images show" if self.servo.fallen else ""
+        if problem := self.guard.too_deep(seen):
+            back = BackOffSkill()
+        elif problem := seen.unread or fallen or self._unexplained(now):
+            back = BackOffSkill(clear=True, least=MAX_PENETRATION)
+        else:
+            return False
+        self._reason, self.skill = SkillEnd(False, problem), back
+        return True
+
+    def _unexplained(self, now: float) -> str:
+        """Return why the gel must be pulled back for the force on it; empty if it need not be.
+
+        After a force that an image may still explain, the arm stands still (`held`) until an image was taken since.
+        """
+        mismatch = self.wrench.compared(self.servo.displaced, float(np.linalg.norm(self.servo.slope)))
+        if self._held is None and mismatch.problem:
+            self._held = now
+        if self._held is not None and self.servo.stamp > self._held + self.servo.arm_latency:
+            self._held = None
+            return mismatch.problem
+        return mismatch.problem if mismatch.sure else ""
+
     def _too_strong(self, seen: Seen) -> str:
         """Return the guard's `too_strong`; but a gel that leaves the surface may exceed the force until it is free."""
         problem = self.guard.too_strong(seen)
@@ -83,6 +136,8 @@ class Controller:
         return self._end(now, SkillEnd(False, "cancelled"))[0]
 
     def _end(self, now: float, how: SkillEnd) -> tuple[np.ndarray, SkillEnd]:
+        if self._moving:
+            self._clear = self.skill.leaves or (how.success and not self.servo.touching)
         self.skill, self._reason = None, None
         return self.servo.stop(now), how
 

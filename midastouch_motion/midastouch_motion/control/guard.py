@@ -23,10 +23,10 @@ UNREAD = {
 
 @dataclass
 class Seen:
-    """Input of the guard at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the first;
-    gel, its pose (4, 4) in the base frame; depth [m]; unread, why the image does not show the depth, empty if it does;
-    force [N] of that wrench; lost, whether the filter is; listeners and commanders, numbers of nodes that follow twists
-    on their topic, and that publish them."""
+    """Input of the guard at a moment. Times [s] of the newest `enable`, image, pose and wrench, -inf before the
+    first; gel, its pose (4, 4) in the base frame; depth [m]; unread, why the image does not show the depth, empty if
+    it does; force [N] of that wrench; bad_wrench, why the wrench cannot be used, empty if it can; lost, whether the
+    filter is; listeners and commanders, numbers of nodes that follow twists on their topic, and that publish them."""
 
     enabled: float = -math.inf
     image: float = -math.inf
@@ -36,6 +36,7 @@ class Seen:
     depth: float = 0.0
     unread: str = ""
     force: float = 0.0
+    bad_wrench: str = ""
     lost: bool = False
     listeners: int = 0
     commanders: int = 0
@@ -63,52 +64,90 @@ class Guard:
             raise InputError(f"the box from {box} is empty: where may the arm move? Give box_low and box_high")
 
     def problem(self, now: float, seen: Seen) -> str:
-        """Return what is in the way of a motion; empty if nothing is."""
-        return self.stop(now, seen) or self.too_deep(seen) or self.too_strong(seen) or self.outside(seen)
+        """Return what is in the way of a motion; empty if nothing is.
+
+        Parameters
+        ----------
+        now : [s]
+        seen
+        """
+        return self.stop(now, seen) or self.too_deep(seen) or seen.unread or self.too_strong(seen) or self.outside(seen)
 
     def stop(self, now: float, seen: Seen) -> str:
-        """Return why no motion may continue, wherever it leads; empty if one may."""
+        """Return why no motion may continue, wherever it leads; empty if one may.
+
+        Parameters
+        ----------
+        now : [s]
+        seen
+        """
         if abs(now - seen.enabled) > self.hold:  # abs: if the clock was set back, the age of an `enable` is unknown
             return "not enabled: ~/enable has to be repeated while the arm may move"
         if seen.listeners == 0:
-            return "nobody follows the twists: is the arm's controller running, and its topic remapped?"
+            return "nothing subscribes to the twists: is the arm's controller running, and its topic remapped?"
         if seen.commanders > 1:
             return "another node commands twists, too; stop it"
         needed = {"image": seen.image, "transform of the gel": seen.pose}
-        if self.force < math.inf:
-            needed["force on the topic wrench (needed by max_force)"] = seen.wrench
+        if self.force < math.inf or seen.wrench > -math.inf:  # an arm that gave its force goes on to
+            needed["force on wrench_topic"] = seen.wrench
         for what, stamp in needed.items():
             if (age := now - stamp) > self.stale:
                 return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
             if early := self.early(what, now, stamp):
                 return early
-        return "the filter is lost" if seen.lost else ""
+        return seen.bad_wrench or ("the filter is lost" if seen.lost else "")
 
     def early(self, what: str, now: float, stamp: float) -> str:
-        """Return why a stamp [s] is too far ahead of `now` to show how old something is; empty if it is not."""
+        """Return why a stamp is too far ahead of `now` to show how old something is; empty if it is not.
+
+        Parameters
+        ----------
+        what
+            Name of the data, for the message.
+        now, stamp : [s]
+        """
         early = stamp - now
         return f"the newest {what} is {1e3 * early:.0f} ms ahead of the clock" if early > self.ahead else ""
 
     def counted(self, now: float, stamp: float) -> float:
-        """Clamp a stamp [s] that is slightly ahead to `now`, so that a fast clock does not make data look newer."""
+        """Clamp a stamp that is slightly ahead to `now`, so that a fast clock does not make data look newer.
+
+        Parameters
+        ----------
+        now, stamp : [s]
+
+        Returns
+        -------
+        [s]
+        """
         return stamp if stamp - now > self.ahead else min(stamp, now)
 
     def too_deep(self, seen: Seen) -> str:
         """Return why the gel must be pulled back; empty if it need not be."""
-        if seen.depth > self.depth:
-            return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}"
-        return seen.unread
+        return f"{1e3 * seen.depth:.2f} mm deep, more than {1e3 * self.depth:.2f}" if seen.depth > self.depth else ""
 
     def too_strong(self, seen: Seen) -> str:
         """Return why the gel may only leave the surface; empty if it may go anywhere."""
         return f"a force of {seen.force:.1f} N, more than {self.force:.1f}" if seen.force > self.force else ""
 
     def outside(self, seen: Seen, twist: np.ndarray | None = None) -> str:
-        """Return that the gel is outside of box or cone; empty if it is not, or if a twist (6,) leads it back."""
+        """Return that the gel is outside of box or cone; empty if it is not, or if a twist leads it back.
+
+        Parameters
+        ----------
+        seen
+        twist : (6,) in the gel's frame
+        """
         return self.outside_box(seen, twist) or self._outside_cone(seen.gel, twist)
 
     def outside_box(self, seen: Seen, twist: np.ndarray | None = None) -> str:
-        """Return the same for the box alone."""
+        """Return the same for the box alone.
+
+        Parameters
+        ----------
+        seen, twist
+            As for `outside`.
+        """
         gel, position = seen.gel, seen.gel[:3, 3]
         out = (position > self.high).astype(int) - (position < self.low)
         if not out.any():

@@ -39,7 +39,18 @@ class Skill(Protocol):
     def leaves(self) -> bool: ...
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
-        """Return the twist (6,) at `now` [s] of a gel at a pose (4, 4) in the base frame, or the motion's result."""
+        """Carry out one control period.
+
+        Parameters
+        ----------
+        servo
+        now : [s]
+        pose : (4, 4), of the gel in the base frame
+
+        Returns
+        -------
+        (6,) twist of the gel, or the motion's result
+        """
 
 
 class _Moving:
@@ -62,9 +73,18 @@ class _Moving:
 
 
 class TouchSkill(_Moving):
-    """Motion along a direction (3,) in the gel's frame until something touches, at most `distance` [m]. The gel then
-    moves over the contact until all of it is seen, and holds `depth` [m]. An object that gives way is followed no
-    further than a gel is thick, and not for ever."""
+    """Motion along a direction until something touches.
+
+    The gel then moves over the contact until all of it is seen, and holds a depth. An object that gives way is followed
+    no further than a gel is thick, and not for ever.
+
+    Parameters
+    ----------
+    depth : [m]
+    distance : most way until something touches [m]
+    direction : (3,) in the gel's frame
+        The -z axis if None.
+    """
 
     def __init__(self, depth: float, distance: float, direction: np.ndarray | None = None):
         super().__init__()
@@ -103,10 +123,15 @@ class TouchSkill(_Moving):
 
 
 class SlideSkill:
-    """Motion over `length` [m] in a direction that keeps its `heading` [rad] in the gel's plane, at a depth [m].
+    """Motion along a surface in a direction that keeps its heading in the gel's plane.
 
     If the contact falls behind, the gel waits until it has turned; if that does not help, the surface has ended. A
     contact that is lost is looked for straight below.
+
+    Parameters
+    ----------
+    heading : [rad] in the gel's plane
+    length, depth : [m]
     """
 
     leaves = False
@@ -133,7 +158,7 @@ class SlideSkill:
         if self.path >= self._length:
             return SkillEnd(True, f"slid {on}")
         if now - self._since > _NO_FARTHER_FOR:
-            return SkillEnd(False, f"it gets no farther than {on}; {1e3 * servo.depth:.2f} mm deep")
+            return SkillEnd(False, f"it gets no further than {on}; {1e3 * servo.depth:.2f} mm deep")
         if servo.touching:
             self._touched, self._lost = True, None
             if now - self._since > _STALLED_FOR and servo.off_centre @ self._along < 0:
@@ -164,18 +189,26 @@ class LiftSkill(_Moving):
 
 
 class BackOffSkill(_Moving):
-    """Motion straight back until the depth is half of its limit, or with `clear` until nothing touches; at most as far
-    as a gel is thick."""
+    """Motion straight back, until the depth is half of its limit, and at most as far as a gel is thick.
+
+    Parameters
+    ----------
+    clear
+        True to go on until nothing touches.
+    least : [m]
+        Way that is gone in any case, for a gel whose depth is not known.
+    """
 
     leaves = True
 
-    def __init__(self, clear: bool = False):
+    def __init__(self, clear: bool = False, least: float = 0.0):
         super().__init__()
-        self._clear = clear
+        self._clear, self._least = clear, least
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
-        if off or self._gone(pose) > _THICK:
+        gone = self._gone(pose)
+        if (off and gone >= self._least) or gone > _THICK:
             return SkillEnd(True, "backed off")
         return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
 

@@ -37,9 +37,17 @@ class Exploration:
     """Exploration, which decides on motions as plans of acts; its user carries them out.
 
     Attributes: motions: those done so far; verdict: None until it is over.
-    Args: max_path [m]: path after which it gives up; reach: motions that leave it are not made; down [m]: depth to
-    which it searches for an unknown surface; size [m]: assumed diagonal of an unknown object; held(): True while it
-    must not begin a further motion by itself.
+
+    Parameters
+    ----------
+    rng
+    max_path : path after which it gives up [m]
+    reach
+        Motions that leave it are not made.
+    down : depth to which it searches for an unknown surface [m]
+    size : assumed diagonal of an unknown object [m]
+    held
+        Function that returns True while it must not begin a further motion by itself.
     """
 
     def __init__(
@@ -72,11 +80,19 @@ class Exploration:
             self.verdict = Verdict(False, f"{words}; is the mount right, and does the sensor see what it touches?")
 
     def decide(self, advice: Advice | None, around: Surroundings, state: str = "") -> tuple[str, Plan[None]]:
-        """Return the reason for the next motion in words, and its plan; advice: of `suggest_motion`, None if there is
-        none; state: the filter's.
+        """Decide on the next motion; return the reason, for people, and the plan.
 
         While the filter is `searching`, slides are tried before lifts, because they work without a known object pose.
         Otherwise, if an obstacle stopped the last slide, lifts are tried first: they pass over it.
+
+        Parameters
+        ----------
+        advice
+            Answer of `suggest_motion`, None if there is none.
+        around
+            Surface around the gel, as far as it is known.
+        state
+            State of the filter.
         """
         self._doubtful = state == SEARCHING
         if advice is None:
@@ -84,9 +100,9 @@ class Exploration:
         if advice.indistinguishable and not any(each.information > TELLS for each in advice.suggestions):
             self._hopeless += 1
             if self._hopeless >= _MOST_FRUITLESS:
-                self.verdict = Verdict(False, f"nothing tells the poses apart: {advice.message}")
+                self.verdict = Verdict(False, f"no motion tells the poses apart: {advice.message}")
             leaps = [self._random_leap(around) for _ in range(_TRIES)]
-            return "elsewhere, as nothing within reach would tell", self.go(leaps, around)
+            return "elsewhere, as no touch within reach is informative", self.go(leaps, around)
         self._refused = self._hopeless = 0
         # by information, as the best per metre are tiny steps: each motion has to be awaited, so a long one can pay
         best = sorted(advice.suggestions, key=lambda each: -each.information)
@@ -97,9 +113,16 @@ class Exploration:
         return reasons[able[0]] if able else "somewhere, as nothing better is within reach", self.go(able, around)
 
     def go(self, suggested: Sequence[Motion], around: Surroundings) -> Plan[None]:
-        """Carry out the first of these motions that is possible, otherwise a random one; none while it is held.
+        """Carry out the first of some motions that is possible, otherwise a random one; none while it is held.
 
         If it has lost a surface that it does not know, it goes back to it: a random leap seldom finds one.
+
+        Parameters
+        ----------
+        suggested
+            The motions, best first.
+        around
+            As for `decide`.
         """
         unknown = around.mesh is None or self._doubtful
         if unknown and not self.motions.touching and (yield from self.motions.back()):
@@ -141,8 +164,15 @@ class Exploration:
         )
 
     def judge(self, state: str, why: str, measured: bool) -> None:
-        """Set the verdict, if it is time, by the filter's state after a motion, its reason, and whether it has
-        `measured` the touched surface; an earlier verdict stays."""
+        """Set the verdict after a motion, if it is time; an earlier verdict stays.
+
+        Parameters
+        ----------
+        state, why
+            State of the filter, and its reason.
+        measured
+            True if the filter has measured the touched surface.
+        """
         if self.verdict is not None:
             return
         self._unmeasured = 0 if measured or not self.motions.touching else self._unmeasured + 1
@@ -152,7 +182,7 @@ class Exploration:
         elif self._unmeasured >= _MOST_FRUITLESS:
             words = (
                 f"the filter has measured nothing for {_MOST_FRUITLESS} motions: "
-                "does it get this sensor's images, and is its object the one that is touched?"
+                "does it receive this sensor's images, and is its object the touched one?"
             )
             self.verdict = Verdict(False, words)
         elif self.motions.path > self._max_path:

@@ -10,9 +10,21 @@ from midastouch_common.errors import InputError
 
 
 class Reach:
-    """Reach. low, high (3,) m: corners of the box in the base frame; cone [rad]: largest angle between the z axes of
-    gel and base, pi for every direction; asks: True if plans also ask by `CheckReach`. Raises InputError for an empty
-    box."""
+    """Poses of the gel that the arm may go to.
+
+    Parameters
+    ----------
+    low, high : (3,) corners of a box in the base frame [m]
+    cone : largest angle between the z axes of gel and base [rad]
+        pi for every direction.
+    asks
+        True if plans also ask by `CheckReach`.
+
+    Raises
+    ------
+    InputError
+        The box is empty.
+    """
 
     def __init__(self, low: Sequence[float], high: Sequence[float], cone: float, asks: bool = False):
         self.asks = asks

@@ -40,8 +40,15 @@ class Surroundings:
     mesh: ObjectMesh | None = None
 
     def track(self, heading: float, length: float) -> SurfaceTrack:
-        """Return the track of `length` m in a direction [rad] of the gel's plane: along the surface as far as it
-        continues, or straight in that plane if no surface is known. The first pose is where the gel is now."""
+        """Return the track in a direction, whose first pose is where the gel is now.
+
+        It follows the surface as far as that continues, or is straight in the gel's plane if no surface is known.
+
+        Parameters
+        ----------
+        heading : [rad] in the gel's plane
+        length : [m]
+        """
         if self.mesh is not None:
             return self._geodesic(heading, length)
         gone = np.append(np.arange(0.0, length, _STEP), length)
@@ -49,7 +56,13 @@ class Surroundings:
         return SurfaceTrack(heading, self.gel @ se3.translation(along), gone)
 
     def towards(self, goal: np.ndarray, length: float) -> SurfaceTrack:
-        """Return the track of `length` m that begins in the direction of a position (3,) m in the base frame."""
+        """Return the track that begins in the direction of a position.
+
+        Parameters
+        ----------
+        goal : (3,) in the base frame [m]
+        length : [m]
+        """
         x, y, _ = self._flat(self.gel)[:3, :3].T @ (goal - self.gel[:3, 3])
         return self.track(float(np.arctan2(y, x)), length)
 

@@ -50,7 +50,7 @@ class ArmClient:
     def trouble(self) -> str:
         """Reason in words why no act can be asked for; empty if all actions are offered."""
         offered = all(client.server_is_ready() for client in self._clients.values())
-        return "" if offered else "nobody offers the actions touch, slide, lift and approach"
+        return "" if offered else "no node offers the actions touch, slide, lift and approach"
 
     def carry_out(self, act: Act) -> None:
         """Ask for an act."""

@@ -25,8 +25,9 @@ from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
 from ..control import skills
-from ..control.contact_servo import Measured, centre_of, slope_of
+from ..control.contact_servo import Measured
 from ..control.guard import UNREAD, Seen
+from ..control.wrench import Sample
 from .contact_controller_parameters import PARAMETERS, controller_of
 from .skill_of_goal import SKILL_OF
 from .touch_images import TouchImages
@@ -70,7 +71,8 @@ class ContactController(ManagedNode):
         self.create_subscription(Bool, "~/enable", self._on_enable, qos.COMMAND)
         TouchImages(self, self.parameters["queue_depth"], self._measure)
         self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched())
-        self.create_subscription(WrenchStamped, "wrench", self._on_wrench, qos.stream_subscriber())
+        if topic := self.parameters["wrench_topic"]:
+            self.create_subscription(WrenchStamped, topic, self._on_wrench, qos.stream_subscriber())
         self.create_timer(1.0 / self.parameters["rate"], self._on_timer)
         self._frames = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         # last: nothing would end its thread if something after it failed
@@ -105,6 +107,7 @@ class ContactController(ManagedNode):
             "in_the_way": self._controller.guard.problem(self._now(), self._seen) or "nothing",
             "delay_ms": f"{1e3 * servo.delay:.0f}",
             "depth_mm": f"{1e3 * servo.depth:.2f}",
+            **self._controller.wrench.describe(),
             "motion": "none" if self._goal is None else name_of(self._goal[1]),
             "last_motion": self._ended,
         }
@@ -117,7 +120,8 @@ class ContactController(ManagedNode):
 
     def _forget(self) -> None:
         self._seen, self._area = Seen(), 0.0
-        self._image = self._pose = self._ticked = -math.inf  # s: newest stamps, however far ahead; last period
+        # s: newest stamps, of an image or pose however far ahead; last period
+        self._image = self._pose = self._force_stamp = self._ticked = -math.inf
 
     def _on_enable(self, msg: Bool) -> None:
         self._seen.enabled = self._now() if msg.data else -math.inf
@@ -126,10 +130,36 @@ class ContactController(ManagedNode):
         self._seen.lost = self.parameters["stop_if_lost"] and msg.state == FilterStatus.STATE_LOST
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
-        force = msg.wrench.force
-        # NaN is not known to be small
-        self._seen.force = math.inf if math.isnan(norm := math.hypot(force.x, force.y, force.z)) else norm
-        self._seen.wrench = self._controller.guard.counted(self._now(), stamp_ns(msg.header.stamp) / SECOND)
+        if self._transforms is None:  # deactivated in the same round of the executor
+            return
+        stamp, now, guard = stamp_ns(msg.header.stamp) / SECOND, self._now(), self._controller.guard
+        if stamp <= self._force_stamp:
+            return
+        self._seen.wrench = guard.counted(now, stamp)
+        if guard.early("force", now, stamp):
+            return
+        self._force_stamp = stamp
+        try:
+            sample = self._sample(stamp, msg)
+        except InputError as error:
+            self._seen.bad_wrench = f"wrench_topic: {error}"
+            return
+        self._seen.bad_wrench = ""
+        self._controller.wrench.take(sample)
+        self._seen.force = float(np.linalg.norm(self._controller.wrench.force))
+
+    def _sample(self, stamp: float, msg: WrenchStamped) -> Sample:
+        """Return the force of a message along the gel's axes; raises InputError if it cannot be used."""
+        force = np.array([getattr(msg.wrench.force, axis) for axis in "xyz"])
+        if not np.isfinite(force).all():
+            raise InputError("the force is not finite")
+        (base, gel), frame = self._frames, msg.header.frame_id
+        try:
+            along = self._transforms.newest(gel, frame)[:3, :3]
+            up = self._transforms.newest(gel, base)[:3, 2]
+        except TransformError as error:
+            raise InputError(f"TF does not link its frame '{frame}' to the gel: {error}") from error
+        return Sample(stamp, along @ force, up)
 
     def _measure(self, contact: TactileContact, points: np.ndarray) -> None:
         """Take a contact and its points (K, 3)."""
@@ -140,7 +170,7 @@ class ContactController(ManagedNode):
         if stamp <= self._image:
             return
         depth = contact.depth if contact.in_contact else 0.0
-        self._controller.servo.measure(now, Measured(stamp, depth, slope_of(points, self._sensor), centre_of(points)))
+        self._controller.servo.measure(now, Measured.of(stamp, depth, contact.area, points, self._sensor))
         self._image, self._area = stamp, float(contact.area)
         self._seen.unread = UNREAD.get(contact.state, "")
         self._seen.image = self._controller.guard.counted(now, stamp)

@@ -9,10 +9,12 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_perception.sensor_model import MAX_PENETRATION
 
 from ..control.contact_servo import ContactServo, Limits
 from ..control.controller import Controller
 from ..control.guard import Guard
+from ..control.wrench import GEL_STIFFNESS, HEAVIEST, ForceModel
 
 SHALLOWEST = 1e-4
 """Smallest depth to hold [m]: the smaller a depth is, the slower the gel approaches."""
@@ -24,9 +26,14 @@ PARAMETERS = (
     Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, whose twists are commanded"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of tdn"),
     Parameter(
-        "depth", 5e-4, "How deep the gel is held, if a goal does not say", unit="m", minimum=SHALLOWEST, maximum=2e-3
+        "depth",
+        5e-4,
+        "Depth of the gel, unless a goal gives one",
+        unit="m",
+        minimum=SHALLOWEST,
+        maximum=2e-3,
     ),
-    Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back", unit="m", minimum=2e-4, maximum=3e-3),
+    Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back; 2 mm at most", unit="m", minimum=2e-4),
     Parameter("speed", 0.01, "Fastest motion in contact", unit="m/s", minimum=1e-4, maximum=0.1),
     Parameter("air_speed", 0.02, "Fastest motion in the air", unit="m/s", minimum=1e-4, maximum=0.25),
     Parameter("turn_speed", 0.5, "Fastest turn", unit="rad/s", minimum=0.01, maximum=2.0),
@@ -41,10 +48,41 @@ PARAMETERS = (
     Parameter(
         "max_force",
         0.0,
-        "More than this on `wrench` stops the arm, and so does a `wrench` that does not come; 0: it is not looked at",
+        "More than this on the gel stops the arm, and so does a `wrench_topic` that does not come; 0: it need not",
         unit="N",
         minimum=0.0,
         maximum=1e3,
+    ),
+    Parameter(
+        "wrench_topic",
+        "wrench",
+        "Force of the arm on its tool, in any frame on TF; empty: none. By it contacts are noticed that no image shows",
+    ),
+    Parameter(
+        "tool_mass",
+        0.0,
+        "Of all that hangs on the arm's force sensor, as far as the arm does not subtract its weight; z of the base "
+        "frame points up",
+        unit="kg",
+        minimum=0.0,
+        maximum=HEAVIEST,
+    ),
+    Parameter(
+        "gel_stiffness",
+        GEL_STIFFNESS,
+        "Pressure of the gel per depth: its modulus over its thickness, more for large contacts on thin gel. A force "
+        "beyond this times the displaced volume is one of the rim",
+        unit="Pa/m",
+        minimum=1e6,
+        maximum=1e11,
+    ),
+    Parameter(
+        "force_margin",
+        4.0,
+        "Error of the arm's force; less is no contact. Of a UR e-Series 4, of a CB3 15",
+        unit="N",
+        minimum=0.1,
+        maximum=100.0,
     ),
     Parameter(
         "stop_if_lost", True, "The arm stops while the filter is `lost`; explorations set it to false, to touch on"
@@ -79,10 +117,18 @@ def controller_of(p: Parameters, simulated: bool) -> Controller:
     """Return the controller with these limits, in `simulated` time or not; raises InputError if they exclude all."""
     if p["depth"] >= p["max_depth"]:
         raise InputError(f"parameter depth: {p['depth']:g} m is not less than max_depth, {p['max_depth']:g} m")
+    if p["max_depth"] > MAX_PENETRATION:
+        raise InputError(
+            f"parameter max_depth: {p['max_depth']:g} m is deeper than images show, {MAX_PENETRATION:g} m: of a gel "
+            "that is pressed on, the depth is read smaller again"
+        )
     limits = Limits(p["speed"], p["air_speed"], p["turn_speed"], p["acceleration"], p["max_depth"])
     box = np.array(p["box_low"]), np.array(p["box_high"])
     stale = p["stale_after"]
     ahead = max(stale, _SIMULATED_AHEAD) if simulated else stale
     force = p["max_force"] or math.inf
     guard = Guard(*box, p["max_depth"], p["hold"], stale, ahead, force, p["max_tilt"])
-    return Controller(ContactServo(limits, p["arm_latency"]), guard)
+    if p["max_force"] and not p["wrench_topic"]:
+        raise InputError("parameter max_force: it needs a force, and wrench_topic is empty")
+    forces = ForceModel(p["tool_mass"], p["gel_stiffness"], p["force_margin"])
+    return Controller(ContactServo(limits, p["arm_latency"]), guard, forces)

@@ -26,12 +26,10 @@ from ..exploration.reach import Reach
 from .arm_actions import done_of
 from .arm_client import ArmClient
 from .explorer_control import ExplorerControl, FingerGoals, Order
-from .explorer_filter import NewestAnswer
 from .explorer_marker import FingerMarker
 from .explorer_parameters import PARAMETERS
-from .explorer_reach import ReachClient
 from .explorer_report import ExplorerReport
-from .explorer_services import AdviceClient, ObjectChange, Push
+from .explorer_services import AdviceClient, NewestAnswer, ObjectChange, Push, ReachClient
 from .explorer_sight import Sight
 
 _RATE = 30.0  # Hz, of the checks for overdue answers
@@ -100,7 +98,7 @@ class Explorer(PipelineNode):
         if not (by_itself or self._plan) or self._change.pending or not self._filter.state:
             self._progressed_at = now
         if (stuck := now - max(self._progressed_at, self._arm.heard_at)) > self._settings["give_up_after"]:
-            self._fail(f"the finger could not go on for {stuck:.0f} s", self._filter.says)
+            self._fail(f"the finger could not move for {stuck:.0f} s", self._filter.says)
             return
         for asked in (self._arm, self._suggestions, self._reach, self._change):
             asked.look()

@@ -7,10 +7,8 @@ from midastouch_common.ros.parameters import Parameter
 
 PARAMETERS = (
     Parameter("seed", 0, "Of its motions at random", minimum=0, maximum=2**31 - 1),
-    Parameter(
-        "max_motion", 0.0, "Longest motion that is asked for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0
-    ),
-    Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
+    Parameter("max_motion", 0.0, "Longest motion to ask for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0),
+    Parameter("max_path", 1.5, "It gives up after this path on the surface", "m", minimum=0.01, maximum=100.0),
     Parameter(
         "touch_distance",
         0.05,
@@ -46,7 +44,7 @@ PARAMETERS = (
     Parameter(
         "reach_service",
         "",
-        "Service (CheckReach) that is asked, before slides and leaps, which poses the arm reaches; empty: none",
+        "Service (CheckReach) that checks, before slides and leaps, which poses the arm reaches; empty: none",
     ),
     Parameter(
         "start_paused", False, "It begins in a person's hands: the finger does not move before ~/resume or an order"
@@ -58,7 +56,7 @@ PARAMETERS = (
     Parameter(
         "give_up_after",
         120.0,
-        "It gives up when no answer, or none with which it can go on, has come for so long",
+        "It gives up after this time without an answer that it can use",
         "s",
         minimum=1.0,
         maximum=3600.0,

@@ -1,4 +1,4 @@
-"""Clients of the services that an explorer calls: where to touch next, and changes to a simulated object."""
+"""What an explorer asks others: where to touch next, what the arm reaches, another object, the newest pose."""
 
 from __future__ import annotations
 
@@ -7,16 +7,24 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import PoseArray
+from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.task import Future
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion
+from midastouch_msgs import srv
+from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
-from ..exploration.acts import Plan
+from ..exploration.acts import CheckReach, Plan
 from ..exploration.motions import Motion
 
 TIMEOUT_S = 10.0
@@ -150,7 +158,7 @@ class ObjectChange:
         elif self._services[self._number].ready:
             self._services[self._number].ask(self._request)
         else:
-            self._end(f"nobody offers {self._services[self._number].name}")
+            self._end(f"no node offers {self._services[self._number].name}")
 
     def _on_answer(self, response: SetObject.Response) -> None:
         if response.success:
@@ -174,5 +182,96 @@ class Push:
         if self._client.service_is_ready():
             self._client.call_async(Trigger.Request())
         else:
-            self._problem("refused_pushes", "nobody offers simulated_finger/push: the object is none of a simulation")
+            self._problem("refused_pushes", "no node offers simulated_finger/push: the object is not simulated")
         yield from ()
+
+
+class ReachClient:
+    """Client that asks one question at a time. on_answer(reached, why_not) is called for each, also if no answer came.
+    problem(kind, words): called if the poses are not reached.
+
+    Args: service: its name, empty if there is none and nothing will be asked; base: name of the base frame. Raises
+    InputError if `service` is no name of a service.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        service: str,
+        base: str,
+        on_answer: Callable[[bool, str], None],
+        problem: Callable[[str, str], None],
+    ):
+        self._service, self._base, self._on_answer, self._problem = service, base, on_answer, problem
+        self._asked, self._failure = 0, ""
+        try:
+            self._client = QuestionClient(node, srv.CheckReach, service, self._on_response) if service else None
+        except InvalidServiceNameException as error:
+            raise InputError(f"explorer: parameter reach_service: {' '.join(str(error).split())}") from error
+
+    @property
+    def trouble(self) -> str:
+        """Reason in words why a question would not be answered, or the last one was not; empty if none is known."""
+        offered = self._client is None or self._client.ready
+        return self._failure if offered else self._unanswered("no node offers it")
+
+    def ask(self, question: CheckReach) -> None:
+        """Send the question; if the service is not offered, `look` answers it."""
+        self._asked = len(question.poses)
+        if self._client.ready:
+            poses = PoseArray(header=Header(frame_id=self._base), poses=[pose_to_msg(each) for each in question.poses])
+            self._client.ask(srv.CheckReach.Request(poses=poses))
+
+    def look(self) -> None:
+        """Give up waiting for an answer that is overdue, or that no service will give; call this regularly."""
+        if self._asked and not self._client.pending:
+            self._on_response(srv.CheckReach.Response(message="no node offers it"))
+        elif self._asked:
+            self._client.look()
+
+    def _on_response(self, response: srv.CheckReach.Response) -> None:
+        asked, self._asked = self._asked, 0
+        if len(response.reachable) == asked:
+            self._failure = ""
+            reached = all(response.reachable)
+            why_not = f"{self._service} says that the arm does not reach it: {response.message or 'no reason given'}"
+        else:
+            words = f"{len(response.reachable)} answers for {asked} poses"
+            why_not = self._failure = self._unanswered(f"{response.message}, {words}" if response.message else words)
+            reached = False
+        if not reached:
+            self._problem("out_of_reach", why_not)
+        self._on_answer(reached, why_not)
+
+    def _unanswered(self, why: str) -> str:
+        return f"reach_service {self._service}: {why}"
+
+
+class NewestAnswer:
+    """Attributes: state, reason: of the newest answer, empty before the first; stamp [ns]: of its image; measured: True
+    if the filter has measured anything since it was set to False; heard_at [s]: time of the answer on the monotonic
+    clock.
+
+    Args: newest(): stamp [ns] of the gel's newest pose; on_answer: called after each answer.
+    """
+
+    def __init__(self, node: Node, newest: Callable[[], int], on_answer: Callable[[], None]):
+        self._newest, self._on_answer = newest, on_answer
+        self.state, self.reason, self.stamp, self.measured = "", "", 0, False
+        self.heard_at = time.monotonic()
+        node.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(depth=100))
+
+    @property
+    def says(self) -> str:
+        """State and reason in words."""
+        return f"the filter is {self.state}: {self.reason}"
+
+    def _on_status(self, status: FilterStatus) -> None:
+        stamp = stamp_ns(status.header.stamp)
+        # a status that the filter stamps by its own clock answers no image
+        if status.state == FilterStatus.STATE_WAITING or stamp > self._newest():
+            return
+        self.state, self.reason, self.stamp, self.heard_at = status.state, status.reason, stamp, time.monotonic()
+        # a filter that does not know the object yet does not report contact, which counts as measured
+        self.measured = self.measured or status.state != FilterStatus.STATE_NO_CONTACT
+        self._on_answer()

@@ -35,7 +35,7 @@ PARAMETERS = (
     Parameter("max_turn_speed", 1.0, "Faster twists are refused", unit="rad/s", minimum=0.01, maximum=3.0),
     Parameter("acceleration", 0.5, "Of the TCP, between two twists", unit="m/s^2", minimum=0.05, maximum=10.0),
     Parameter("deceleration", 5.0, "Of the TCP, for a stop", unit="m/s^2", minimum=1.0, maximum=50.0),
-    Parameter("timeout", 0.1, "Without a twist for so long the arm stops", unit="s", minimum=0.02, maximum=10.0),
+    Parameter("timeout", 0.1, "The arm stops after this time without a twist", unit="s", minimum=0.02, maximum=10.0),
     Parameter("reconnect_period", 2.0, "Pause between attempts to connect", unit="s", minimum=0.1, maximum=600.0),
     AUTOSTART,
 )
@@ -117,7 +117,7 @@ class UrSpeed(ManagedNode):
         if refusal := self._limits.refusal(msg.header.frame_id, twist):
             self._refuse("refused_twists", refusal)
         elif tool_from_gel is None:
-            self._refuse("twists_before_tf", f"TF does not say where {self._frames[1]} is on {self._frames[0]}")
+            self._refuse("twists_before_tf", f"TF has no pose of {self._frames[1]} on {self._frames[0]}")
         else:
             self._carried_out += 1
             self._follower.send(twist_of_tcp(twist, self._tcp_from_tool @ tool_from_gel))

@@ -1,4 +1,4 @@
-"""Node `ur_tf`: tool pose and joints of a UR arm that has no ROS driver, over RTDE."""
+"""Node `ur_tf`: tool pose, joints and force of a UR arm that has no ROS driver, over RTDE."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from geometry_msgs.msg import Wrench, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -30,6 +31,8 @@ from midastouch_motion.ur.rtde import (
     tool_from_tcp,
 )
 
+from .twist_topic import vectors
+
 PARAMETERS = (
     Parameter("robot_ip", "", "Address of the robot's controller; must be given"),
     Parameter("rate", 125.0, "Samples per second", "Hz", minimum=1.0, maximum=500.0),
@@ -49,7 +52,8 @@ _SILENT_S = 1.0
 
 
 class UrTf(PipelineNode):
-    """Node that publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
+    """Node that publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, `joint_states`, and `wrench`, on the
+    tool centre point and along the axes of `base`.
 
     `connect(robot_ip, rate)` opens a receiver or raises ConnectionError. A thread of its own reads it, so
     that an arm that does not answer blocks neither the diagnostics nor the shutdown.
@@ -68,6 +72,7 @@ class UrTf(PipelineNode):
         self._joints = [prefix + name for name in JOINT_NAMES]
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self._joint_states = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
+        self._wrench = self.create_publisher(WrenchStamped, "wrench", qos.stream_publisher())
         static = self.create_publisher(TFMessage, "/tf_static", qos.latched())
         now = self.get_clock().now().to_msg()
         base = stamped_transform(now, prefix + "base_link", self._base, BASE_LINK_FROM_BASE)
@@ -155,6 +160,9 @@ class UrTf(PipelineNode):
                 velocity=state.velocities.tolist(),
             )
         )
+        force, torque = vectors(state.wrench)
+        header = Header(stamp=stamp, frame_id=self._base)
+        self._wrench.publish(WrenchStamped(header=header, wrench=Wrench(force=force, torque=torque)))
         self._samples += 1
         self._trouble, self._heard = "", time.monotonic()
 

@@ -25,8 +25,13 @@ class FollowerProcess:
 
     Attributes: trouble, why the arm is not connected at present, empty while it is; connections, number so far.
 
-    command: the command line; pause [s] before a program that has ended is started again; on_change: called in that
-    thread with the trouble when it changes.
+    Parameters
+    ----------
+    command
+        The command line.
+    pause : [s] before a program that has ended is started again
+    on_change
+        Called in that thread with the trouble when it changes.
     """
 
     def __init__(self, command: Sequence[str], pause: float, on_change: Callable[[str], None]):

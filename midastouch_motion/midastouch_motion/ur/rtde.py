@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +15,12 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import pip_install
 
-from .rtde_handshake import require_outputs
-
 RTDE_PORT = 30004
-_OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
+_OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd", "actual_TCP_force"]
+# the handshake: Universal Robots, "Real-Time Data Exchange Guide"
+_PROTOCOL = 2
+_VERSION, _RECIPE, _START, _TEXT = b"V", b"O", b"S", b"M"
+_YES = b"\x01"
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class ArmState:
     tcp_pose: np.ndarray  # (6,) [x y z rx ry rz], m and rad, of the TCP in `base`
     positions: np.ndarray  # (6,) rad
     velocities: np.ndarray  # (6,) rad/s
+    wrench: np.ndarray  # (6,) force and torque on the TCP along the axes of `base`, N and N m, without the payload's
 
 
 class RtdeReceiver:
@@ -43,6 +48,7 @@ class RtdeReceiver:
                 np.array(self._arm.getActualTCPPose()),
                 np.array(self._arm.getActualQ()),
                 np.array(self._arm.getActualQd()),
+                np.array(self._arm.getActualTCPForce()),
             )
             # the library's thread may have put in the next state between two of these calls
             if self._arm.getTimestamp() == state.robot_time:
@@ -110,9 +116,17 @@ def transform_from_rtde(pose: np.ndarray) -> np.ndarray:
 
 
 def tool_from_tcp(tcp_pose: np.ndarray, tcp_offset: np.ndarray) -> np.ndarray:
-    """Return T_base_tool0 (..., 4, 4) from `actual_TCP_pose` (..., 6) and the TCP set on the teach pendant (6,).
+    """Return the pose of the tool flange.
 
-    `tcp_offset` is T_tool0_tcp, written as the pendant writes it: [x y z rx ry rz], metres and radians.
+    Parameters
+    ----------
+    tcp_pose : `actual_TCP_pose` (..., 6)
+    tcp_offset : `T_tool0_tcp` (6,)
+        The TCP set on the teach pendant, and written as there: [x y z rx ry rz], metres and radians.
+
+    Returns
+    -------
+    `T_base_tool0` (..., 4, 4)
     """
     return transform_from_rtde(tcp_pose) @ se3.inverse(transform_from_rtde(tcp_offset))
 
@@ -133,7 +147,17 @@ class RobotClock:
         self._last: int | None = None
 
     def stamp(self, robot_time_s: float, arrival_ns: int) -> int:
-        """Return the time (ns, our clock) at which the state of `robot_time_s` was measured."""
+        """Return the time at which a state of the robot was measured.
+
+        Parameters
+        ----------
+        robot_time_s : time of the state, robot's clock [s]
+        arrival_ns : time of its arrival, our clock [ns]
+
+        Returns
+        -------
+        [ns], our clock
+        """
         now = round(robot_time_s * 1e9)
         if self._last is not None and now < self._last:
             self._offsets.clear()  # the controller was restarted
@@ -145,3 +169,51 @@ class RobotClock:
         while self._offsets[0][0] < now - self._window_ns:
             self._offsets.popleft()
         return now + self._offsets[0][1]
+
+
+def require_outputs(address: str, port: int, outputs: Sequence[str], rate: float, timeout: float) -> None:
+    """Raise ConnectionError, with the reason, unless a controller answers that would send these outputs.
+
+    Without this handshake, `ur-rtde` waits for minutes, without releasing the interpreter, if nothing answers, and ends
+    the whole process if a controller refuses. rate: samples per second; timeout [s] of each answer.
+    """
+    try:
+        with socket.create_connection((address, port), timeout=timeout) as connection:
+            _negotiate(connection, outputs, rate)
+    except OSError as error:
+        raise ConnectionError(f"no RTDE at {address}:{port}: {error}") from error
+
+
+def _negotiate(connection: socket.socket, outputs: Sequence[str], rate: float) -> None:
+    if _ask(connection, _VERSION, struct.pack(">H", _PROTOCOL)) != _YES:
+        raise ConnectionError(f"it refuses protocol {_PROTOCOL}; update the controller's software")
+    answer = _ask(connection, _RECIPE, struct.pack(">d", rate) + ",".join(outputs).encode())
+    # one byte names the recipe; the rest are the outputs' types
+    types = answer[1:].decode("ascii", "replace").split(",")
+    missing = [name for name, kind in zip(outputs, types, strict=False) if kind in ("NOT_FOUND", "IN_USE")]
+    if missing or len(types) != len(outputs):
+        raise ConnectionError(f"it does not give {', '.join(missing or outputs)}; update the controller's software")
+    if _ask(connection, _START, b"") != _YES:
+        raise ConnectionError("it refuses to start sending; is its program being loaded?")
+
+
+def _ask(connection: socket.socket, letter: bytes, payload: bytes) -> bytes:
+    """Return the payload of the answer to a request; text messages that come in between are ignored."""
+    connection.sendall(struct.pack(">Hc", 3 + len(payload), letter) + payload)
+    while True:
+        size, answered = struct.unpack(">Hc", _read(connection, 3))
+        if answered not in (letter, _TEXT) or size < 3:
+            raise ConnectionError("what answers does not speak RTDE")
+        answer = _read(connection, size - 3)
+        if answered == letter:
+            return answer
+
+
+def _read(connection: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        part = connection.recv(size - len(data))
+        if not part:
+            raise ConnectionError("it closed the connection")
+        data += part
+    return data

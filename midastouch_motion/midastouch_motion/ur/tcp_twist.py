@@ -13,9 +13,18 @@ from midastouch_common import se3
 
 
 def twist_of_tcp(twist: np.ndarray, tcp_from_gel: np.ndarray) -> np.ndarray:
-    """Return the twist (6,) of the TCP along its axes, from that of the gel along its axes; tcp_from_gel: T_tcp_gel.
+    """Return the twist of the TCP, along its axes.
 
     Both are fixed to the same tool, so that a turn about the gel's apex also moves the TCP.
+
+    Parameters
+    ----------
+    twist : (6,) of the gel, along its axes
+    tcp_from_gel : `T_tcp_gel` (4, 4)
+
+    Returns
+    -------
+    (6,)
     """
     rotation, apex = tcp_from_gel[:3, :3], tcp_from_gel[:3, 3]
     turned = se3.turn(rotation) @ twist
@@ -37,7 +46,13 @@ class TwistLimits:
     turn_speed: float
 
     def refusal(self, frame: str, twist: np.ndarray) -> str:
-        """Return why a twist (6,) in a frame is refused; empty if it is not."""
+        """Return why a twist is refused; empty if it is not.
+
+        Parameters
+        ----------
+        frame
+        twist : (6,) in that frame [m/s, rad/s]
+        """
         if frame != self.frame:
             return f"a twist in '{frame}', not in '{self.frame}'"
         if not np.isfinite(twist).all():

@@ -106,7 +106,7 @@ def connect(robot_ip: str, stopping: Stopping, timeout: float = 5.0) -> UrArm:
         try:
             socket.create_connection((robot_ip, port), timeout).close()
         except OSError as error:
-            raise ConnectionError(f"nobody answers at {robot_ip}:{port}: {error}") from error
+            raise ConnectionError(f"no answer from {robot_ip}:{port}: {error}") from error
     try:
         # Without a program: ur-rtde would start one again when it reconnects, and without the watchdog.
         control = RTDEControlInterface(robot_ip, RATE, RTDEControlInterface.FLAG_NO_WAIT)

@@ -26,15 +26,30 @@ _REPORT_PERIOD = 0.1  # s
 
 
 def command(robot_ip: str, stopping: Stopping) -> list[str]:
-    """Return the command line that starts this program."""
+    """Return the command line that starts this program.
+
+    Parameters
+    ----------
+    robot_ip, stopping
+    """
     numbers = (stopping.acceleration, stopping.deceleration, stopping.timeout)
     return [sys.executable, "-m", __name__, robot_ip, *map(str, numbers)]
 
 
 def follow(arm: UrArm, orders: Orders, timeout: float, report: Callable[[str], None]) -> None:
-    """Carry out the newest order as long as neither it nor the arm's pose is older than `timeout` [s].
+    """Carry out the newest order; return after the last one, with the arm at rest.
 
-    Returns after the last order, with the arm at rest. Raises ConnectionError.
+    Parameters
+    ----------
+    arm, orders
+    timeout : largest age of an order, and of the arm's pose [s]
+    report
+        Called with `ALIVE` once a period.
+
+    Raises
+    ------
+    ConnectionError
+        The arm sends no new samples.
     """
     robot_time, sampled, reported = None, time.monotonic(), -np.inf
     order, moving = None, False

@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_motion.control.wrench import GEL_STIFFNESS
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_simulation.gel_layer import Gel, GelLayer
 
 SENSOR = SensorModel.load("digit_tacto").for_maps
 
@@ -90,6 +93,23 @@ def test_what_has_just_touched_is_slower_at_once():
     assert np.linalg.norm(servo.command(0.4, np.array([0.0, 0, -1, 0, 0, 0]))) == pytest.approx(Limits().air_speed)
     servo.measure(0.41, Measured(0.4, 1e-4, np.zeros(2), np.zeros(2)))
     assert np.linalg.norm(servo.command(0.41, np.array([0.0, 0, -1, 0, 0, 0]))) <= Limits().speed
+
+
+@pytest.mark.parametrize("depth", [3e-4, 6e-4, 1e-3])
+def test_the_volume_in_an_image_explains_the_force_of_a_gel(world, depth):
+    ball = world("ball", noise=0.0)
+    pose = se3.translation([0.0, 0.0, ball.mesh.bounds[1, 2] - depth])
+    servo = ContactServo(Limits(), 0.05)
+    servo.measure(0.05, ball.look(pose))
+    force = GelLayer(ball.mesh, SensorModel.load("digit_tacto"), Gel()).force(pose, np.zeros(2), 0.01)[2]
+    assert 1.0 < GEL_STIFFNESS * servo.displaced / force < 2.0
+
+
+def test_soft_gel_displaces_more_than_the_shape_within_its_contact():
+    apex = plane((0.0, 0.0), 2e-3)
+    flat = SensorModel.load("gelsight_mini")
+    sunk_in, shape = (Measured.of(0.0, depth, 4e-6, apex, flat).mean for depth in (5e-4, 1e-4))
+    assert sunk_in - shape == pytest.approx(4e-4)
 
 
 def test_an_approach_is_no_faster_than_a_contact_may_be():

@@ -8,20 +8,24 @@ from midastouch_motion.control.contact_servo import ContactServo, Limits, Measur
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard, Seen
 from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
+from midastouch_motion.control.wrench import Sample
 
 LIMITS, DEPTH, PERIOD = Limits(), 5e-4, 0.01
+AREA, BIAS = 5e-5, np.array([3.0, 0.0, -4.0])  # m^2, N
 
 
 class Driver:
     """A controller, stepped as by the node, an image and a pose in each period.
 
-    What the gel feels is set by `depth`; where it is by `gel`; `changes`, of what else is seen.
+    What the gel feels is set by `depth`, and by `force` if the arm measures one; where it is by `gel`; `changes`, of
+    what else is seen.
     """
 
     def __init__(self, skill, depth=0.0):
         guard = Guard(np.full(3, -0.1), np.full(3, 0.1), LIMITS.depth, force=10.0)
         self.controller = Controller(ContactServo(LIMITS, 0.05), guard)
         self.now, self.depth, self.gel, self.changes = 0.0, depth, np.eye(4), {}
+        self.force = None
         self.begin(skill)
 
     def begin(self, skill):
@@ -29,8 +33,11 @@ class Driver:
 
     def step(self):
         self.now += PERIOD
-        flat = np.zeros(2)
-        self.controller.servo.measure(self.now, Measured(self.now - 0.02, self.depth, flat, flat))
+        flat, area = np.zeros(2), AREA if self.depth else 0.0
+        seen = Measured(self.now - 0.02, self.depth, flat, flat, area, 0.5 * self.depth)
+        self.controller.servo.measure(self.now, seen)
+        if self.force is not None:
+            self.controller.wrench.take(Sample(self.now, BIAS + self.force, self.gel[2, :3]))
         well = {"enabled": self.now, "image": self.now, "pose": self.now, "wrench": self.now}
         well |= {"listeners": 1, "commanders": 1, "gel": self.gel}
         twist, ended = self.controller.step(self.now, Seen(**well | self.changes))
@@ -92,15 +99,89 @@ def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
 
 
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
-def test_a_depth_that_cannot_be_seen_stops_it_at_once(motion):
+@pytest.mark.parametrize("depth", [8e-4, 0.0])
+def test_a_depth_that_cannot_be_seen_stops_it_at_once(motion, depth):
     driver = driver_of(motion)
     driver.run(20)
     driver.changes = {"unread": "the contact covers the view"}
-    driver.depth = 8e-4
+    driver.depth = depth
     assert not driver.step()[0].any()
     assert (np.array(driver.run(5))[:, 2] > 0).all(), "pulled back"
-    driver.depth = 1e-4
+    height, driver.depth = driver.gel[2, 3], 0.0
     assert "covers the view" in driver.ended()[0].message
+    assert driver.gel[2, 3] - height > 1.5e-3, "free of whatever depth it had"
+
+
+def felt_driver(motion):
+    """A driver under way, whose arm has measured forces in the air before."""
+    driver = Driver(LiftSkill(1e-3))
+    driver.force = np.zeros(3)
+    driver.ended()
+    make, driver.depth = MOTIONS[motion]
+    driver.force = np.array([0.0, 0.0, 1.0 if driver.depth else 0.0])
+    driver.begin(make())
+    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    return driver
+
+
+@pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
+@pytest.mark.parametrize("force", [(0.0, 7.0, 1.0), (0.0, 0.0, -9.0), (0.0, 0.0, 9.0)])
+def test_a_force_that_no_depth_explains_stops_it_within_two_periods_then_it_backs_off(motion, force):
+    driver = felt_driver(motion)
+    driver.force = np.array(force)
+    assert not driver.step()[0].any()
+    height = driver.gel[2, 3]
+    ended = driver.ended()[0]
+    assert not ended.success
+    assert "across the gel and" in ended.message
+    assert driver.gel[2, 3] - height > 1.5e-3, "straight back"
+
+
+def test_a_force_is_awaited_to_show_in_an_image_and_then_the_touch_goes_on():
+    driver = felt_driver("touch")
+    driver.force = np.array([0.0, 0.0, 5.0])
+    driver.run(1)
+    driver.force, driver.depth = np.zeros(3), 2e-4
+    assert not any(twist.any() for twist in driver.run(4)), "it stands until an image was taken since"
+    driver.force = np.array([0.0, 0.0, 5.0])
+    assert driver.run(10)[-1][2] < 0, "and goes on to the depth that is wanted"
+    driver.depth = DEPTH
+    assert driver.ended()[0].success
+
+
+def test_a_bias_that_was_taken_under_a_force_is_taken_again_in_the_air():
+    driver = Driver(TouchSkill(DEPTH, 0.09))
+    driver.force = np.array([0.0, 8.0, 0.0])
+    driver.run(20)
+    driver.force = np.zeros(3)
+    assert "no image shows a contact" in driver.ended()[0].message
+    driver.begin(TouchSkill(DEPTH, 0.02))
+    assert "nothing touched within 20 mm" in driver.ended()[0].message
+
+
+@pytest.mark.parametrize("seen", [{"depth": 3e-4}, {"unread": "neither a contact nor a free gel"}])
+def test_under_a_contact_no_bias_is_taken(seen):
+    driver = Driver(SlideSkill(0.0, 0.09, DEPTH))
+    driver.force, driver.depth = np.array([0.0, 0.0, 9.0]), seen.pop("depth", 0.0)
+    driver.changes = seen
+    driver.run(5)
+    assert "bias unknown" in driver.controller.wrench.describe()["force"]
+
+
+def test_a_gel_that_leaves_may_feel_any_force():
+    driver = felt_driver("slide")
+    driver.begin(LiftSkill(0.01))
+    driver.force = np.array([0.0, 9.0, -6.0])
+    assert driver.ended()[0].success
+
+
+def test_an_arm_that_stops_giving_its_force_is_stopped():
+    driver = Driver(LiftSkill(0.05))
+    driver.controller.guard = dataclasses.replace(driver.controller.guard, force=np.inf)
+    driver.changes = {"wrench": -np.inf}
+    assert driver.run(20)[-1].any(), "without a force"
+    driver.changes = {"wrench": 0.0}
+    assert "the newest force on wrench_topic is" in driver.ended()[0].message
 
 
 def test_a_gel_that_meets_something_stops_before_it_turns_back():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.control.contact_servo import ContactServo, Limits
+from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
 from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
@@ -61,16 +61,49 @@ def test_where_nothing_is_a_touch_ends(world):
     assert np.linalg.norm(run.pose[:3, 3] - pose[:3, 3]) < 0.012
 
 
-def rehearsed(look, limits=None, centre=lambda pose: np.zeros(2)):
-    """A gel at the origin, to which `look(pose)` [m] is the depth, and `centre(pose)` that of the contact."""
+def rehearsed(look, limits=None, centre=lambda pose: np.zeros(2), force=lambda pose: np.zeros(3)):
+    """A gel at the origin, to which `look(pose)` [m] is the depth, `centre(pose)` that of the contact, and
+    `force(pose)` what the arm measures."""
     limits, arm = limits or Limits(), SimulatedArm(np.eye(4))
     controller = Controller(
         ContactServo(limits, 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), limits.depth, stale=0.2)
     )
     there = Rehearsal(
-        arm, lambda: arm.pose, lambda pose: (look(pose), np.zeros(2), centre(pose)), controller, 30.0, lambda: 0.05
+        arm,
+        lambda: arm.pose,
+        lambda pose: Measured(0.0, (depth := look(pose)), np.zeros(2), centre(pose), 5e-5 * (depth > 0), depth / 2),
+        controller,
+        30.0,
+        lambda: 0.05,
+        lambda: force(arm.pose),
     )
     return there, arm
+
+
+def test_a_press_deeper_than_images_show_is_pulled_back():
+    """From 1.2 mm on, the read depth falls again, down to that of no contact."""
+    deepest = 0.0
+
+    def look(pose):
+        nonlocal deepest
+        depth = -pose[2, 3] - 5e-3
+        deepest = max(deepest, depth)
+        return max(min(depth, 2.4e-3 - depth), 0.0)
+
+    there, arm = rehearsed(look, Limits(depth=1.9e-3))
+    ended = there.carry_out(TouchSkill(1.5e-3, 0.02), 60.0)
+    assert not ended.success
+    assert "its depth falls although it is pressed on" in ended.message
+    assert deepest < 2.2e-3
+    assert arm.pose[2, 3] > -5e-3, "pulled back"
+
+
+@pytest.mark.parametrize("depth", [3e-4, 1.2e-3])
+def test_a_depth_that_falls_because_the_gel_leaves_is_no_press(depth):
+    there, _ = rehearsed(lambda pose: max(-pose[2, 3] - 5e-3, 0.0), Limits(depth=1.9e-3))
+    assert there.carry_out(TouchSkill(depth, 0.02), 60.0).success
+    assert there.carry_out(LiftSkill(5e-3), 60.0).success
+    assert there.carry_out(TouchSkill(depth, 0.02), 60.0).success
 
 
 def test_what_gives_way_is_not_followed_for_ever():
@@ -101,6 +134,22 @@ def test_a_slide_waits_for_a_contact_behind_but_not_for_ever():
         assert said in there.carry_out(SlideSkill(0.0, 0.02, DEPTH), 60.0).message
 
 
+def test_a_wall_that_no_image_shows_ends_a_slide_at_once():
+    """20 N/mm stiff, 5 mm on; the arm's force has a bias."""
+
+    def force(pose):
+        return np.array([3.0 - 2e4 * max(pose[0, 3] - 5e-3, 0.0), 0.0, -4.0])
+
+    there, arm = rehearsed(lambda pose: max(-pose[2, 3], 0.0), force=force)
+    assert there.carry_out(LiftSkill(2e-3), 20.0).success
+    assert there.carry_out(TouchSkill(DEPTH, 0.02), 20.0).success
+    farthest = []
+    ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 20.0, lambda _: farthest.append(arm.pose[0, 3]))
+    assert "its rim touches something" in ended.message
+    assert max(farthest) < 6e-3
+    assert arm.pose[2, 3] > 1e-3, "pulled back"
+
+
 def test_a_touch_that_comes_and_goes_ends():
     """Read too deep from the first image on, it is left again, and again."""
     there, _ = rehearsed(lambda pose: 6.5e-4 if pose[2, 3] < -5e-3 else 0.0)
@@ -126,7 +175,7 @@ def test_a_slide_that_does_not_get_on_ends():
     there, _ = rehearsed(lambda pose: 1.2e-3, Limits(depth=1.4e-3))
     ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 60.0)
     assert ended is not None
-    assert "it gets no farther than" in ended.message
+    assert "it gets no further than" in ended.message
 
 
 def test_a_slide_that_loses_its_contact_at_once_looks_for_it():

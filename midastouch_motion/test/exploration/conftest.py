@@ -1,9 +1,6 @@
-"""A finger over the ball, and stand-ins that can be imported."""
+"""A finger over the ball."""
 
 from __future__ import annotations
-
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.world import World
 
-sys.path.insert(0, str(Path(__file__).parent))
 STEP = 1.5e-3
 
 

@@ -253,7 +253,7 @@ HOPELESS = advice(indistinguishable=True, message="(1, 2, 3) mm")
     [
         (lambda it: it.judge("no_contact", "", measured=False), "measured nothing for 3 motions"),
         (lambda it: it.refused("not in contact"), "no suggestion where to touch next: not in contact"),
-        (lambda it: it.decide(HOPELESS, Surroundings(np.eye(4))), "nothing tells the poses apart: (1, 2, 3) mm"),
+        (lambda it: it.decide(HOPELESS, Surroundings(np.eye(4))), "no motion tells the poses apart: (1, 2, 3) mm"),
     ],
     ids=["unmeasured", "refused", "hopeless"],
 )

@@ -1,14 +1,10 @@
-"""Stand-ins that can be imported."""
+"""Times of the nodes, and an explorer."""
 
 from __future__ import annotations
 
-import sys
 import types
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
@@ -24,10 +20,10 @@ def hasty(monkeypatch):
 @pytest.fixture
 def patience_clock(monkeypatch):
     """The seconds `now` by which patience runs out, which the test moves."""
-    from midastouch_motion.nodes import arm_client, explorer, explorer_filter
+    from midastouch_motion.nodes import arm_client, explorer, explorer_services
 
     clock = types.SimpleNamespace(now=0.0)
-    for module in (arm_client, explorer, explorer_filter):
+    for module in (arm_client, explorer, explorer_services):
         monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: clock.now))
     return clock
 

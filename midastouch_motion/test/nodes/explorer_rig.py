@@ -1,11 +1,13 @@
 """The explorer and a finger, with a stand-in for the filter, which answers each pose as an image of it."""
 
 import numpy as np
+from goals import Asked
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.frames import GEL_FRAME, TRUTH_FRAME
-from midastouch_common.message_arrays import transform_from_msg
+from midastouch_common.message_arrays import stamp_ns, transform_from_msg
 from midastouch_common.ros import qos
 from midastouch_motion.nodes.explorer import Explorer
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
@@ -18,23 +20,20 @@ RADIUS = 0.03  # m
 TOUCHING = RADIUS + 1e-3  # of the gel's apex from the centre
 
 
-class Rig:
-    """An explorer, a finger over the ball, and a filter that answers with `state` where the finger touches.
+class AnsweredFinger:
+    """A finger over the ball, and a filter that answers with `state` where it touches, else with `untouched`.
 
-    parameters: of the explorer, but for those in `of_finger`, mesh and seed, which both have.
+    Attributes: node; gels T_base_gel, objects T_base_obj and poses T_obj_gel (4, 4), and stamps [ns], of each image;
+    silent, whether the filter is; reason, which it gives.
     """
 
-    def __init__(self, graph, of_finger=None, **parameters):
-        self.graph, self.state, self.silent, self.ended = graph, "ambiguous", False, []
-        self.reason = ""
-        self.untouched = FilterStatus.STATE_NO_CONTACT
-        self.poses, self.objects, self.gels, self.asked = [], [], [], []
+    def __init__(self, graph, **parameters):
+        self.graph, self.silent = graph, False
+        self.state, self.untouched, self.reason = "ambiguous", FilterStatus.STATE_NO_CONTACT, ""
+        self.poses, self.objects, self.gels, self.stamps = [], [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        both = {name: parameters.pop(name, default) for name, default in (("mesh", BALL), ("seed", 1))}
-        self.finger = graph.add(SimulatedFingerNode, {"untouched_frames": 1} | both | (of_finger or {}))
-        self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), both | parameters)
-        self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
+        self.node = graph.add(SimulatedFingerNode, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
 
     def _on_tf(self, message):
         frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
@@ -42,11 +41,32 @@ class Rig:
         self.poses.append(np.linalg.inv(frames[TRUTH_FRAME]) @ frames[GEL_FRAME])
         self.objects.append(frames[TRUTH_FRAME])
         self.gels.append(frames[GEL_FRAME])
-        touches = np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
+        self.stamps.append(stamp_ns(stamp))
         if not self.silent:
-            status = FilterStatus(state=self.state if touches else self.untouched, reason=self.reason)
-            status.header.stamp = stamp
-            self._answers.publish(status)
+            state = self.state if self.touches else self.untouched
+            self._answers.publish(FilterStatus(state=state, reason=self.reason, header=Header(stamp=stamp)))
+
+    @property
+    def touches(self):
+        return np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
+
+    def ask(self, kind, **goal):
+        return Asked(self.graph.companion, self.graph.spin_until, kind, **goal)
+
+    def do(self, kind, **goal):
+        """The result of a goal."""
+        return self.ask(kind, **goal).ended()
+
+
+class Rig(AnsweredFinger):
+    """The same with an explorer, which is its `node`. parameters: of the explorer; mesh and seed, of both."""
+
+    def __init__(self, graph, **parameters):
+        both = {name: parameters.pop(name, default) for name, default in (("mesh", BALL), ("seed", 1))}
+        super().__init__(graph, **both)
+        self.ended, self.asked = [], []
+        self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), both | parameters)
+        self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
 
     def advise(self, **answer):
         """Offer suggestions: a service that gives these fields of its response."""

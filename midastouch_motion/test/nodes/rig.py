@@ -30,8 +30,8 @@ class Rig:
     """With `use_sim_time`, the time that stamps are of is on `/clock`.
 
     Attributes: twists, that have come; enabled, images, poses, forces: whether these are sent; follows, whether the
-    arm goes along with the twists; depth [m]; state of the contact; force [N]; late [s], of the
-    stamps; bad, what is not finite."""
+    arm goes along with the twists; depth [m]; state of the contact; force (3,) [N], or its z, along the axes of
+    `felt_in`, a frame; late [s], of the stamps; bad, what is not finite."""
 
     def __init__(self, graph: RosGraph, **parameters):
         self.graph = graph
@@ -39,12 +39,13 @@ class Rig:
         self._enable = graph.publisher(Bool, "contact_controller/enable", qos.COMMAND)
         self._contact = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
         self._points = graph.publisher(PointCloud2, "tactile/points", qos.stage_publisher())
-        self._wrench = graph.publisher(WrenchStamped, "wrench", qos.stream_publisher())
+        topic = parameters.get("wrench_topic", "wrench")
+        self._wrench = graph.publisher(WrenchStamped, topic, qos.stream_publisher()) if topic else None
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self._clock = graph.publisher(Clock, "/clock", qos.TF) if parameters.get("use_sim_time") else None
         self.twists = graph.listen(TwistStamped, "delta_twist_cmds")
         self.enabled = self.images = self.poses = self.forces = self.follows = True
-        self.late, self.bad, self.state = 0.0, "", ""
+        self.late, self.bad, self.state, self.felt_in = 0.0, "", "", "digit_gel_frame"
         self.depth, self.force, self.position, self._sent = 0.0, 0.0, np.zeros(3), 0.0
 
     def send(self) -> None:
@@ -65,8 +66,10 @@ class Rig:
             link = TransformStamped(header=Header(stamp=now, frame_id="base_link"), child_frame_id="digit_gel_frame")
             link.transform = transform_to_msg(se3.translation(self.position))
             self._tf.publish(TFMessage(transforms=[link]))
-        if self.forces:
-            self._wrench.publish(WrenchStamped(header=gel, wrench=Wrench(force=Vector3(z=self.force))))
+        if self.forces and self._wrench is not None:
+            x, y, z = (0.0, 0.0, self.force) if np.isscalar(self.force) else self.force
+            felt = Header(stamp=now, frame_id=self.felt_in)
+            self._wrench.publish(WrenchStamped(header=felt, wrench=Wrench(force=Vector3(x=x, y=y, z=z))))
         if self.images:
             touches = self.depth > 0
             area = 2e-5 if touches else 0.0

@@ -49,7 +49,7 @@ def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
 
 @pytest.mark.parametrize(
     ("missing", "reason", "parameters"),
-    [("enabled", "not enabled", {}), ("forces", "no force on the topic wrench", {"max_force": 10.0})],
+    [("enabled", "not enabled", {}), ("forces", "no force on wrench_topic", {"max_force": 10.0})],
 )
 def test_nothing_moves_before_it_is_enabled_and_watched(graph, missing, reason, parameters):
     rig = Rig(graph, **parameters)
@@ -77,7 +77,7 @@ def test_who_records_twists_follows_none(graph, reader):
     for each in [*graph.companion.subscriptions]:
         if each.topic_name == "/delta_twist_cmds":
             graph.companion.destroy_subscription(each)
-    rig.until(lambda: in_the_way(rig).startswith("nobody follows the twists"), "the arm to be missed")
+    rig.until(lambda: in_the_way(rig).startswith("nothing subscribes to the twists"), "the arm to be missed")
 
 
 def test_without_transforms_these_are_missed_and_not_the_arm(graph):
@@ -201,7 +201,15 @@ def test_a_goal_that_makes_no_sense_is_refused(graph, kind, goal, reason):
 
 @pytest.mark.parametrize(
     ("parameters", "reason"),
-    [({"depth": 1.5e-3}, "not less than max_depth"), ({"box_low": [0.0, 0.0, 2.0]}, "the box from .* is empty")],
+    [
+        ({"depth": 1.5e-3}, "not less than max_depth"),
+        ({"tool_mass": -1.0}, r"'tool_mass' must be in \[0.0, 20.0\] kg, got -1.0"),
+        ({"tool_mass": 21.0}, "'tool_mass' must be in"),
+        ({"tool_mass": float("nan")}, "'tool_mass' must be finite"),
+        ({"max_force": 10.0, "wrench_topic": ""}, "max_force: it needs a force, and wrench_topic is empty"),
+        ({"max_depth": 2.5e-3}, "max_depth: 0.0025 m is deeper than images show, 0.002 m"),
+        ({"box_low": [0.0, 0.0, 2.0]}, "the box from .* is empty"),
+    ],
 )
 def test_parameters_that_contradict_each_other_are_refused(graph, parameters, reason):
     with pytest.raises(InputError, match=reason):

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistStamped, WrenchStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped, WrenchStamped
 from rclpy.duration import Duration
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
+from midastouch_common import se3
 from midastouch_common.ros import qos
-from midastouch_msgs.action import Lift
+from midastouch_common.ros.conversions import transform_to_msg
+from midastouch_msgs.action import Lift, Slide
 from midastouch_msgs.msg import FilterStatus
 
 from .rig import Rig, moving
@@ -45,7 +48,10 @@ def another_commander(rig, graph):
         (setting(position=np.array([5.0, 0, 0])), "outside of the box", {}),
         (lost, "the filter is lost", {}),
         (setting(force=12.0), "a force of 12.0 N, more than 10.0", {"max_force": 10.0}),
-        (setting(forces=False), "the newest force on the topic wrench", {"max_force": 10.0, "stale_after": 2.0}),
+        (setting(forces=False), "the newest force on wrench_topic", {"max_force": 10.0, "stale_after": 2.0}),
+        (setting(forces=False), "the newest force on wrench_topic", {"stale_after": 2.0}),
+        (setting(felt_in="elsewhere"), "wrench_topic: TF does not link its frame 'elsewhere' to the gel", {}),
+        (setting(force=np.nan), "wrench_topic: the force is not finite", {}),
         (a_force_of_the_future, "ahead of the clock", {"max_force": 10.0}),
         (another_commander, "another node commands twists", {}),
     ],
@@ -59,6 +65,43 @@ def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parame
     assert not result.success
     assert reason in result.message
     rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
+
+
+TOOL = se3.exp(np.array([0, 0, 0, -np.pi / 2, 0, 0]))
+"""T_gel_tool (4, 4): the gel's z axis is the tool's y axis backwards."""
+
+
+@pytest.mark.parametrize(
+    ("force", "reason"),
+    [
+        ((0.0, -9.0, 0.0), "0.0 N across the gel and 9.0 onto it, of which its depth explains"),
+        ((9.0, 0.0, 0.0), "9.0 N across the gel and 0.0 onto it"),
+        ((0.0, 9.0, 0.0), "the sign or the frame of the wrench is wrong"),
+    ],
+)
+def test_a_force_that_the_depth_does_not_explain_ends_a_slide(graph, force, reason):
+    """Measured along the axes of a tool, with a bias."""
+    rig, bias = Rig(graph), np.array([3.0, 0.0, 4.0])
+    link = TransformStamped(header=Header(frame_id="digit_gel_frame"), child_frame_id="tool")
+    link.transform = transform_to_msg(TOOL)
+    graph.publisher(TFMessage, "/tf_static", qos.latched()).publish(TFMessage(transforms=[link]))
+    rig.felt_in, rig.force = "tool", tuple(bias)
+    assert rig.ask(Lift, height=2e-3).ended().success
+    assert "bias 5.0 N" in rig.node.describe()[2]["force"]
+    rig.depth = 5e-4
+    rig.until(lambda: rig.node.describe()[2]["depth_mm"] == "0.50", "the contact")
+    asked = rig.ask(Slide, length=0.2)
+    asked.moves()
+    rig.force = tuple(bias + force)
+    height = rig.position[2]
+    assert reason in asked.ended().message
+    assert rig.position[2] > height + 1e-3, "pulled back"
+
+
+def test_an_arm_without_forces_says_so(graph):
+    rig = Rig(graph, wrench_topic="")
+    rig.ask(Lift, height=0.2).moves()
+    assert "none comes" in rig.node.describe()[2]["force"]
 
 
 @pytest.mark.parametrize(("simulated", "seconds"), [(False, 100.0), (True, 100.0), (True, 0.9)])

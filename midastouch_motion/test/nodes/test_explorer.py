@@ -105,7 +105,7 @@ def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph, patience
         return rig.statuses and rig.statuses[-1].state == "gave_up"
 
     graph.spin_until(goes_on, "an end")
-    assert "the filter says stale: images are 28 s behind" in rig.statuses[-1].reason
+    assert "the filter is stale: images are 28 s behind" in rig.statuses[-1].reason
     assert rig.statuses[-1].path_length == 0
     assert rig.ended
 
@@ -158,4 +158,4 @@ def test_without_an_arm_it_ends_and_says_what_is_missing(graph, patience_clock):
         return statuses and statuses[-1].state == ExplorerStatus.STATE_GAVE_UP
 
     graph.spin_until(goes_on, "an end")
-    assert "nobody offers the actions touch, slide, lift and approach" in statuses[-1].reason
+    assert "no node offers the actions touch, slide, lift and approach" in statuses[-1].reason

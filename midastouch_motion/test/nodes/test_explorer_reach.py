@@ -68,7 +68,7 @@ def test_one_that_goes_is_missed(graph):
     rig = Rig(graph, reach_service="what_it_reaches")
     graph.spin_until(lambda: asked, "a question")
     graph.companion.destroy_service(service)
-    assert "reach_service what_it_reaches: nobody offers it" in rig.until("gave_up").reason
+    assert "reach_service what_it_reaches: no node offers it" in rig.until("gave_up").reason
 
 
 def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
@@ -80,7 +80,7 @@ def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
 
     graph.spin_until(goes_on, "an end")
     assert {status.state for status in rig.statuses} == {"waiting", "gave_up"}
-    assert "reach_service what_it_reaches: nobody offers it" in rig.statuses[-1].reason
+    assert "reach_service what_it_reaches: no node offers it" in rig.statuses[-1].reason
 
 
 def test_what_is_no_name_of_a_service_is_refused(graph):

@@ -2,23 +2,18 @@
 
 import numpy as np
 import pytest
-from explorer_rig import BALL, TOOL, TOUCHING
+from explorer_rig import TOOL, AnsweredFinger
 from geometry_msgs.msg import PoseStamped, Vector3
-from goals import Asked
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
-from tf2_msgs.msg import TFMessage
 
 from midastouch_common import se3
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
-from midastouch_common.message_arrays import pose_from_msg, stamp_ns, transform_from_msg
-from midastouch_common.ros import qos
+from midastouch_common.frames import BASE_FRAME
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
-from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.nodes import tdn
-from midastouch_simulation.nodes.simulated_finger import SimulatedFingerNode
 from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
@@ -28,43 +23,9 @@ def default(parameters, name):
     return next(one.default for one in parameters if one.name == name)
 
 
-class Rig:
-    """Attributes: gels T_base_gel and objects T_base_obj, of each image; stamps [ns]; silent, whether the filter is;
-    state, which it says, by default that of where the finger is."""
-
-    def __init__(self, graph, **parameters):
-        self.graph, self.silent, self.state = graph, False, ""
-        self.gels, self.objects, self.stamps = [], [], []
-        self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
-        graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        self.node = graph.add(SimulatedFingerNode, {"mesh": BALL, "seed": 1, "untouched_frames": 1} | parameters)
-
-    def _on_tf(self, message):
-        frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
-        stamp = message.transforms[0].header.stamp
-        self.gels.append(frames[GEL_FRAME])
-        self.objects.append(frames[TRUTH_FRAME])
-        self.stamps.append(stamp_ns(stamp))
-        if not self.silent:
-            state = self.state or ("ambiguous" if self.touches else "no_contact")
-            self._answers.publish(FilterStatus(state=state, header=Header(stamp=stamp)))
-
-    @property
-    def touches(self):
-        on_object = se3.inverse(self.objects[-1]) @ self.gels[-1]
-        return np.linalg.norm(on_object[:3, 3]) < TOUCHING
-
-    def ask(self, kind, **goal):
-        return Asked(self.graph.companion, self.graph.spin_until, kind, **goal)
-
-    def do(self, kind, **goal):
-        """The result of a goal."""
-        return self.ask(kind, **goal).ended()
-
-
 @pytest.fixture
 def rig(graph):
-    return Rig(graph)
+    return AnsweredFinger(graph)
 
 
 def posed(pose, frame=BASE_FRAME):
@@ -95,19 +56,19 @@ def test_it_moves_only_once_tdn_has_enough_untouched_images(graph):
     """Else a contact becomes part of the background, and is felt to the end in images without one."""
     needed = default(tdn.PARAMETERS, "background_frames")
     assert default(PARAMETERS, "untouched_frames") >= needed
-    rig = Rig(graph, untouched_frames=needed)
+    rig = AnsweredFinger(graph, untouched_frames=needed)
     rig.do(Touch, distance=0.05)
     assert np.ptp([gel[:3, 3] for gel in rig.gels[:needed]], axis=0).max() == 0
 
 
 def test_while_the_filter_lags_behind_it_does_not_begin(rig):
-    rig.state = "stale"
+    rig.untouched = "stale"
     touch = rig.ask(Touch, distance=0.05)
     seen = len(rig.gels)
     rig.graph.spin_until(lambda: len(rig.gels) > seen + 5, "images at rest")
     assert touch.result is None
     assert np.ptp([gel[:3, 3] for gel in rig.gels], axis=0).max() == 0
-    rig.state = ""
+    rig.untouched = "no_contact"
     touch.ended()
 
 

@@ -141,7 +141,7 @@ def test_a_motion_that_was_broken_off_is_reported(graph):
 
 def test_without_a_mount_nothing_moves(graph):
     rig = Rig(graph, mount=False)
-    rig.until(lambda: rig.said("TF does not say where digit_gel_frame is on tool0"), "the reason")
+    rig.until(lambda: rig.said("TF has no pose of digit_gel_frame on tool0"), "the reason")
     assert not any(twist.any() for twist in rig.follower.sent)
 
 

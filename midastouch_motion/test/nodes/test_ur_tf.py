@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -38,7 +39,7 @@ class FakeArm:
             return None
         if not self.silent:
             self.now += 0.008
-        return ArmState(self.now, self.pose, np.arange(6.0), -np.arange(6.0))
+        return ArmState(self.now, self.pose, np.arange(6.0), -np.arange(6.0), np.arange(6.0) + 1.0)
 
     def close(self):
         self.closed = True
@@ -70,6 +71,7 @@ class Bench:
         self.node = graph.add(lambda **options: UrTf(self.arms, **options), settings)
         try:
             self.tf, self.joints = graph.listen(TFMessage, "/tf"), graph.listen(JointState, "joint_states")
+            self.wrenches = graph.listen(WrenchStamped, "wrench")
             self.static = graph.listen(TFMessage, "/tf_static", latched=True)
             self.diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
         finally:
@@ -84,9 +86,9 @@ def bench(graph):
     return functools.partial(Bench, graph)
 
 
-def test_publishes_tool_base_and_joints(bench):
+def test_publishes_tool_base_joints_and_force(bench):
     b = bench(tf_prefix="left_", tcp_offset=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
-    b.until(lambda: b.tf and b.static and b.joints)
+    b.until(lambda: b.tf and b.static and b.joints and b.wrenches)
     tool = b.tf[0].transforms[0]
     assert (tool.header.frame_id, tool.child_frame_id) == ("left_base", "left_tool0")
     expected = transform_from_rtde(POSE)
@@ -98,6 +100,10 @@ def test_publishes_tool_base_and_joints(bench):
     assert list(b.joints[0].name) == ["left_" + name for name in JOINT_NAMES]
     assert list(b.joints[0].position) == list(range(6))
     assert list(b.joints[0].velocity) == [-v for v in range(6)]
+    felt = b.wrenches[0]
+    assert (felt.header.frame_id, felt.header.stamp) == ("left_base", b.tf[0].transforms[0].header.stamp)
+    force, torque = felt.wrench.force, felt.wrench.torque
+    assert [force.x, force.y, force.z, torque.x, torque.y, torque.z] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 
 def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -11,6 +12,7 @@ from midastouch_motion.nodes.ur_tf import UrTf
 from midastouch_motion.ur.rtde import rtde_connector
 
 from ..ur.controller_process import ADDRESS
+from ..ur.ur_controller import WRENCH
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 
@@ -23,6 +25,7 @@ class Arm:
         self.node = graph.add(lambda **options: UrTf(rtde_connector(), **options), settings)
         self.tf = graph.listen(TFMessage, "/tf")
         self.joints = graph.listen(JointState, "joint_states")
+        self.wrenches = graph.listen(WrenchStamped, "wrench")
         self.reports = graph.listen(DiagnosticArray, "/diagnostics")
 
     def said(self, words: str) -> bool:
@@ -36,6 +39,15 @@ class Arm:
 
     def stamps(self) -> np.ndarray:
         return np.array([stamp_ns(m.transforms[0].header.stamp) for m in self.tf])
+
+
+def test_the_force_is_that_of_the_controller(graph, ur_controller):
+    ur_controller()
+    arm = Arm(graph)
+    graph.spin_until(lambda: arm.wrenches, "a force")
+    felt = arm.wrenches[-1]
+    assert felt.header.frame_id == "base"
+    assert [felt.wrench.force.x, felt.wrench.force.y, felt.wrench.force.z] == WRENCH[:3]
 
 
 @pytest.mark.parametrize("fault", ["drop", "cut", "stall"])

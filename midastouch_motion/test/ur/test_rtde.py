@@ -14,11 +14,11 @@ from midastouch_motion.ur import rtde
 from midastouch_motion.ur.rtde import (
     BASE_LINK_FROM_BASE,
     RobotClock,
+    require_outputs,
     rtde_connector,
     tool_from_tcp,
     transform_from_rtde,
 )
-from midastouch_motion.ur.rtde_handshake import require_outputs
 
 from .ur_controller import Controller, serve_rtde
 
@@ -43,6 +43,9 @@ class FakeInterface:
 
     def getActualQd(self):
         return [0.2] * 6
+
+    def getActualTCPForce(self):
+        return [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]
 
     def disconnect(self):
         self.connected = False
@@ -90,6 +93,7 @@ def test_state_is_read_until_the_connection_is_lost(ur_rtde, controller):
     np.testing.assert_array_equal(state.tcp_pose, [1, 2, 3, 4, 5, 6])
     np.testing.assert_array_equal(state.positions, [0.1] * 6)
     np.testing.assert_array_equal(state.velocities, [0.2] * 6)
+    np.testing.assert_array_equal(state.wrench, [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
     arm.close()
     assert arm.read() is None
 
@@ -137,7 +141,7 @@ def test_a_refusal_of_the_library_is_a_connection_error(ur_rtde, controller):
         rtde_connector(timeout=60.0)("127.0.0.1", 125.0)
 
 
-OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
+OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd", "actual_TCP_force"]
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ class Arm:
 
     def state(self):
         self.time += 0 if self.silent else 0.008
-        return ArmState(self.time, HALF_TURN, np.zeros(6), np.zeros(6))
+        return ArmState(self.time, HALF_TURN, *np.zeros((3, 6)))
 
     def move(self, velocity):
         self.done.append(("move", *np.round(velocity, 9)))

@@ -23,6 +23,7 @@ READY, DONE = 1, 2  # what the program writes into output_int_register_0
 SPEED_L, SPEED_STOP, SET_WATCHDOG, STOP_SCRIPT = 10, 15, 35, 255  # what it finds in input_int_register_0
 FORMATS = {"INT32": "i", "UINT32": "I", "DOUBLE": "d", "VECTOR6D": "6d"}
 POSE = [0.3, -0.2, 0.4, 0.1, 2.6, -0.2]
+WRENCH = [1.0, -2.0, 12.5, 0.1, 0.2, -0.3]
 # packages. ur-rtde returns from its constructor up to 0.55 s after the start; a shorter connection is never seen alive
 FAULTY_AFTER = 125
 
@@ -104,7 +105,12 @@ class Controller:
         """The outputs of these names, packed."""
         with self._lock:
             now = 1000.0 + time.monotonic() - self._start
-            arm = {"actual_TCP_pose": POSE, "actual_q": [now] + [0.1] * 5, "actual_qd": [0.2] * 6}
+            arm = {
+                "actual_TCP_force": WRENCH,
+                "actual_TCP_pose": POSE,
+                "actual_q": [now] + [0.1] * 5,
+                "actual_qd": [0.2] * 6,
+            }
             known = self.values | arm | {"timestamp": now}
             out = b""
             for name in names:

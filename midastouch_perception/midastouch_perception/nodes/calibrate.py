@@ -15,8 +15,10 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, expanded, next_new_folder, require_place
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.graph_watch import why_silent
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.torn_frames import TornFrames
 
 from ..sensor_calibration.calibration import scale_problem
 from ..sensor_calibration.collector import PressCollector
@@ -24,6 +26,8 @@ from ..sensor_calibration.fit import FEWEST, MOST, Result, calibrate, require_ba
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
 from ..tdn.colour_layout import image_problem
+from ..tdn.fixed_pattern import PatternCheck
+from ..tdn.frame_guard import TORN
 
 PARAMETERS = (
     Parameter("serial", "", "Serial number of the sensor, under which its no-contact image was captured"),
@@ -38,7 +42,7 @@ PARAMETERS = (
     Parameter("sensor_model", "digit_real", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
     Parameter("background_folder", "", "Where sensors' images are kept; empty: $ROS_HOME/midastouch/backgrounds"),
-    Parameter("out", "", "File of the calibration; empty: beside the no-contact image, where tdn looks for it"),
+    Parameter("out", "", "File of the calibration; empty: next to the no-contact image, where tdn looks for it"),
     Parameter(
         "presses_folder", "", "Folder for images of presses, NAME_2, ... where it holds something; empty: not kept"
     ),
@@ -75,6 +79,7 @@ class CalibrateNode(PipelineNode):
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._arrived, self._silent = False, ""
+        self._torn, self._pattern = TornFrames(), PatternCheck()
         self._begin()
         self._topic = self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber()).topic_name
         self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -96,8 +101,9 @@ class CalibrateNode(PipelineNode):
         background = store.load(self._sensor.height, self._sensor.width)
         if background is None:
             raise InputError(
-                f"{store.path}: no no-contact image of this sensor; start tdn with serial:={self._serial}, lift the "
-                "finger and call capture_background"
+                f"{store.path}: no no-contact image of this sensor; start midastouch run perception "
+                f"serial:={self._serial} sensor_model:={self._settings['sensor_model']}, lift the finger, and take one "
+                "by midastouch capture-background"
             )
         if problem := image_problem(background, None):
             raise InputError(f"{store.path}: {problem}, and call capture_background")
@@ -130,7 +136,7 @@ class CalibrateNode(PipelineNode):
     def _listen(self) -> None:
         """Report, once, if no image has come in the last `SILENT_S`."""
         if not (self._arrived or self._silent or self._collector.done):
-            self._silent = f"no images on {self._topic}; is the driver running?"
+            self._silent = f"no images on {self._topic}: {why_silent(self, self._topic)}"
             self._announce(self._silent)
         self._arrived = False
 
@@ -140,10 +146,14 @@ class CalibrateNode(PipelineNode):
             return
         taken, step = len(self.images), self._collector.next_step
         try:
-            said = self._collector.observe(rgb_from_msg(msg, self._sensor.height, self._sensor.width))
+            image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
         except InputError as error:
             self._diagnostics.problem("bad_images", f"image_raw: {error}")
             return
+        if refused := TORN if self._torn.torn(image) else self._pattern.refusal(image, self._background):
+            self._diagnostics.problem(refused.kind, f"image_raw: {refused.reason}")
+            return
+        said = self._collector.observe(image)
         self._last = said or self._last
         if len(self.images) > taken:
             self._keep_press()
@@ -221,8 +231,8 @@ class CalibrateNode(PipelineNode):
         if self.failure:
             return diagnostics.ERROR, f"{self.failure} (begin again: ~/restart)", values
         if self.result is not None and collector.done:
-            said = "; ".join(self.result.warnings)
-            return diagnostics.WARN if said else diagnostics.OK, said or self._outcome(), values
+            level = diagnostics.WARN if self.result.warnings else diagnostics.OK
+            return level, "; ".join([*self.result.warnings, self._outcome()]), values
         if collector.done:
             return diagnostics.OK, "calibrating", values
         if self._silent:

@@ -14,7 +14,7 @@ from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import resolve
 from midastouch_common.ros.conversions import image_to_msg, points_to_msg
-from midastouch_common.ros.graph_watch import OnlyPublisher
+from midastouch_common.ros.graph_watch import OnlyPublisher, publishers, why_silent
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileContact
@@ -28,9 +28,11 @@ from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.background import TouchedBackground
 from ..tdn.background_store import SensorBackground, store_of
-from ..tdn.colour_layout import exposure_problem, turned_since
+from ..tdn.colour_layout import exposure_problem
 from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
+from ..tdn.fixed_pattern import PatternCheck, rolled_problem
+from ..tdn.frame_guard import FrameGuard
 from .capture_service import CaptureService
 from .contact_message import contact_to_msg
 
@@ -44,7 +46,7 @@ PARAMETERS = (
     Parameter(
         "backend",
         AUTO,
-        f"What runs the network: {', '.join(BACKENDS[1:])}; auto: the fastest that is installed and answers alike",
+        f"What runs the network: {', '.join(BACKENDS[1:])}; auto: the fastest one installed that answers alike",
     ),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     Parameter(
@@ -106,8 +108,7 @@ class TdnNode(ManagedNode):
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
         self._captures = CaptureService(self, self._contact_in, lambda image: self._background.replace(image))
         self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
-        self._unseen_clouds = 0
-        self._image: np.ndarray | None = None
+        self._unseen_clouds, self._any_image = 0, False
         self._state = ContactState.FREE
         self.autostart()
 
@@ -126,6 +127,7 @@ class TdnNode(ManagedNode):
         self._backend = tdn.backend if tdn else "given"
         self._touched = TouchedBackground(tdn)
         self._gel = GelCheck(self._sensor)
+        self._guard, self._pattern = FrameGuard(), PatternCheck()
         self._stage = self._given or DepthStage(tdn, self._fit, self._touched, self._gel)
         self.say(f"backend: {self._backend}; loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
@@ -136,7 +138,8 @@ class TdnNode(ManagedNode):
 
     def unload(self) -> None:
         """Release the network and the background."""
-        self._stage = self._background = self._image = None
+        self._stage = self._background = None
+        self._any_image = False
 
     def connect(self) -> None:
         """Subscribe to the images."""
@@ -158,8 +161,13 @@ class TdnNode(ManagedNode):
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
-        self._image = image
-        self._observe_background(image)
+        self._any_image = True
+        if not (refused := self._guard.refusal(image)):
+            self._observe_background(image)  # also a misplaced one, because a new no-contact image may be the fix
+            refused = self._pattern.refusal(image, self._background.image)
+        if refused:
+            self.diagnostics.problem(refused.kind, f"image_raw: {refused.reason}")
+            return
         contact = self._stage.process(image, self._background.image)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
         self._stage.deferred_update()
@@ -179,9 +187,9 @@ class TdnNode(ManagedNode):
 
     def _contact_in(self, image: np.ndarray) -> str:
         """Return the reason to refuse a captured image; empty if it is accepted."""
-        if not self._stage.shows_contact(image, self._background.image):
-            return ""
-        return "the sensor is touching something; lift the finger off and try again"
+        if self._stage.shows_contact(image, self._background.image):
+            return "the sensor is touching something; lift the finger off and try again"
+        return rolled_problem(image)
 
     def _publish(self, header: Header, contact: Contact) -> None:
         self._contact.publish(contact_to_msg(contact, header))
@@ -196,11 +204,12 @@ class TdnNode(ManagedNode):
         if self._sink is not None:
             self._sink(header, contact)
 
-    def _fit_problem(self) -> str:
-        """Return the reason why the images do not fit the no-contact image or the network; empty if they do."""
-        if self._fit.problem and (turned := turned_since(self._image, self._background.image)):
-            return turned
-        return self._touched.problem or self._fit.problem
+    def obstacles(self) -> dict[str, str]:
+        """Return that no image has come yet, if nobody publishes any; a driver or a replay names its own trouble."""
+        if self._any_image or publishers(self, "image_raw"):
+            return {}
+        topic = self.resolve_topic_name("image_raw")
+        return {"no_image": f"no image on {topic}, so no pose: no node publishes it; start a driver or a replay"}
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""
@@ -211,7 +220,8 @@ class TdnNode(ManagedNode):
         if (
             problem := self._images_from.problem
             or self._background.problem
-            or self._fit_problem()
+            or self._touched.problem
+            or self._fit.problem
             or self._gel.problem
             or self._calibration.problem
             or (self._state.problem if self._fit.quiet is not None else "")  # before, it may find a deeper reason
@@ -226,7 +236,7 @@ class TdnNode(ManagedNode):
             )
         if (silent := time.monotonic() - self._heard) > SILENT_S:
             topic = self.resolve_topic_name("image_raw")
-            return diagnostics.WARN, f"no image on {topic} for {silent:.0f} s; is the driver running?", values
+            return diagnostics.WARN, f"no image on {topic} for {silent:.0f} s: {why_silent(self, topic)}", values
         return diagnostics.OK, "", values
 
 

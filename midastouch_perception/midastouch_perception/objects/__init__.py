@@ -16,10 +16,24 @@ def bundled_objects() -> dict[str, Path]:
 
 
 def bundled_mesh(name: str) -> str:
-    """Return the path of a bundled object's mesh. Raises InputError if there is none of that name."""
+    """Return the path of a bundled object's mesh.
+
+    Parameters
+    ----------
+    name
+        A key of `bundled_objects`.
+
+    Returns
+    -------
+    str
+        Path of the PLY file.
+
+    Raises
+    ------
+    InputError
+        There is no object of that name.
+    """
     objects = bundled_objects()
     if name not in objects:
-        raise InputError(
-            f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
-        )
+        raise InputError(f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:=FILE")
     return str(objects[name])

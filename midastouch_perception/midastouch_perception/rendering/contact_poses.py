@@ -9,10 +9,9 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 
-from ..sensor_model import SensorModel
+from ..sensor_model import MAX_PENETRATION, SensorModel
 from .renderer import PenetrationRenderer
 
-MAX_PENETRATION = 2e-3  # m: the gel is not pressed deeper
 _TOLERANCE = 1e-4  # m
 _PULLS = 4
 MAX_EXCESS = 2e-3  # m beyond the wanted penetration; any deeper, the sensor's body would be inside the object

@@ -53,13 +53,18 @@ class GelShape:
 
 
 class PenetrationRenderer:
-    """Renderer of one mesh for one sensor model.
+    """Renderer of penetration maps of one mesh for one sensor model.
 
-    Args: mesh; sensor, whose width x height is the size of the maps (see `SensorModel.scaled`); margin [m]: surface
-    that lies up to this far beyond the undeformed gel is seen, too, as negative penetration down to -margin. Pose
-    alignment needs it to know which surface is about to touch.
+    The attribute `scene` is object and sensor in the form that the kernels take.
 
-    Attribute: scene, object and sensor in the form that the kernels take.
+    Parameters
+    ----------
+    mesh
+    sensor
+        Its width x height is the size of the maps (see `SensorModel.scaled`).
+    margin
+        Surface that lies up to this far [m] beyond the undeformed gel is seen, too, as negative penetration down to
+        -margin. Pose alignment needs it to know which surface is about to touch.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, margin: float = 0.0):
@@ -70,10 +75,17 @@ class PenetrationRenderer:
         self.scene = kernels.Scene(grid, gel_depth, sensor.focal, sensor.gel_distance, margin)
 
     def render(self, poses: np.ndarray) -> np.ndarray:
-        """Render penetration maps (N, H, W) float32 [m] at gel poses `T_obj_gel` (N, 4, 4).
+        """Render penetration maps.
 
-        Penetration is the undeformed gel's depth minus the surface's along the camera axis. Where no surface is seen it
-        is -margin, by default 0.
+        Parameters
+        ----------
+        poses : gel poses `T_obj_gel` (N, 4, 4)
+
+        Returns
+        -------
+        (N, H, W) float32
+            Penetration [m]: the undeformed gel's depth minus the surface's along the camera axis; -margin, by default
+            0, where no surface is seen.
         """
         penetration = self._rasterise(poses, False)[0]
         if self.margin:

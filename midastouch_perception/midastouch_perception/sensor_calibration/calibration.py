@@ -12,12 +12,13 @@ import zipfile
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, require_file
+from midastouch_common.files import atomic_path, readable, require_file
 
 from ..arrays import finite_array
 from ..gel_texture import CLEAR, gel_texture, likeness
@@ -28,9 +29,16 @@ _ANGLES = np.radians([30.0, 150.0, 270.0])  # directions of the red, green and b
 # rows: change of the colours by a slope to the right and one downwards; gel that falls towards a lamp is brighter
 _STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
 _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
-_FORMAT = 3
+_FORMAT = 4
+_WITHOUT_FUSION = 3  # the format before: as this one, and joined as by default
 _DEFAULTS = Path(__file__).parent / "defaults"
 _GRID = (16, 12)  # rows, columns
+_MOST_GROWTH = 10  # px
+NETWORK_WEIGHT = 0.51
+"""Weight of the network's slopes in the joined ones, with the least variance on measured sensors and training objects
+(`midastouch_benchmark/fits/slope_weight.py`), unless presses say otherwise."""
+OUTLINE_GROWTH = 1
+"""Pixels by which a contact is wider than the network's, unless presses say otherwise."""
 _OTHER_SCALE = 0.02  # fraction by which the pixels' size may differ
 _OTHER_GEL = 0.1  # fraction by which three quarters of a no-contact image may differ, apart from its brightness
 
@@ -52,7 +60,14 @@ def background_colours(background: np.ndarray) -> np.ndarray:
 
 
 def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
-    """Return the reason why a calibration with pixels of this size [m] is not for a sensor model (full size), or ""."""
+    """Return the reason why a calibration is of another scale than a sensor model; empty if it is not.
+
+    Parameters
+    ----------
+    sensor
+        Full size.
+    pixel_size : [m], of the calibration
+    """
     if abs(pixel_size / sensor.pixel_size - 1) <= _OTHER_SCALE:
         return ""
     return (
@@ -63,6 +78,14 @@ def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
     )
 
 
+class Fusion(NamedTuple):
+    """How slopes are joined: weight, of the network's slopes (0 ... 1); growth, pixels of a map (160 rows) by which a
+    contact is wider than the network's."""
+
+    weight: float
+    growth: int
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class SensorCalibration:
     """Response of one sensor, as found by `midastouch calibrate`.
@@ -70,7 +93,8 @@ class SensorCalibration:
     Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor model;
     pixel_size [m] at which it was made; coefficients (12, 6, 2), from changes in colour to the gel's slopes
     (`response.py`); background (16, 12, 3), no-contact colours; presses, number of those used; date, ISO 8601; texture
-    (H, W) int8 of the gel; texture_sigmas, likeness of that texture in the presses.
+    (H, W) int8 of the gel; texture_sigmas, likeness of that texture in the presses; network_weight, outline_growth, as
+    in `Fusion`.
     """
 
     serial: str
@@ -83,6 +107,13 @@ class SensorCalibration:
     date: str
     texture: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.int8))
     texture_sigmas: float = 0.0
+    network_weight: float = NETWORK_WEIGHT
+    outline_growth: int = OUTLINE_GROWTH
+
+    @property
+    def fusion(self) -> Fusion:
+        """The way in which its slopes are joined with the network's."""
+        return Fusion(self.network_weight, self.outline_growth)
 
     @cached_property
     def response(self) -> ColourResponse:
@@ -159,11 +190,12 @@ class SensorCalibration:
     def load(cls, path: str | Path) -> SensorCalibration:
         """Read a calibration. Raises InputError if there is none or it is not one."""
         require_file(path, "calibration")
-        try:
+        fix = "make it again from its presses with midastouch calibrate, or remove it to continue without"
+        with readable(path, "not a calibration", fix):
             if not zipfile.is_zipfile(path):
                 raise ValueError("no NPZ file")
             with np.load(path, allow_pickle=False) as file:
-                if int(file["format"]) != _FORMAT:
+                if int(file["format"]) not in (_WITHOUT_FUSION, _FORMAT):
                     raise ValueError(f"of format {int(file['format'])}, that of this version is {_FORMAT}")
                 return cls(
                     serial=str(file["serial"]),
@@ -176,17 +208,20 @@ class SensorCalibration:
                     date=str(file["date"]),
                     texture=_texture(file["texture"]),
                     texture_sigmas=float(finite_array(file["texture_sigmas"], ())),
+                    **(_fusion(file) if int(file["format"]) == _FORMAT else {}),
                 )
-        except Exception as error:  # zlib, zipfile and NumPy's parser raise a dozen types, depending on the wrong byte
-            raise InputError(
-                f"{path}: not a calibration ({error}); make it again from its presses with midastouch calibrate, or "
-                "remove it to go on without"
-            ) from error
 
 
 @lru_cache
 def _kept(path: Path) -> SensorCalibration:
     return SensorCalibration.load(path)
+
+
+def _fusion(file: Mapping) -> dict:
+    weight, growth = float(file["network_weight"]), int(file["outline_growth"])
+    if not (0 <= weight <= 1 and 0 <= growth <= _MOST_GROWTH):
+        raise ValueError(f"network_weight {weight:g}, outline_growth {growth}")
+    return {"network_weight": weight, "outline_growth": growth}
 
 
 def _positive(file: Mapping, name: str) -> float:

@@ -31,8 +31,16 @@ REGIONS = (
 class PressCollector:
     """Collector of one image of each usable press that is held still; the ball must be lifted in between.
 
-    Args: background (320, 240, 3) uint8 RGB; ball_diameter m; sensor, full size; wanted, number of presses.
     Attributes: images (320, 240, 3) uint8 RGB by name, those taken; refusals, reasons why others were not.
+
+    Parameters
+    ----------
+    background : (320, 240, 3) uint8 RGB
+    ball_diameter : [m]
+    sensor
+        Full size.
+    wanted
+        Number of presses.
     """
 
     def __init__(self, background: np.ndarray, ball_diameter: float, sensor: SensorModel, wanted: int = 10):
@@ -59,7 +67,7 @@ class PressCollector:
         elif self._held < _LONG_HOLD:
             what = "lift the ball"
         else:
-            what = "lift the ball; if it is lifted, capture the no-contact image anew and begin again"
+            what = "lift the ball; if it is lifted, capture the no-contact image again and start over"
         return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 
 import numpy as np
@@ -13,8 +14,17 @@ from midastouch_common.errors import InputError
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
-from .calibration import SensorCalibration, background_colours, plain_slopes
-from .network_checks import depth_errors, diameter_doubt, gain_doubt, measured_radius
+from .calibration import Fusion, SensorCalibration, background_colours, plain_slopes
+from .fusion import chosen_fusion, fusion_errors
+from .network_checks import (
+    depth_errors,
+    diameter_doubt,
+    gain_doubt,
+    measured_maps,
+    measured_radius,
+    radius_doubt,
+    stretch_doubt,
+)
 from .presses import (
     Press,
     background_behind,
@@ -56,30 +66,54 @@ def fitted(
         return SensorCalibration(coefficients=total.solve(), presses=len(indices), **made)
 
     folds = [solved([i for k, i in enumerate(used) if k % _FOLDS != fold]) for fold in range(_FOLDS)]
-    held_out: list[SensorCalibration | None] = [None] * len(changes)
-    for k, i in enumerate(used):
-        held_out[i] = folds[k % _FOLDS]
-    return solved(used), held_out
+    return solved(used), _in_turn(folds, penetrations)
+
+
+def joined_as_measured(
+    calibration: SensorCalibration,
+    held_out: Sequence[SensorCalibration | None],
+    errors: Mapping[Fusion, np.ndarray],
+) -> tuple[SensorCalibration, list[SensorCalibration | None]]:
+    """Return calibrations, as of `fitted`, with the fusion chosen by all touches, and for each touch by other folds.
+
+    errors (N, 3) of the used touches, of `fusion_errors`.
+    """
+
+    def joined(calibration: SensorCalibration, rows: np.ndarray) -> SensorCalibration:
+        weight, growth = chosen_fusion({choice: values[rows] for choice, values in errors.items()})
+        return dataclasses.replace(calibration, network_weight=weight, outline_growth=growth)
+
+    used = [each for each in held_out if each is not None]
+    fold_of = np.arange(len(used)) % _FOLDS
+    folds = [joined(used[fold], fold_of != fold) for fold in range(_FOLDS)]
+    return joined(calibration, fold_of >= 0), _in_turn(folds, held_out)
+
+
+def _in_turn(folds: Sequence[SensorCalibration], touches: Sequence[object]) -> list[SensorCalibration | None]:
+    """Return the calibrations of folds, to which touches belong in turn; None for one that is None, and not used."""
+    turns = itertools.cycle(folds)
+    return [None if touch is None else next(turns) for touch in touches]
 
 
 def cross_validation(
     changes: Sequence[np.ndarray],
     penetrations: Sequence[np.ndarray | None],
     held_out: Sequence[SensorCalibration | None],
-    pixel: float,
+    sensor: SensorModel,
 ) -> dict[str, float]:
     """Return the accuracy of slopes in each used touch's contact, by the calibration without that touch (medians).
 
     explained_before, explained_after: fraction of the true slopes explained without and with calibration;
-    steepness_before, steepness_after: steepness of the slopes relative to the true ones.
+    steepness_before, steepness_after: steepness of the slopes relative to the true ones. sensor: at the maps'
+    resolution.
     """
-    rows = []
+    rows, slopes_before = [], _slopes_without(sensor)
     for change, penetration, calibration in zip(changes, penetrations, held_out, strict=True):
         if calibration is None:
             continue
-        truth, inside = contact_slopes(penetration, pixel)
+        truth, inside = contact_slopes(penetration, sensor.pixel_size)
         row = []
-        for slopes in (plain_slopes(change), calibration.response.slopes(change)):
+        for slopes in (slopes_before(change), calibration.response.slopes(change)):
             error, scale = (slopes - truth)[inside], float((truth[inside] ** 2).sum())
             steepness = float((slopes[inside] * truth[inside]).sum()) / scale
             row += [1 - float((error**2).sum()) / scale, max(steepness, _LEAST_STEEP)]
@@ -96,9 +130,7 @@ def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarra
     """
     if not sensor.lamps:
         return ""
-    default = SensorCalibration.default(sensor)
-    slopes_of = plain_slopes if default is None else default.response.slopes
-    agreement = []
+    slopes_of, agreement = _slopes_without(sensor), []
     for change, penetration in zip(changes, penetrations, strict=True):
         truth, inside = contact_slopes(penetration, sensor.pixel_size)
         agreement.append((slopes_of(change)[inside] * truth[inside]).sum(axis=0))
@@ -109,6 +141,12 @@ def turned_doubt(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarra
         "images are turned or mirrored, have red and blue swapped, or the no-contact image shows a contact; check the "
         "driver's rotation and encoding, and capture the no-contact image anew"
     )
+
+
+def _slopes_without(sensor: SensorModel) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the slopes by changes of colours that are in use on a sensor without a calibration of its own."""
+    default = SensorCalibration.default(sensor)
+    return plain_slopes if default is None else default.response.slopes
 
 
 def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
@@ -141,7 +179,8 @@ class Result:
     @property
     def warnings(self) -> list[str]:
         """Doubts to consider before using the calibration, as text."""
-        return [said for said in (self.doubt, gain_doubt(self.figures)) if said]
+        off = radius_doubt(self.figures, self.calibration.ball_diameter)
+        return [said for said in (self.doubt, off, gain_doubt(self.figures)) if said]
 
 
 def calibrate(
@@ -152,11 +191,30 @@ def calibrate(
     serial: str = "",
     diameter_is_right: bool = False,
 ) -> Result:
-    """Calibrate from images (320, 240, 3) uint8 RGB by name, of presses of a ball of `ball_diameter` m.
+    """Calibrate one sensor by presses of a ball.
 
-    background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
-    diameter_is_right: accept the diameter even if the depth network measures another one.
-    Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
+    Parameters
+    ----------
+    images : images (320, 240, 3) uint8 RGB of presses, by name
+    background
+        No-contact image, or None for the median of the images without their contacts.
+    ball_diameter : [m]
+    sensor
+        Sensor model, full size.
+    serial
+        Serial number of the sensor, "" if unknown.
+    diameter_is_right
+        With True, the diameter is accepted even if the depth network measures another one.
+
+    Returns
+    -------
+    Result
+        The calibration, and what it was made from.
+
+    Raises
+    ------
+    InputError
+        The images do not allow it: fewer than five usable presses, another ball, another background.
     """
     require_ball(ball_diameter, sensor)
     if not FEWEST <= len(images) <= MOST:
@@ -184,8 +242,8 @@ def calibrate(
     turned = turned_doubt([press.change for press in used], [each for each in penetrations if each is not None], half)
     if turned and sensor.lamps == DIGIT_LAMPS:
         raise InputError(turned)
-    measured = measured_radius([images[press.name] for press in used], background, sensor)
-    doubt = diameter_doubt(measured, ball_diameter, sensor)
+    maps = measured_maps([images[press.name] for press in used], background, sensor)
+    doubt = diameter_doubt(measured_radius(maps, half.pixel_size), ball_diameter, sensor)
     if doubt and sensor.lamps == DIGIT_LAMPS and not diameter_is_right:
         raise InputError(
             f"{doubt}; measure its diameter and give it in metres, or if it is right, say so (--diameter-is-right, or "
@@ -196,7 +254,10 @@ def calibrate(
     texture, sigmas = texture_behind(background, images, presses, half)
     made = _made_of(background, sensor, serial, ball_diameter) | {"texture": texture, "texture_sigmas": sigmas}
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
-    figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
+    seen = [images[press.name] for press in presses]
+    errors = fusion_errors(seen, penetrations, held_out, background, sensor)
+    calibration, held_out = joined_as_measured(calibration, held_out, errors)
+    figures = cross_validation(changes, penetrations, held_out, half)
     # a ball's slopes are approximately position over radius
     figures |= {f"felt_radius_{when}": radius / figures[f"steepness_{when}"] for when in ("before", "after")}
     if figures["explained_after"] < _LEAST_AGREEMENT:
@@ -205,14 +266,26 @@ def calibrate(
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
-    figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
+    figures |= depth_errors(seen, penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}
-    doubts = "; ".join(filter(None, (doubt, turned)))
+    doubts = "; ".join(filter(None, (doubt, turned, stretch_doubt(maps))))
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubts)
 
 
 def require_ball(ball_diameter: float, sensor: SensorModel) -> None:
-    """Raise InputError unless a ball of `ball_diameter` m is no wider than the gel that a sensor (full size) sees."""
+    """Require that a ball is no wider than the gel that a sensor sees.
+
+    Parameters
+    ----------
+    ball_diameter : [m]
+    sensor
+        Full size.
+
+    Raises
+    ------
+    InputError
+        It is wider, or has no positive diameter.
+    """
     gel = sensor.width * sensor.pixel_size
     if not 0 < ball_diameter <= gel:
         raise InputError(
@@ -276,7 +349,7 @@ def _require_enough(presses: list[Press], given: bool) -> None:
         return
     said = f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}"
     if given and 2 * usable < len(presses):
-        said += "; or the no-contact image is of another time or place: capture it anew"
+        said += "; or the no-contact image is of another time or place: capture it again"
     raise InputError(said)
 
 

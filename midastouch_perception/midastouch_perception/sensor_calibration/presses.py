@@ -66,7 +66,7 @@ def sensor_mismatch(image: np.ndarray, seen: np.ndarray) -> str:
     if problem := exposure_problem(image, MOST_SPOILED):
         return problem
     if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
-        return f"differs everywhere, by {quiet:.0f} grey levels, from the no-contact image; capture that anew"
+        return f"differs everywhere, by {quiet:.0f} grey levels, from the no-contact image; capture that again"
     return ""
 
 
@@ -126,7 +126,7 @@ def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor:
         raise InputError(problem)
     if shows_contact(load_tdn("fast", sensor), background, estimate_background(images)):
         raise InputError(
-            "the no-contact image shows a touch that the other images do not have; lift the finger and capture it anew"
+            "the no-contact image shows a touch that the other images do not have; lift the finger and capture it again"
         )
 
 

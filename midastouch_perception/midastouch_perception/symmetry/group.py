@@ -43,11 +43,20 @@ class Symmetry:
         return "none" if self.trivial else f"{len(self.transforms)} poses alike"
 
     def nearest(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Return poses (N, 4, 4), each replaced by the equivalent one nearest to the truth (4, 4).
+        """Replace each pose by the equivalent one nearest to the truth.
 
-        Nearest by the distance d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2, r = 10 mm (`ROTATION_SCALE`), for which
-        the best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G', over the free turns R.
-        If the truth is unknown (nan), the poses are returned unchanged.
+        Nearest by the distance d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2, r = 10 mm (`ROTATION_SCALE`), for which the
+        best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G', over the free turns R.
+
+        Parameters
+        ----------
+        poses : (N, 4, 4)
+        truth : (4, 4)
+            If it is unknown (nan), the poses are returned unchanged.
+
+        Returns
+        -------
+        (N, 4, 4)
         """
         poses = np.asarray(poses, float)
         if self.trivial or not np.isfinite(truth).all():
@@ -55,7 +64,17 @@ class Symmetry:
         return self._nearest(poses, truth)
 
     def distance(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Return the distance (N,) [m] of `nearest` between the truth (4, 4) and the equivalents of poses (N, 4, 4)."""
+        """Return the distance of `nearest` between the truth and the equivalents of poses.
+
+        Parameters
+        ----------
+        poses : (N, 4, 4)
+        truth : (4, 4)
+
+        Returns
+        -------
+        (N,) [m]
+        """
         return pose_distance(self._nearest(np.asarray(poses, float), truth), truth)
 
     def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:

@@ -120,10 +120,23 @@ def object_symmetry(
     given: Symmetry | None = None,
     tried: Callable[[], object] = _no_matter,
 ) -> ObjectSymmetry:
-    """Return the symmetry of a mesh, as a sensor measures it at gel poses (N, 4, 4) all over the surface.
+    """Find the symmetry of a mesh, as a sensor measures it.
 
-    given: the exact symmetry if the user gives one; it is not checked. tried: called after each motion that was
-    compared with the mesh or with its touches; their number is not known in advance.
+    Parameters
+    ----------
+    mesh
+    sensor
+    poses : gel poses `T_obj_gel` (N, 4, 4) all over the surface
+    given
+        The exact symmetry, if the user gives it; it is not checked.
+    tried
+        Called after each motion that was compared with the mesh or with its touches; their number is not known in
+        advance.
+
+    Returns
+    -------
+    ObjectSymmetry
+        Motions that map the surface onto itself.
     """
     touches = _Touches(mesh, sensor, poses, tried)
     near, found = _near(mesh, touches.points(), tried)

@@ -9,7 +9,7 @@ import numpy as np
 
 import midastouch_kernels as kernels
 
-from ..onnx_network import OnnxNetwork
+from ..onnx_network import OnnxNetwork, code_settings
 from ..sensor_model import SensorModel
 from .minkloc3d import SUFFIX, MinkLocCodeNet
 
@@ -21,21 +21,35 @@ class TactileCodeNet:
 
     Attributes: network_id; dim, length of a code; calibration, {"temperature", "outlier"} of the score (see
     `tcn/train.py`); sensor, the map-resolution sensor model.
+
+    Parameters
+    ----------
+    name_or_path, sensor
+        As for `load_tcn`.
     """
 
     def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None):
         self._network = OnnxNetwork("tcn", name_or_path)
         self._network.require_inputs("maps")
         self.sensor = (sensor or SensorModel.load("digit_tacto")).for_maps
-        self.dim = int(self._network.card["dim"])
-        self.calibration: dict[str, float] = self._network.card["calibration"]
+        self.dim, self.calibration = code_settings(self._network.card, self._network.path)
 
     @property
     def network_id(self) -> str:
         return self._network.network_id
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:
-        """Return codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m."""
+        """Encode penetration maps.
+
+        Parameters
+        ----------
+        penetration : (H, W) or (N, H, W) [m]
+
+        Returns
+        -------
+        (D,) or (N, D) float32
+            Codes of length 1.
+        """
         single = penetration.ndim == 2
         maps = penetration[None] if single else penetration
         codes = [self._network.run(code_input(maps[i : i + _BATCH], self.sensor)) for i in range(0, len(maps), _BATCH)]
@@ -47,8 +61,20 @@ AnyCodeNet = TactileCodeNet | MinkLocCodeNet
 
 
 def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None) -> AnyCodeNet:
-    """Load a code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
-    `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, the other with one."""
+    """Load a code network. MinkLoc3D runs with as many threads as NumPy's matrix products, the other with one.
+
+    Parameters
+    ----------
+    name_or_path
+        `fast`, or a file (ONNX, or an imported MinkLoc3D).
+    sensor
+        Sensor of the maps, at image resolution; `digit_tacto` if None.
+
+    Raises
+    ------
+    InputError
+        No such network.
+    """
     if Path(name_or_path).suffix == SUFFIX:
         return MinkLocCodeNet(name_or_path, sensor)
     return TactileCodeNet(name_or_path, sensor)

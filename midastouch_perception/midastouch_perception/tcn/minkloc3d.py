@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, require_file, sha256
+from midastouch_common.files import atomic_path, readable, require_file
 
-from ..onnx_network import read_card, write_card
+from ..onnx_network import code_settings, network_id, read_card, write_card
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
 from ..state_dict import matched
@@ -34,19 +33,15 @@ class MinkLocCodeNet:
 
     def __init__(self, path: str | Path, sensor: SensorModel | None = None):
         path = require_file(path, "tcn network")
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                state = {name: data[name] for name in data.files}
+        checked = readable(path, "not a MinkLoc3D network", "run midastouch import-weights again")
+        with checked, np.load(path, allow_pickle=False) as data:
+            state = {name: data[name] for name in data.files}
             self._voxel_size = float(state.pop(_VOXEL_SIZE))
-        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(
-                f"{path}: not a MinkLoc3D network ({error}); run midastouch import-weights again"
-            ) from error
         self._network = MinkLoc3D(matched(state, expected_shapes(), f"{path}: not a MinkLoc3D network"))
         card = read_card(path)
-        self.network_id = f"{path.stem}-{sha256(path)[:12]}"
+        self.network_id = network_id(path, card)
         self.dim = DIM
-        self.calibration: dict[str, float] = card["calibration"]
+        self.calibration = code_settings(card, path)[1]
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
 
@@ -103,7 +98,7 @@ def save_minkloc3d(state: dict[str, np.ndarray], card: dict, folder: Path, voxel
     """
     path = folder / f"{card['network']}{SUFFIX}"
     details = {"architecture": "minkloc3d", "dim": DIM, "voxel_size": voxel_size, "calibration": _CALIBRATION}
-    write_card(card | details, path)
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez(stream, **state, **{_VOXEL_SIZE: np.float64(voxel_size)})  # type: ignore[arg-type] # none has the name of an option
+    write_card(card | details, path)
     return path

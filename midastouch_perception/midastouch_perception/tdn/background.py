@@ -31,10 +31,22 @@ _LEAST_FREE_FRACTION = 1 / 3  # of the frames that must show a pixel as in its m
 
 
 def estimate_background(images: list[np.ndarray]) -> np.ndarray:
-    """Estimate the no-contact image (320, 240, 3) uint8 as per-pixel median of images (320, 240, 3) uint8 of a sensor.
+    """Estimate the no-contact image as per-pixel median.
 
-    While the sensor slides, each pixel is untouched most of the time. Raises InputError if there are no images or if
-    their sizes differ.
+    While the sensor slides, each pixel is untouched most of the time.
+
+    Parameters
+    ----------
+    images : images (320, 240, 3) uint8 of one sensor
+
+    Returns
+    -------
+    (320, 240, 3) uint8
+
+    Raises
+    ------
+    InputError
+        There are no images, or their sizes differ.
     """
     if not images:
         raise InputError("background: no frames to estimate it from; give a no-contact image")
@@ -101,7 +113,15 @@ def largest_change(images: Sequence[np.ndarray]) -> float:
 
 
 class BackgroundCapture:
-    """Capture of a background from `frames` images; then `image` is the background, or `refusal` has the reason."""
+    """Capture of a background: at its end, `image` is the background, or `refusal` has the reason.
+
+    Parameters
+    ----------
+    frames
+        Number of images.
+    still_threshold : [grey levels]
+        Largest change of a 16 x 16 block between the images.
+    """
 
     def __init__(self, frames: int, still_threshold: float):
         self._frames, self._still_threshold = frames, still_threshold
@@ -158,9 +178,16 @@ class RunningBackground:
 class TouchedBackground:
     """Check that a sensor's no-contact image shows no touch, by the images that differ from it.
 
-    Args: tdn; every, number of images out of which one is kept, doubled after each window, because a no-contact image
-    does not change by itself; window, number of kept images that are judged together, first when a third have come.
     Attribute: problem and its fix if the no-contact image shows a touch; otherwise empty.
+
+    Parameters
+    ----------
+    tdn
+    every
+        Number of images out of which one is kept, doubled after each window, because a no-contact image does not change
+        by itself.
+    window
+        Number of kept images that are judged together, first when a third have come.
     """
 
     def __init__(self, tdn: DepthNet, every: int = 5, window: int = 15):
@@ -173,7 +200,13 @@ class TouchedBackground:
         self._start(None)
 
     def observe(self, image: np.ndarray, background: np.ndarray) -> None:
-        """Take an image and the no-contact image in use, both (320, 240, 3) uint8 RGB; do not write into them later."""
+        """Take an image; do not write into it later.
+
+        Parameters
+        ----------
+        image, background : (320, 240, 3) uint8 RGB
+            The image, and the no-contact image in use.
+        """
         if background is not self._background:
             self._start(background)
         self._frames += 1

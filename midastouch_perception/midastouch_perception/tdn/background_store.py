@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 import cv2
@@ -12,20 +11,34 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, expanded
 from midastouch_common.images import image_files, read_image_file
+from midastouch_common.names import require_name
 
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from .background import MOST_DOUBTFUL, RunningBackground, doubtful_fraction, estimate_background
 from .colour_layout import image_problem, shipped_layout
+from .gel_view import view_problem
 
 _MOST_FILES = 200
 
 
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
-    """Read an RGB image (height, width, 3) uint8 from a file, or estimate it from a folder of a sensor's images.
+    """Read a no-contact image from a file, or estimate it from a folder of a sensor's images.
 
-    Raises InputError if the path is missing, the folder has no images, an image is incomplete or of another size, or
-    the images show contacts at the same pixels too often to show the untouched gel there.
+    Parameters
+    ----------
+    path
+    height, width : size that it must have [pixels]
+
+    Returns
+    -------
+    (height, width, 3) uint8 RGB
+
+    Raises
+    ------
+    InputError
+        The path is missing, the folder has no images, an image is incomplete or of another size, or the images show
+        contacts at the same pixels too often to show the untouched gel there.
     """
     path = Path(path)
     if not path.is_dir():
@@ -60,7 +73,15 @@ def default_folder() -> Path:
 
 
 def store_of(folder: str, serial: str) -> BackgroundStore | None:
-    """Return the store that a node's parameters name ("": in the default folder); None without a serial number."""
+    """Return the store that a node's parameters name; None without a serial number.
+
+    Parameters
+    ----------
+    folder
+        Empty for the default folder.
+    serial
+        Serial number of the sensor.
+    """
     if not serial:
         return None
     return BackgroundStore(expanded(folder, "background_folder") if folder else default_folder(), serial)
@@ -73,8 +94,7 @@ class BackgroundStore:
     """
 
     def __init__(self, folder: Path, serial: str):
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", serial):
-            raise InputError(f"serial '{serial}': not a serial number; letters, digits, '.', '_' and '-' only")
+        require_name("serial number", serial, "serial")
         self.path = folder / f"{serial}.png"
         self.calibration_path = folder / f"{serial}.calibration.npz"
         self._serial = serial
@@ -124,10 +144,24 @@ class SensorBackground:
     The source is, in this order: a captured image, a file, an image kept from an earlier start, an estimate from the
     first images.
 
-    Args: sensor, at image resolution; path of an image or a folder of images, or ""; store, or None; frames, number of
-    images for an estimate. Raises InputError as `read_background` does.
     Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, as text; problem with the image and its
     fix, "" if there is none.
+
+    Parameters
+    ----------
+    sensor
+        At image resolution.
+    path
+        An image or a folder of images; may be empty.
+    store
+        Images of earlier starts.
+    frames
+        Number of images for an estimate.
+
+    Raises
+    ------
+    InputError
+        As for `read_background`.
     """
 
     def __init__(self, sensor: SensorModel, path: str | Path, store: BackgroundStore | None, frames: int):
@@ -164,4 +198,5 @@ class SensorBackground:
         return self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"
 
     def _set(self, image: np.ndarray, source: str) -> None:
-        self.image, self.source, self.problem = image, source, image_problem(image, self._layout)
+        self.image, self.source = image, source
+        self.problem = image_problem(image, self._layout) or view_problem(image)

@@ -62,9 +62,12 @@ def shipped_layout() -> np.ndarray:
 
 
 def exposure_problem(image: np.ndarray, most: float) -> str:
-    """Return the problem and its fix if an image (H, W, 3) uint8 RGB is too dark or too bright; empty if it is not.
+    """Return the problem and its fix if an image is too dark or too bright; empty if it is not.
 
-    most: the fraction (0 ... 1) of the image that may be saturated.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 RGB
+    most : fraction of the image that may be saturated, 0 ... 1
     """
     if image.mean() < _DARK:
         return "black; check the sensor's lights and its cable"
@@ -75,14 +78,18 @@ def exposure_problem(image: np.ndarray, most: float) -> str:
 
 
 def image_problem(image: np.ndarray, layout: np.ndarray | None) -> str:
-    """Return the problem with a no-contact image (H, W, 3) uint8 RGB and its fix; empty if there is none.
+    """Return the problem with a no-contact image and its fix; empty if there is none.
 
-    layout: (16, 12, 3), of correct images of DIGITs; None for a sensor with unknown lamps.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 RGB
+    layout : (16, 12, 3)
+        Colour layout of correct images of DIGITs; None for a sensor with unknown lamps.
     """
     if problem := exposure_problem(image, _MOST_CLIPPED):
         return f"the no-contact image is {problem}"
     if layout is not None and (wrong := misorientation(image, layout)):
-        return f"the images look {wrong}; {_driver_fix(wrong)}"
+        return f"the images look {wrong}; {driver_fix(wrong)}"
     return ""
 
 
@@ -102,18 +109,22 @@ def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST_
 def turned_since(image: np.ndarray, background: np.ndarray) -> str:
     """Return the problem and its fix if an image is turned or swapped against its own no-contact image; empty if not.
 
-    Both are (H, W, 3) uint8 RGB. A touch changes the layout of colours far less than any of `ORIENTATIONS`, or another
-    sensor, does.
+    A touch changes the layout of colours far less than any of `ORIENTATIONS`, or another sensor, does.
+
+    Parameters
+    ----------
+    image, background : (H, W, 3) uint8 RGB
     """
     if wrong := misorientation(image, colour_layout(background), _SAME_SENSOR):
         return (
-            f"the images look {wrong} against the no-contact image; {_driver_fix(wrong)}, or if that is wanted lift "
+            f"the images look {wrong} against the no-contact image; {driver_fix(wrong)}, or if that is wanted lift "
             "the finger and call capture_background"
         )
     return ""
 
 
-def _driver_fix(wrong: str) -> str:
+def driver_fix(wrong: str) -> str:
+    """Return what to do about one of `ORIENTATIONS`."""
     settings = [name for name, seen in (("rotation", wrong != _SWAP), ("encoding", _SWAP in wrong)) if seen]
     return f"check the driver's {' and '.join(settings)}"
 

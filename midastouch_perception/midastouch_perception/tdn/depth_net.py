@@ -17,11 +17,19 @@ from .inputs import ContactLight, check_image, reduce_image
 class DepthNet(ABC):
     """Tactile depth network in an ONNX file: from image and background to penetration (paper section 4.1).
 
-    Args: name_or_path; sensor, full size; calibration of that sensor, or None (the attribute may be set again later);
-    backend that runs the network. Raises InputError if the calibration is of another sensor model.
     Attributes: network_id; backend, the name of the one in use; uses_calibration, true if a calibration changes the
     result; sensor, the map-resolution sensor model; calibration_in_use, the sensor's own, otherwise the default one of
-    its lamps, or None.
+    its lamps, or None. The attribute `calibration` may be set again later.
+
+    Parameters
+    ----------
+    name_or_path, sensor, calibration, backend
+        As for `load_tdn`.
+
+    Raises
+    ------
+    InputError
+        The calibration is of another sensor model.
     """
 
     _threads = 1
@@ -56,7 +64,16 @@ class DepthNet(ABC):
         return self._network.backend
 
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Return the network's input for image and background: `shown` of their `change`."""
+        """Return the network's input: `shown` of the `change`.
+
+        Parameters
+        ----------
+        image, background : (320, 240, 3) uint8 RGB
+
+        Returns
+        -------
+        (160, 120, 3) float32 [grey levels]
+        """
         return self.shown(self.change(image, background))
 
     def shown(self, change: np.ndarray) -> np.ndarray:
@@ -65,10 +82,24 @@ class DepthNet(ABC):
         return self.calibration_in_use.standardised(change) if self.calibration_in_use else change
 
     def change(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Return the change (160, 120, 3) float32 grey levels from background to image, both (320, 240, 3) uint8 RGB.
+        """Return the change from the no-contact image to an image.
 
         The frame's own brightness is removed; relative light is scaled to a background of 100 (`ContactLight`).
-        Raises InputError on wrong size or type. The last background is kept in reduced form: do not write into it.
+
+        Parameters
+        ----------
+        image : (320, 240, 3) uint8 RGB
+        background : (320, 240, 3) uint8 RGB
+            The last one is kept in reduced form: do not write into it.
+
+        Returns
+        -------
+        (160, 120, 3) float32 [grey levels]
+
+        Raises
+        ------
+        InputError
+            An image of another size or type.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
@@ -78,16 +109,33 @@ class DepthNet(ABC):
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
-        """Return the penetration (160, 120) float32 m of one image; 0 where the network detects no contact.
+        """Return the penetration in one image; 0 where the network detects no contact.
 
-        difference: `difference(image, background)`, if you have it already.
+        Parameters
+        ----------
+        image, background : (320, 240, 3) uint8 RGB
+        difference
+            `difference(image, background)`, if you have it already.
+
+        Returns
+        -------
+        (160, 120) float32 [m]
         """
 
     def depth(self, difference: np.ndarray, penetration: np.ndarray) -> float:
-        """Return the depth [m] of a contact's deepest point below the untouched gel; at least the deepest penetration.
+        """Return the depth of a contact's deepest point below the untouched gel; at least the deepest penetration.
 
-        difference (160, 120, 3), from `difference`; penetration (160, 120) m of the contact. Without a calibration, the
-        depth to which gel sinks in around a contact is unknown, and the result is the deepest penetration.
+        Without a calibration, the depth to which gel sinks in around a contact is unknown, and the result is the
+        deepest penetration.
+
+        Parameters
+        ----------
+        difference : (160, 120, 3), from `difference`
+        penetration : (160, 120) of the contact [m]
+
+        Returns
+        -------
+        [m]
         """
         return float(penetration.max())
 
@@ -95,8 +143,15 @@ class DepthNet(ABC):
 class CalibrationInUse:
     """Calibration that a depth network uses only while it fits the no-contact image and the gel.
 
-    Args: tdn; calibration, of the same kind of sensor (one of another scale is not used); sensor, tdn's, full size.
     Attribute: problem, reason why the calibration is not used; empty if it is used or there is none.
+
+    Parameters
+    ----------
+    tdn
+    calibration
+        Of the same kind of sensor; one of another scale is not used.
+    sensor
+        The sensor of `tdn`, full size.
     """
 
     def __init__(self, tdn: DepthNet | None, calibration: SensorCalibration | None, sensor: SensorModel):

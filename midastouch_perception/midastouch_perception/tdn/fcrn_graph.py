@@ -112,7 +112,7 @@ def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
 def save_fcrn(state: dict[str, np.ndarray], card: dict, folder: Path) -> Path:
     """Write the network of a state dict and its model card to `folder`; return the network's file."""
     path = folder / f"{card['network']}.onnx"
-    write_card(card | {"architecture": "fcrn"}, path)
     with atomic_path(path) as temporary:
         onnx.save(fcrn_model(state), temporary)
+    write_card(card | {"architecture": "fcrn"}, path)
     return path

@@ -64,15 +64,6 @@ def explained_fraction(
     return 1 - min(left) / energy
 
 
-def beside_light(difference: np.ndarray) -> tuple[float, float]:
-    """Return what no slow change of the light explains in a difference image (H, W, 3): its root mean square over
-    blocks [grey levels], and its fraction (0 ... 1) of the image's energy. Slow is what is quadratic in the position.
-    """
-    seen = _blocks(difference).reshape(-1, 3)
-    left = float((_without(_slow_terms(), seen) ** 2).mean())
-    return float(np.sqrt(left)), left / max(float((seen**2).mean()), 1e-9)
-
-
 @functools.cache
 def _slow_terms() -> np.ndarray:
     """Return an orthonormal base (B, 6) of the changes over the blocks that are quadratic in the position."""
@@ -125,8 +116,14 @@ def _blocks(image: np.ndarray) -> np.ndarray:
 class FitCheck:
     """Check of one sensor's frames, by the median of each figure over the last frames looked at.
 
-    Args: sensor, at the map's resolution; every, number of frames through the network out of which one is looked at;
-    window, number of frames looked at that count. There is no verdict before a third of the window.
+    Parameters
+    ----------
+    sensor
+        At the map's resolution.
+    every
+        Number of frames through the network out of which one is looked at.
+    window
+        Number of frames looked at that count. There is no verdict before a third of the window.
     """
 
     def __init__(self, sensor: SensorModel, every: int = 5, window: int = 15):
@@ -138,8 +135,14 @@ class FitCheck:
         self._far: collections.deque[float] = collections.deque(maxlen=window)
 
     def observe(self, change: np.ndarray, difference: np.ndarray, penetration: np.ndarray) -> None:
-        """Take one frame: its change and the network's input, both (H, W, 3) grey levels, and the network's penetration
-        (H, W) m."""
+        """Take one frame.
+
+        Parameters
+        ----------
+        change, difference : (H, W, 3) [grey levels]
+            The frame's change, and the network's input.
+        penetration : (H, W) of the network [m]
+        """
         self._frames += 1
         if (self._frames - 1) % self._every:
             return

@@ -62,7 +62,9 @@ class TactileDepthNet(DepthNet):
 
     def _joined(self, difference: np.ndarray, penetration: np.ndarray) -> np.ndarray:
         if difference.ndim == 3:
-            return joined_depth(plain_slopes(difference), penetration, self.sensor.pixel_size)
+            return joined_depth(
+                plain_slopes(difference), penetration, self.sensor.pixel_size, self.calibration_in_use.fusion
+            )
         return np.stack([self._joined(*each) for each in zip(difference, penetration, strict=True)])
 
     def _batch(self, difference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,11 +79,25 @@ def load_tdn(
     calibration: SensorCalibration | None = None,
     backend: str = CPU,
 ) -> DepthNet:
-    """Load a depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
+    """Load a depth network.
 
-    For a name, the network trained for the sensor's light is taken, e.g. `fast_relative` for real gel. calibration: of
-    that very sensor, or None. backend: as for `load_backend`. Raises InputError: unknown network or backend,
-    calibration of another sensor.
+    For a name, the one trained for the sensor's light is taken, e.g. `fast_relative` for real gel.
+
+    Parameters
+    ----------
+    name_or_path
+        `fast`, or an ONNX file.
+    sensor
+        Sensor of the images, full size; `digit_tacto` if None.
+    calibration
+        Calibration of that very sensor, or None.
+    backend
+        As for `load_backend`.
+
+    Raises
+    ------
+    InputError
+        Unknown network or backend, or calibration of another sensor.
     """
     sensor = sensor or SensorModel.load("digit_tacto")
     if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():

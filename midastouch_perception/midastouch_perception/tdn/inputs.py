@@ -18,7 +18,7 @@ from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
 RELATIVE_LEVEL = 100.0  # grey levels of the background to which a relative difference is scaled
-_DARKEST = 30.0  # grey levels; division by a darker background would amplify noise
+DARKEST = 30.0  # grey levels; division by a darker background would amplify noise
 _GAIN_STEP = 4  # px; every fourth pixel is enough to measure the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
@@ -62,7 +62,7 @@ class ContactLight:
     def __init__(self, background: np.ndarray, light: str):
         self._background = np.ascontiguousarray(background, np.float32)
         self._sparse = 1 / np.maximum(self._background[::_GAIN_STEP, ::_GAIN_STEP], 1)
-        self._unit = RELATIVE_LEVEL / np.maximum(background, _DARKEST) if light == "relative" else None
+        self._unit = RELATIVE_LEVEL / np.maximum(background, DARKEST) if light == "relative" else None
 
     def difference(self, image: np.ndarray) -> np.ndarray:
         """Return the change (H, W, 3) float32 by contact, in grey levels, of an image (H, W, 3) float32 grey levels.

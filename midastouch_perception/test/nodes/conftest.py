@@ -1,15 +1,9 @@
-"""What `tdn` is started with; the stand-ins beside this file can be imported."""
+"""What `tdn` is started with."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import cv2
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from perception_fakes import BACKGROUND, FakeDepthStage
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from perception_fakes import BACKGROUND, image_msg, touched
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import Image, PointCloud2
 from tdn_rig import REPLAY, Feed, start, values_of, warnings_of
 
@@ -71,6 +72,20 @@ def test_images_that_stay_away_are_asked_for(graph, depth, background, monkeypat
     start(graph, depth, background=background)
     warned = warnings_of(graph)
     graph.spin_until(lambda: any("no image on /image_raw for" in each for each in warned()), "the question")
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_a_missing_driver_is_logged_once(graph, depth, background, monkeypatch):
+    """In the diagnostics alone, who starts it at a terminal would not see it."""
+    monkeypatch.setattr("midastouch_common.ros.diagnostics.LASTING_S", 0.2)
+    start(graph, depth, background=background)
+    logs = graph.listen(Log, "/rosout", latched=True, wanted=lambda log: "no image on" in log.msg)
+    graph.spin_until(lambda: logs, "the warning")
+    images = graph.publisher(Image, "image_raw")
+    graph.spin_until(lambda: len(logs) > 1, "its end")
+    images.publish(image_msg(touched(60), 7))
+    missing = "no image on /image_raw, so no pose: no node publishes it; start a driver or a replay"
+    assert [log.msg for log in logs] == [missing, f"over: {missing}"]
 
 
 @pytest.mark.parametrize("parameters", [{"background": "/nowhere.png"}, {"sensor_model": "gelsight"}])

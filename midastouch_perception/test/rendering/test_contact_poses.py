@@ -5,13 +5,13 @@ import trimesh
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import (
-    MAX_PENETRATION,
     ContactSampling,
     Reachability,
     pose_from_contact,
     sample_contact_poses,
 )
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import MAX_PENETRATION
 
 
 @pytest.fixture(scope="module")

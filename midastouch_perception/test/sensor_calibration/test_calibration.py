@@ -34,10 +34,20 @@ def calibration(real, background):
 
 
 def test_it_comes_back_from_its_file(calibration, tmp_path):
+    calibration = dataclasses.replace(calibration, network_weight=0.25, outline_growth=2)
     calibration.save(tmp_path / "a.npz")
     again = SensorCalibration.load(tmp_path / "a.npz")
+    assert again.fusion == (0.25, 2)
     for field in dataclasses.fields(calibration):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(calibration, field.name))
+
+
+def test_a_file_of_the_format_before_is_joined_as_by_default(calibration, tmp_path):
+    calibration.save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        values = {name: file[name] for name in file.files if name not in ("network_weight", "outline_growth")}
+    np.savez(tmp_path / "b.npz", **values | {"format": 3})
+    assert SensorCalibration.load(tmp_path / "b.npz").fusion == calibration.fusion
 
 
 def test_broken_files_are_refused(calibration, tmp_path):
@@ -55,7 +65,11 @@ def test_broken_files_are_refused(calibration, tmp_path):
     with pytest.raises(InputError, match="no such calibration file"):
         SensorCalibration.load(tmp_path / "none.npz")
     nan = np.full((12, 6, 2), np.nan)  # no ball: as from touches of an object, formerly
-    for change, said in (({"coefficients": nan}, "not a calibration"), ({"ball_diameter": 0.0}, "ball_diameter 0")):
+    for change, said in (
+        ({"coefficients": nan}, "not a calibration"),
+        ({"ball_diameter": 0.0}, "ball_diameter 0"),
+        ({"network_weight": 1.5}, "network_weight 1.5"),
+    ):
         dataclasses.replace(calibration, **change).save(path)
         with pytest.raises(InputError, match=said):
             SensorCalibration.load(path)

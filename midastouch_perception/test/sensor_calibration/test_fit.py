@@ -153,7 +153,7 @@ def test_turned_or_swapped_images_are_refused(digit, five, real, wrong):
     [
         (lambda digit: digit.image([(120, 160, 2e-3)]), "lift the finger"),
         (lambda digit: np.zeros_like(digit.background), "lights"),
-        (lambda digit: np.roll(digit.background, 60, axis=1), rf"of {PRESSES} .*capture it anew"),
+        (lambda digit: np.roll(digit.background, 60, axis=1), rf"of {PRESSES} .*capture it again"),
     ],
 )
 def test_what_is_wrong_with_the_no_contact_image_is_named(digit, presses, real, spoil, cause):

@@ -133,6 +133,7 @@ def test_a_missing_tooth_is_measured_and_leaves_look_alikes(without_a_tooth):
     assert found.exact.distance(images, wanted).min() < 1e-3
 
 
+@pytest.mark.slow
 def test_many_flats_count_as_round_and_six_sides_do_not():
     round_, hexagon = (measured_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=n))) for n in (32, 6))
     assert round_.exact.describe() == "axis, both ends alike"
@@ -155,6 +156,7 @@ def nut() -> ObjectMesh:
     return moved_mesh(trimesh.Trimesh(shape.vertices, shape.faces, process=False))
 
 
+@pytest.mark.slow
 def test_a_thread_out_of_reach_leaves_a_nut_its_half_turns():
     found = measured_symmetry(nut())
     assert len(found.exact.transforms) == 12

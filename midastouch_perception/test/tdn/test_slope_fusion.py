@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from midastouch_perception.rendering.renderer import GelShape
-from midastouch_perception.sensor_calibration.calibration import SensorCalibration, standard_colours
+from midastouch_perception.sensor_calibration.calibration import Fusion, SensorCalibration, standard_colours
 from midastouch_perception.sensor_calibration.response import height_slopes
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.depth_net import CalibrationInUse
+from midastouch_perception.tdn.slope_fusion import joined_depth
 
 DEEP = 1e-3
 SOFT = GelShape(0.4e-3, 0.6, 0.2e-3)
@@ -70,3 +71,13 @@ def test_a_model_s_calibration_serves_sensors_without_their_own():
     assert tdn.calibration_in_use is own
     for name in ("digit_real", "digit_tacto"):
         assert load_tdn("fast", SensorModel.load(name)).calibration_in_use is None
+
+
+def test_a_contact_stays_where_the_network_finds_it():
+    """Slopes that lead down from the few pixels beside a contact do not take it away."""
+    found = np.full((160, 120), DEEP, np.float32)
+    found[:3, :3] = 0
+    slopes = np.full((160, 120, 2), -0.1, np.float32)
+    joined = joined_depth(slopes, found, 0.1e-3, Fusion(0.0, 1))
+    assert (joined[found > 0] > 0).all()
+    assert joined.max() < 1e-4

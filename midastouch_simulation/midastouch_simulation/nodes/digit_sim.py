@@ -19,6 +19,7 @@ from midastouch_common.ros.addresses import load_mesh, resolve
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, INACTIVE, ManagedNode
 from midastouch_common.ros.parameters import Parameter
+from midastouch_common.ros.services import offer
 from midastouch_common.ros.transform_source import TransformSource
 from midastouch_common.transforms.queue import Wait
 from midastouch_common.transforms.rigid import TransformError
@@ -43,7 +44,7 @@ PARAMETERS = (
     Parameter(
         "transform_timeout",
         0.5,
-        "TF that brings nothing newer for so long has stopped",
+        "TF counts as stopped after this time without a newer transform",
         unit="s",
         minimum=0.05,
         maximum=600.0,
@@ -67,7 +68,7 @@ class DigitSim(ManagedNode):
         out = qos.stream_publisher()
         self._penetration = self.create_publisher(Image, "ground_truth/penetration", out)
         self._contact = self.create_publisher(TactileContact, "ground_truth/contact", out)
-        self.create_service(SetObject, "~/set_object", self._on_set_object)
+        offer(self, SetObject, "~/set_object", self._on_set_object)
         self._rate = diagnostics.Rate()
         self._transforms: TransformSource | None = None
         self.autostart()
@@ -120,20 +121,13 @@ class DigitSim(ManagedNode):
         }
         return diagnostics.ERROR if self._lacks else diagnostics.OK, self._lacks, values
 
-    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
+    def _on_set_object(self, request: SetObject.Request) -> None:
         """Put another object where the previous one was; the sensor stays the same."""
         if not self.active:
-            response.message = INACTIVE
-            return response
-        try:
-            with self.busy(f"loading the mesh {request.mesh_path}"):
-                self._digit = self._looking_at(request.mesh_path)
-        except InputError as error:
-            response.message = str(error)
-            return response
+            raise InputError(INACTIVE)
+        with self.busy(f"loading the mesh {request.mesh_path}"):
+            self._digit = self._looking_at(request.mesh_path)
         self._watch.restart()
-        response.success = True
-        return response
 
     def _look(self) -> None:
         """Take the image that is due, if one is."""

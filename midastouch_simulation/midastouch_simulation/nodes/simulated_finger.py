@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,17 +13,21 @@ from typing import Any
 import numpy as np
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.frames import TRUTH_GEL_FRAME
+from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import load_mesh
-from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose, stamped_transform
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
+from midastouch_common.ros.services import offer
 from midastouch_motion.exploration.acts import Done
 from midastouch_motion.nodes.arm_actions import KINDS, act_of
 from midastouch_msgs.msg import FilterStatus
@@ -32,7 +36,44 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..world import World
 from .simulated_finger_parameters import PARAMETERS
-from .simulated_finger_tf import FingerTf
+
+
+class FingerTf:
+    """TF of the finger, with a time of its own that advances by one image, 1 / `fps` s, with each `publish`.
+
+    Attributes: stamp [ns]: of the newest image; awaited: stamps without an answer, in order; moved_at [s]: time of the
+    last `publish` on the monotonic clock.
+    Args: frames: names of `base`, `object` and `sensor`.
+    """
+
+    def __init__(self, node: Node, world: World, fps: float, frames: Mapping[str, str]):
+        self._publisher = node.create_publisher(TFMessage, "/tf", qos.TF)
+        self._world, self._frames, self._period = world, frames, round(SECOND / fps)
+        self.stamp, self.moved_at = time.time_ns(), time.monotonic()
+        self.awaited: deque[int] = deque()
+
+    def publish(self) -> None:
+        """Publish finger and object as they are now, with the stamp of the next image."""
+        self.stamp += self._period
+        self.moved_at = time.monotonic()
+        self.awaited.append(self.stamp)
+        world, frames = self._world, self._frames
+        poses = (
+            (frames["base"], frames["object"], world.base_from_object),
+            (frames["base"], frames["sensor"], world.base_from_gel),
+            (frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
+        )
+        stamp = stamp_from_ns(self.stamp)
+        self._publisher.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
+
+    def answered(self, stamp: int) -> bool:
+        """Return whether the image of a stamp [ns] was awaited; it and those before it, now lost, no longer are."""
+        if stamp not in self.awaited:
+            return False
+        while self.awaited and self.awaited[0] <= stamp:
+            self.awaited.popleft()
+        return True
+
 
 _IN_FLIGHT = 3  # most images without an answer; digit_sim leaves some out when more are due at once
 AT_REST_S = 1.0  # between images while nothing moves: the last may be lost, and the filter would turn stale
@@ -71,8 +112,8 @@ class SimulatedFingerNode(PipelineNode):
         self._frames, self._tf = frames, FingerTf(self, self._world, settings["fps"], frames)
         diagnostics.Diagnostics(self, self._describe)
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
-        self.create_service(Trigger, "~/push", self._on_push)
-        self.create_service(SetObject, "~/set_object", self._on_set_object)
+        offer(self, Trigger, "~/push", self._on_push)
+        offer(self, SetObject, "~/set_object", self._on_set_object)
         self._servers = [
             GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
             for kind in KINDS.values()
@@ -168,22 +209,15 @@ class SimulatedFingerNode(PipelineNode):
 
     # --- the object
 
-    def _on_push(self, _, response: Trigger.Response) -> Trigger.Response:
+    def _on_push(self, _: Trigger.Request) -> None:
         """Push the object after the motions that are already asked for, and before any later one."""
         self._motions.append(_Motion(self._world.push()))
         self._go_on()
-        response.success = True
-        return response
 
-    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
-        try:
-            if self._motions:
-                raise InputError("the finger is moving")
-            self._world.put(load_mesh(request.mesh_path))
-            response.success = True
-        except InputError as error:
-            response.message = str(error)
-        return response
+    def _on_set_object(self, request: SetObject.Request) -> None:
+        if self._motions:
+            raise InputError("the finger is moving")
+        self._world.put(load_mesh(request.mesh_path))
 
 
 def main(args: list[str] | None = None) -> int:

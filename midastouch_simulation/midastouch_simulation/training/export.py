@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import warnings
 from pathlib import Path
 
 import onnx
@@ -12,6 +12,7 @@ from torch import nn
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
+from midastouch_perception.onnx_network import write_card
 
 
 def export_onnx(
@@ -22,7 +23,8 @@ def export_onnx(
     The model is moved to the CPU. inputs: example tensors by name, in the order of `forward`. outputs: names of the
     tensors that the model returns.
     """
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore", torch.jit.TracerWarning)  # that sizes become fixed numbers is wanted
         torch.onnx.export(
             model.cpu(),
             tuple(inputs.values()),
@@ -33,8 +35,7 @@ def export_onnx(
             opset_version=17,
             dynamo=False,
         )
-    with atomic_path(path.with_suffix(".json")) as temporary:
-        temporary.write_text(json.dumps(card, indent=2) + "\n")
+    write_card(card, path)
     return path
 
 

@@ -20,6 +20,7 @@ from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
 
+_NEWS = 60.0  # s without figures, after which the step is reported
 _SETTLED = 0.5  # of the budget; after that the normalisations are fixed
 
 
@@ -98,7 +99,9 @@ class TrainingRun:
         loss_of: returns the loss of a batch. validate: returns figures for the log; it is called every `every` steps
         and at the end.
         """
+        print(f"figures and a checkpoint come every {every} steps and at the end; Ctrl-C keeps the last", flush=True)
         recent: list[float] = []
+        reported = time.monotonic()
         for batch in batches:
             self.model.train(self._from_scratch and self.progress < _SETTLED)
             loss = loss_of(batch)
@@ -108,6 +111,10 @@ class TrainingRun:
             if self.step % every == 0 or done:
                 self.record(loss=float(np.mean(recent)), **validate())
                 recent.clear()
+                reported = time.monotonic()
+            elif time.monotonic() - reported > _NEWS:
+                print(f"step {self.step}, {self.progress:.0%} of the budget", flush=True)
+                reported = time.monotonic()
             if done:
                 break
         _plot_log(self.rows, self.folder / "log.png")
@@ -190,7 +197,7 @@ def _plot_log(rows: list[dict], path: Path) -> None:
     figure, axes = plt.subplots(1, len(names), figsize=(3.2 * len(names), 2.8), squeeze=False)
     for axis, name in zip(axes[0], names, strict=True):
         values = [r[name] for r in rows]
-        axis.plot([r["minutes"] for r in rows], values)
+        axis.plot([r["minutes"] for r in rows], values, marker="." if len(rows) == 1 else "")
         axis.set(xlabel="minutes", title=name, yscale="log" if min(values) > 0 else "linear")
     figure.tight_layout()
     with atomic_path(path) as temporary:

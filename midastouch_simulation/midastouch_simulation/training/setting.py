@@ -48,7 +48,10 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
     """
     paths = [p for p in sorted(Path(folder).glob("*.ply")) if not p.name.startswith(TEST_OBJECTS)]
     if not paths:
-        raise InputError(f"{folder}: no training meshes (*.ply) here; name the folder of the YCB scans")
+        raise InputError(
+            f"{folder}: no training meshes (*.ply) here; give the folder of YCB scans as --meshes "
+            "(midastouch download ycb-mesh gets some)"
+        )
     meshes = [ObjectMesh.load(path) for path in paths]
     held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
     rng = np.random.default_rng(seed)
@@ -72,7 +75,10 @@ def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.nd
     """
     paths = image_files(folder)
     if len(paths) < 8:
-        raise InputError(f"{folder}: {len(paths)} no-contact images (PNG or JPEG); training needs at least 8")
+        raise InputError(
+            f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and training needs at least 8; give another "
+            "folder as --backgrounds (midastouch download ycb-slide backgrounds gets some)"
+        )
     images = [read_image_file(path) for path in paths]
     images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images]
     return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])
@@ -133,6 +139,7 @@ class TrainingData:
     @classmethod
     def load(cls, options: TrainingOptions) -> TrainingData:
         """Read the files that the options name. Raises InputError if meshes, images or a valid table are missing."""
+        print(f"reading {options.meshes} and {options.backgrounds}; results go to {options.out}", flush=True)
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
         return cls(

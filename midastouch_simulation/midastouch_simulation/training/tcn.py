@@ -23,9 +23,9 @@ from midastouch_common.pose_metric import geodesic_distances
 from midastouch_perception.codebook import PRESS, codebook_poses
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.onnx_network import network_path
-from midastouch_perception.rendering.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.sensor_model import MAX_PENETRATION, SensorModel
 from midastouch_perception.tcn.inference import code_input
 from midastouch_perception.tcn.network import CodeNet
 from midastouch_perception.tdn.inference import TactileDepthNet

@@ -152,7 +152,7 @@ class TestTheEngine:
 
 def test_an_impossible_object_or_background_is_refused(graph, tmp_path):
     ball, path = ObjectMesh.load(BALL), tmp_path / "ball.obj"
-    for scale, complaint in ((1e3, "looks like millimetres"), (1e-3, "0.06 mm.*in metres")):
+    for scale, complaint in ((1e3, "in millimetres it is 60 mm long"), (1e-3, "0.06 mm.*in metres")):
         lines = [f"v {x} {y} {z}" for x, y, z in scale * ball.vertices]
         path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in ball.faces + 1)]))
         with pytest.raises(InputError, match=f"ball.obj.*{complaint}"):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,21 +15,27 @@ import numpy as np
 from midastouch_common import images
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_common.images import BrokenImageError
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_common.transforms.rigid import TransformError
 
-from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, header_stamp_ns, typestore
-from .reader import bag_messages, bag_topics, readable
+from ..datasets.plain_images import upright
+from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, header_stamp_ns
+from .reader import bag_messages, bag_topics, content_of, readable
 from .transforms import RecordedTransforms, recorded_transforms
 
 
 @dataclass(frozen=True)
 class GelStream:
-    """Names in a bag: the topic of one gel's images, and the two frames between which the gel's pose is given."""
+    """Names in a bag: the topic of one gel's images, and the two frames between which the gel's pose is given.
+
+    rotation: degrees counter-clockwise by which the images are turned.
+    """
 
     image_topic: str = IMAGE_TOPIC
     base_frame: str = BASE_FRAME
     gel_frame: str = GEL_FRAME
+    rotation: int = 0
 
 
 OWN = GelStream()
@@ -53,13 +61,13 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
     All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in which
     images and transforms were recorded. Images before the first or after the last transform are left out. Invalid
     transforms (not finite, no unit quaternion) are left out as well, as in the filter's node. If the topic is missing,
-    the topic of its compressed images is read instead. Late or repeated transforms are reported on stderr. Raises
-    InputError if the bag cannot be read, if it lacks the topic or the transforms, or if time runs backwards in a frame
-    on which the gel's pose or the true pose depends.
+    the topic of its compressed images is read instead. Damaged images are left out. They are reported on stderr, as are
+    transforms that are left out. Raises InputError if the bag cannot be read, if it lacks the topic, the transforms or
+    whole images, or if time runs backwards in a frame on which the gel's pose or the true pose depends.
     """
     path, ends = Path(path), (stream.base_frame, stream.gel_frame)
     transforms, refused = recorded_transforms(path, (ends, (TRUTH_FRAME, TRUTH_GEL_FRAME)))
-    used, reason = False, "it is empty"
+    used, reason, broken = 0, "it is empty", []
     for message in image_messages(path, stream.image_topic):
         with readable(path):
             stamp = header_stamp_ns(message.data)
@@ -68,8 +76,17 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
         except TransformError as error:
             reason = "; ".join(filter(None, (str(error), refused)))
             continue
-        used = True
-        yield BagFrame(stamp, decode_image(message, path), pose, _true_pose(transforms, stamp))
+        try:
+            pixels = decode_image(message, path, stream.rotation)
+        except BrokenImageError as error:
+            broken.append(error)
+            continue
+        used += 1
+        yield BagFrame(stamp, pixels, pose, _true_pose(transforms, stamp))
+    if broken and not used:
+        raise broken[0]
+    if broken:
+        print(f"{broken[0]} ({len(broken)} of {used + len(broken)} images are damaged and left out)", file=sys.stderr)
     if not used:
         raise InputError(f"{path}: no image on {stream.image_topic} has a pose ({reason}); record /tf and /tf_static")
 
@@ -90,24 +107,36 @@ def image_messages(path: str | Path, topic: str) -> Iterator[Message]:
     return bag_messages(path, {compressed if topic not in present and compressed in present else topic})
 
 
-def decode_image(message: Message, path: Path) -> np.ndarray:
-    """Return the pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage of the bag at `path`.
+def decode_image(message: Message, path: Path, rotation: int = 0) -> np.ndarray:
+    """Return the pixels (320, 240, 3) uint8 RGB of an image of the bag at `path`, turned and scaled by `upright`.
+
+    Raises InputError as `decode_raw` does, and if the image is not portrait with sides of 3:4.
+    """
+    pixels = decode_raw(message, path)[1]
+    with _naming(message, path):
+        return upright(pixels, rotation)
+
+
+def decode_raw(message: Message, path: Path) -> tuple[str, np.ndarray]:
+    """Return encoding and pixels (H, W, 3) uint8 RGB of an Image (rgb8, bgr8, ...) or CompressedImage of a bag.
 
     Raises InputError if it holds no such image, and its subclass BrokenImageError if the image is damaged.
     """
-    with readable(path):
-        content = typestore().deserialize_cdr(message.data, message.type_name)
+    content = content_of(message, path)
+    with _naming(message, path):
+        if message.type_name == COMPRESSED_TYPE:
+            return content.format, cv2.cvtColor(images.decode_image(content.data), cv2.COLOR_BGR2RGB)
+        if message.type_name == IMAGE_TYPE:
+            return content.encoding, rgb_from_msg(content, content.height, content.width)
+        raise InputError(f"is {message.type_name}; record images")
+
+
+@contextlib.contextmanager
+def _naming(message: Message, path: Path) -> Iterator[None]:
     what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
-    if message.type_name not in (IMAGE_TYPE, COMPRESSED_TYPE):
-        raise InputError(f"{what} is {message.type_name}; record images")
     try:
-        return _rgb(content, 320, 240) if message.type_name == COMPRESSED_TYPE else rgb_from_msg(content, 320, 240)
+        yield
+    except BrokenImageError as error:
+        raise BrokenImageError(f"{what}: {error}; record it again") from error
     except InputError as error:
-        raise type(error)(f"{what}: {error}; record it again") from error
-
-
-def _rgb(compressed: Any, height: int, width: int) -> np.ndarray:
-    pixels = cv2.cvtColor(images.decode_image(compressed.data), cv2.COLOR_BGR2RGB)
-    if pixels.shape != (height, width, 3):
-        raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")
-    return pixels
+        raise InputError(f"{what}: {error}") from error

@@ -70,6 +70,17 @@ class Message:
     data: bytes
     latched: bool = False
 
+    @classmethod
+    def of(cls, topic: str, content: Any, stamp_ns: int, latched: bool = False) -> Message:
+        """Return the message that says `content`, an object of the type store."""
+        type_name = content.__msgtype__
+        return cls(topic, type_name, stamp_ns, bytes(typestore().serialize_cdr(content, type_name)), latched)
+
+    @property
+    def content(self) -> Any:
+        """What it says, as an object of the type store."""
+        return typestore().deserialize_cdr(self.data, self.type_name)
+
 
 SEQUENCE_TOPICS = (
     Topic(TF_STATIC_TOPIC, TF_TYPE, latched=True),
@@ -118,74 +129,67 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
 
     Frames of the first `offset_ns` are left out, and their images are not read.
     """
-    store = typestore()
     stamps = sequence.stamps_ns.tolist()
     measured = BASE_FROM_OBJECT @ sequence.poses_measured
-    camera_info = _camera_info(store)
-    yield _static_transforms(store, stamps[0])
+    camera_info = _camera_info()
+    yield _static_transforms(stamps[0])
     for i, stamp in enumerate(stamps):
         if stamp < stamps[0] + offset_ns:
             continue
-        header = _header(store, stamp, OPTICAL_FRAME)
         transforms = [
-            _transform(store, stamp, BASE_FRAME, GEL_FRAME, measured[i]),
-            _transform(store, stamp, TRUTH_FRAME, TRUTH_GEL_FRAME, sequence.poses_true[i]),
+            _transform(stamp, BASE_FRAME, GEL_FRAME, measured[i]),
+            _transform(stamp, TRUTH_FRAME, TRUTH_GEL_FRAME, sequence.poses_true[i]),
         ]
-        yield _message(store, TF_TOPIC, store.types[TF_TYPE](transforms=transforms), stamp)
-        camera_info.header = header
-        yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
-        yield image_message(header, sequence.image(i), stamp)
+        yield Message.of(TF_TOPIC, typestore().types[TF_TYPE](transforms=transforms), stamp)
+        camera_info.header = header(stamp, OPTICAL_FRAME)
+        yield Message.of(CAMERA_INFO_TOPIC, camera_info, stamp)
+        yield image_message(camera_info.header, sequence.image(i), stamp)
 
 
 def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Message]:
     """Yield camera info and image of each frame, without those of the first `offset_ns`; there are no poses."""
-    store = typestore()
-    camera_info = _camera_info(store)
+    camera_info = _camera_info()
     for stamp, pixels in images.frames(offset_ns):
-        camera_info.header = _header(store, stamp, OPTICAL_FRAME)
-        yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
+        camera_info.header = header(stamp, OPTICAL_FRAME)
+        yield Message.of(CAMERA_INFO_TOPIC, camera_info, stamp)
         yield image_message(camera_info.header, pixels, stamp)
 
 
-def _message(store: Typestore, topic: str, content: Any, stamp: int, latched: bool = False) -> Message:
-    type_name = content.__msgtype__
-    return Message(topic, type_name, stamp, bytes(store.serialize_cdr(content, type_name)), latched)
+def header(stamp_ns: int, frame: str) -> Any:
+    """Return a `std_msgs/msg/Header` of the type store."""
+    types = typestore().types
+    time = types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
+    return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
-def _header(store: Typestore, stamp: int, frame: str) -> Any:
-    time = store.types["builtin_interfaces/msg/Time"](sec=stamp // SECOND, nanosec=stamp % SECOND)
-    return store.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
-
-
-def _transform(store: Typestore, stamp: int, parent: str, child: str, transform: np.ndarray) -> Any:
+def _transform(stamp: int, parent: str, child: str, transform: np.ndarray) -> Any:
+    types = typestore().types
     x, y, z, *quaternion = se3.to_xyzquat(transform).tolist()
-    return store.types["geometry_msgs/msg/TransformStamped"](
-        header=_header(store, stamp, parent),
+    return types["geometry_msgs/msg/TransformStamped"](
+        header=header(stamp, parent),
         child_frame_id=child,
-        transform=store.types["geometry_msgs/msg/Transform"](
-            translation=store.types["geometry_msgs/msg/Vector3"](x, y, z),
-            rotation=store.types["geometry_msgs/msg/Quaternion"](*quaternion),
+        transform=types["geometry_msgs/msg/Transform"](
+            translation=types["geometry_msgs/msg/Vector3"](x, y, z),
+            rotation=types["geometry_msgs/msg/Quaternion"](*quaternion),
         ),
     )
 
 
-def _static_transforms(store: Typestore, stamp: int) -> Message:
+def _static_transforms(stamp: int) -> Message:
     """The camera on the gel (its optical frame looks along -z of the gel frame) and the true object."""
     looking_down = se3.exp(np.array([0, 0, 0, np.pi, 0, 0]))[:3, :3]
     distance = SensorModel.load("digit_tacto").gel_distance
     transforms = [
-        _transform(store, stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))),
-        _transform(store, stamp, BASE_FRAME, TRUTH_FRAME, BASE_FROM_OBJECT),
+        _transform(stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))),
+        _transform(stamp, BASE_FRAME, TRUTH_FRAME, BASE_FROM_OBJECT),
     ]
-    content = store.types[TF_TYPE](transforms=transforms)
-    return _message(store, TF_STATIC_TOPIC, content, stamp, latched=True)
+    return Message.of(TF_STATIC_TOPIC, typestore().types[TF_TYPE](transforms=transforms), stamp, latched=True)
 
 
 def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
     """Return a tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
-    store = typestore()
     height, width, channels = pixels.shape
-    content = store.types[IMAGE_TYPE](
+    content = typestore().types[IMAGE_TYPE](
         header=header,
         height=height,
         width=width,
@@ -194,13 +198,14 @@ def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
         step=width * channels,
         data=pixels.reshape(-1),
     )
-    return _message(store, IMAGE_TOPIC, content, stamp_ns)
+    return Message.of(IMAGE_TOPIC, content, stamp_ns)
 
 
-def _camera_info(store: Typestore) -> Any:
+def _camera_info() -> Any:
     """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
-    region = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    return store.types["sensor_msgs/msg/CameraInfo"](
+    types = typestore().types
+    region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    return types["sensor_msgs/msg/CameraInfo"](
         header=None,
         height=320,
         width=240,

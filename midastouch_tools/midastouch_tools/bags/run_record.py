@@ -24,7 +24,7 @@ from midastouch_common.pose_metric import particle_rmse
 from midastouch_perception.symmetry.group import Symmetry
 
 from .images import read_bag
-from .messages import header_stamp_ns, typestore
+from .messages import header_stamp_ns
 from .reader import bag_messages, bag_topics
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
@@ -53,10 +53,20 @@ class RunRecord:
 
 
 def read_run(path: str | Path) -> RunRecord:
-    """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.
+    """Read a bag with the inputs and the results of a run.
 
     If the truth is known, each pose is replaced by the one nearest to the truth among its equivalents under the
-    object's symmetry. Raises InputError if the bag cannot be read or holds no frame with a result.
+    object's symmetry.
+
+    Parameters
+    ----------
+    path
+        The bag. Ground truth, poses, codes and penetration may be missing.
+
+    Raises
+    ------
+    InputError
+        The bag cannot be read or holds no frame with a result.
     """
     recorded = {topic.name for topic in bag_topics(path)}
     results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
@@ -104,7 +114,7 @@ def read_run(path: str | Path) -> RunRecord:
 def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
     """Yield (header stamp [ns], deserialised message) for each message on a topic of a bag."""
     for message in bag_messages(path, {topic}):
-        yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
+        yield header_stamp_ns(message.data), message.content
 
 
 def answers(path: str | Path) -> dict[int, Any]:
@@ -152,8 +162,7 @@ def _node_times(path: str | Path) -> dict[str, float]:
     """Return the mean work per frame [ms] of each node that reports its rate and time on /diagnostics."""
     work: dict[str, list[tuple[float, float]]] = {}
     for message in bag_messages(path, {DIAGNOSTICS}):
-        content: Any = typestore().deserialize_cdr(message.data, message.type_name)
-        for status in content.status:
+        for status in message.content.status:
             values = {item.key: item.value for item in status.values}
             if "mean_ms" in values and float(values["rate_hz"]) > 0:
                 entry = float(values["rate_hz"]), float(values["mean_ms"])

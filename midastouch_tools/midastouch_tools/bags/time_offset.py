@@ -50,7 +50,7 @@ def estimate_time_offset(frames: Iterable[BagFrame], source: str) -> TimeOffset:
     best = int(agreement.argmax())
     if agreement[best] < _CLEAR or best in (0, len(lags) - 1):
         raise InputError(
-            f"{source}: images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST_OFFSET_S:g} s): "
+            f"{source}: images and arm disagree (correlation {agreement[best]:.2f} within {_LARGEST_OFFSET_S:g} s): "
             "slide over edges of an object, and start and stop several times"
         )
     before, at, after = agreement[best - 1 : best + 2]

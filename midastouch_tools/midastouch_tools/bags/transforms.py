@@ -7,7 +7,6 @@ import sys
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
 from midastouch_common.transforms.rigid import IDENTITY, Pose, TransformError, interpolate, invert, multiply, to_matrix
 from midastouch_common.transforms.tree import FrameTree
 
-from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
-from .reader import bag_messages, readable
+from ..text_table import counted
+from .messages import TF_STATIC_TOPIC, TF_TOPIC
+from .reader import bag_messages, content_of
 
 _LATEST_NS = 1_000_000_000  # largest delay of a transform behind those recorded before it
 
@@ -26,12 +26,12 @@ class _Track:
     """Stamps of one frame's transforms in recorded order.
 
     A late transform is sorted in by its stamp, unless it is late by more than `_LATEST_NS`. The frame's time runs
-    backwards if its stamps cover more than that span a second time, as in a looped bag. Attributes: late and left_out:
-    numbers of transforms; jump: stamp [ns] at which time first ran backwards.
+    backwards if its stamps cover more than that span a second time, as in a looped bag. Attributes: left_out, number of
+    transforms; jump: stamp [ns] at which time first ran backwards.
     """
 
     def __init__(self) -> None:
-        self.late = self.left_out = 0
+        self.left_out = 0
         self.jump: float | None = None
         self._newest = self._again_from = -math.inf
 
@@ -44,7 +44,6 @@ class _Track:
         if stamp > self._newest:
             self._newest, self._again_from = stamp, math.inf
             return
-        self.late += is_used
         self._again_from = min(stamp, self._again_from)
         if self.jump is None and stamp - self._again_from > _LATEST_NS:
             self.jump = self._again_from
@@ -61,7 +60,7 @@ class RecordedTransforms(FrameTree):
         self._links: dict[str, _Link] = {}
 
     def insert(self, parent: str, child: str, stamp: int, pose: Sequence[float], static: bool = False) -> bool:
-        """Store [x y z qx qy qz qw] (m) at `stamp` [ns], or for ever; return False if there is one at this stamp.
+        """Store [x y z qx qy qz qw] (m) at `stamp` [ns], or for ever; return False if there is another at this stamp.
 
         A child that changes its parent starts again. Raises TransformError as `link` does.
         """
@@ -70,7 +69,7 @@ class RecordedTransforms(FrameTree):
             link = self._links[child] = _Link(parent, static)
         at = bisect_left(link.stamps, stamp)
         if link.stamps[at : at + 1] == [stamp]:
-            return False
+            return bool(np.array_equal(link.poses[at], valid))
         link.stamps.insert(at, stamp)
         link.poses.insert(at, valid)
         return True
@@ -118,28 +117,25 @@ class _Link:
 def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[RecordedTransforms, str]:
     """Return all transforms of a bag, and the reason why the last invalid one was refused (empty if none was).
 
-    asked: pairs of frames. On the path between them, late or repeated transforms are reported on stderr, and time that
+    asked: pairs of frames. On the path between them, transforms that are left out are reported on stderr, and time that
     runs backwards raises InputError. Other frames may have odd clocks.
     """
     transforms, unused, refused = RecordedTransforms(), RecordedTransforms(), ""
     tracks: dict[str, _Track] = {}
-    store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
-        with readable(path):
-            content: Any = store.deserialize_cdr(message.data, message.type_name)
         static = message.topic == TF_STATIC_TOPIC
-        for item in content.transforms:
+        for item in content_of(message, path).transforms:
             stamp = stamp_ns(item.header.stamp)
             parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
             track = tracks.setdefault(child, _Track())
             into = unused if not static and track.too_late(stamp) else transforms
             try:
-                is_new = into.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
+                agrees = into.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
             except TransformError as error:
                 refused = str(error)
                 continue
             if not static:
-                track.add(stamp, into is transforms and is_new)
+                track.add(stamp, into is transforms and agrees)
     for target, source in asked:
         between = set(transforms.ancestors(target)) ^ set(transforms.ancestors(source))
         for child in sorted(tracks.keys() & between):
@@ -148,14 +144,14 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[R
 
 
 def _report(path: Path, frame: str, track: _Track) -> None:
-    """Raise InputError if a frame's time runs backwards; otherwise report how many of its transforms are late."""
+    """Raise InputError if a frame's time runs backwards; otherwise report how many of its transforms are left out."""
     if track.jump is not None:
         raise InputError(
             f"{path}: the time of frame '{frame}' runs backwards at {track.jump / 1e9:.3f} s; split the bag there"
         )
-    if track.late or track.left_out:
+    if track.left_out:
         print(
-            f"{path}: transforms of '{frame}': {track.late} late, sorted in; "
-            f"{track.left_out} repeated or more than {_LATEST_NS / 1e9:g} s late, left out",
+            f"{path}: {counted(track.left_out, 'transform')} of '{frame}' left out: more than {_LATEST_NS / 1e9:g} s "
+            "late, or another one has the same stamp; do two nodes publish this frame?",
             file=sys.stderr,
         )

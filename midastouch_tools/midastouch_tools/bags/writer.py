@@ -7,29 +7,43 @@ reads both.
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
-import tempfile
+import zlib
 from pathlib import Path
+from typing import Any
 
+import mcap.reader
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import naming
+from midastouch_common.files import naming, temporary_beside
 
 from ..datasets import Sequence
 from .messages import Message, sequence_messages, typestore
-from .reader import is_bag
+from .reader import BEHIND_SUMMARY, is_bag, summary_checksums
 
 _UNSET = QosTime(0, 0)
+_CHECKSUM = 9 + 24  # offset in a chunk's record, behind opcode, length, two times and a size
 
 
 class BagWriter:
     """Writer of messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
 
-    The bag appears at `path`, replacing an older one, when the block ends well; if it fails, nothing is left.
-    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if `path` holds anything other than
-    such a bag.
+    The bag appears when the block ends well; if it fails, nothing is left.
+
+    Parameters
+    ----------
+    path
+        An older bag is replaced.
+    metadata
+        Texts by name, kept in the bag's custom data.
+
+    Raises
+    ------
+    InputError
+        The path holds anything other than such a bag.
     """
 
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
@@ -44,21 +58,19 @@ class BagWriter:
             raise InputError(f"{self._path}: exists and is no {kind}; choose another name")
 
     def __enter__(self) -> BagWriter:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as cleanup:
+            folder = cleanup.enter_context(temporary_beside(self._path))
             try:
-                temporary = tempfile.TemporaryDirectory(
-                    prefix=f".{self._path.name}.", dir=self._path.parent, ignore_cleanup_errors=True
-                )
+                folder.mkdir()
             except OSError as error:  # which names the temporary folder
                 raise OSError(error.errno, error.strerror, str(self._path)) from error
-            folder = cleanup.enter_context(temporary)
             # the writer names the file inside after its folder, so the folder has the final name
-            self._writer = Writer(Path(folder) / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP)
+            self._writer = Writer(folder / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             for key, value in self._metadata.items():
                 self._writer.set_custom_data(key, value)
             self._writer.open()
+            self._checksums = _noting_checksums(self._writer.storage)
             self._cleanup = cleanup.pop_all()
         return self
 
@@ -84,12 +96,38 @@ class BagWriter:
             with naming(self._path):
                 self._writer.close()
             written = self._writer.path
+            file = written / f"{written.name}.mcap"
+            _write_checksums(file, self._checksums)
             if self._is_file:
-                (written / f"{written.name}.mcap").replace(self._path)
+                file.replace(self._path)
                 return
             if self._path.exists():
                 shutil.rmtree(self._path)
             written.replace(self._path)
+
+
+def _noting_checksums(storage: Any) -> list[int]:
+    """Return a list of the checksums of the chunks that a storage of rosbags writes from now on: it writes none."""
+    checksums: list[int] = []
+    compress = storage.compressor
+
+    def noted(chunk: bytes) -> bytes:
+        checksums.append(zlib.crc32(chunk))
+        return compress(chunk)
+
+    storage.compressor = noted
+    return checksums
+
+
+def _write_checksums(file: Path, checksums: list[int]) -> None:
+    with file.open("r+b") as stream:
+        summary = mcap.reader.make_reader(stream).get_summary()
+        for index, checksum in zip(summary.chunk_indexes, checksums, strict=True):
+            stream.seek(index.chunk_start_offset + _CHECKSUM)
+            stream.write(checksum.to_bytes(4, "little"))
+        checksum = summary_checksums(stream)[0]
+        stream.seek(-BEHIND_SUMMARY, os.SEEK_END)
+        stream.write(checksum.to_bytes(4, "little"))
 
 
 def _offered_qos(latched: bool) -> Qos:

@@ -6,15 +6,21 @@ import argparse
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_place
+from midastouch_common.names import require_name
+
+from . import limits
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
 
     from ..bags.images import GelStream
+
+
+Checked = TypeVar("Checked")
 
 
 def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str):
@@ -31,70 +37,77 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
 
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
-    """Add --image-topic, --base-frame and --gel-frame, the options of `gel_stream`."""
-    for option, default, metavar, what in (
-        ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
-        ("--base-frame", "base_link", "FRAME", "frame of the sensor's poses in the bag"),
-        ("--gel-frame", "digit_gel_frame", "FRAME", "the sensor's, in the bag"),
-    ):
-        parser.add_argument(option, default=default, metavar=metavar, help=f"{what} (default {default})")
+    """Add --image-topic, --base-frame, --gel-frame and --rotation, the options of `gel_stream`."""
+    _add_name(parser, "--image-topic", "/image_raw", "topic", "images of the bag")
+    add_frame_options(parser)
+    add_rotation(parser)
+
+
+def add_frame_options(parser: argparse.ArgumentParser) -> None:
+    """Add --base-frame and --gel-frame."""
+    _add_name(parser, "--base-frame", "base_link", "frame", "frame of the sensor's poses in the bag")
+    _add_name(parser, "--gel-frame", "digit_gel_frame", "frame", "the sensor's, in the bag")
+
+
+def _add_name(parser: argparse.ArgumentParser, option: str, default: str, kind: str, what: str) -> None:
+    help_text = f"{what} (default {default})"
+    parser.add_argument(option, type=name_of(kind), default=default, metavar=kind.upper(), help=help_text)
+
+
+def add_rotation(parser: argparse.ArgumentParser) -> None:
+    """Add --rotation."""
+    parser.add_argument(
+        "--rotation",
+        type=int,
+        choices=(0, 90, 180, 270),
+        default=0,
+        help="degrees counter-clockwise by which images are turned; 90 for those in the camera's own landscape order",
+    )
 
 
 def gel_stream(args: argparse.Namespace) -> GelStream:
     """Return the stream that the options of `add_bag_options` name."""
     from ..bags.images import GelStream
 
-    return GelStream(args.image_topic, args.base_frame, args.gel_frame)
+    return GelStream(args.image_topic, args.base_frame, args.gel_frame, args.rotation)
 
 
-def add_cluster_options(parser: argparse.ArgumentParser) -> None:
-    """Add --jobs and --cluster."""
+def add_jobs_option(parser: argparse.ArgumentParser) -> None:
+    """Add --jobs."""
     parser.add_argument(
         "--jobs",
-        type=positive_int,
+        type=limits.jobs,
         default=len(os.sched_getaffinity(0)),
         metavar="N",
         help="at a time on this machine (default: one per core)",
     )
-    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786")
 
 
-def positive_int(text: str) -> int:
-    """argparse type: a whole number of at least 1."""
-    return int(_checked(text, int, lambda value: value >= 1, "a whole number of at least 1"))
-
-
-def port(text: str) -> int:
-    """argparse type: a TCP port that needs no privileges."""
-    return int(_checked(text, int, lambda value: 1024 <= value <= 65535, "a port in 1024...65535"))
-
-
-def seed(text: str) -> int:
-    """argparse type: a whole number of at least 0."""
-    return int(_checked(text, int, lambda value: value >= 0, "a whole number of at least 0"))
-
-
-def positive(text: str) -> float:
-    """argparse type: a finite number above 0."""
-    return _checked(text, float, lambda value: 0 < value < float("inf"), "a number above 0")
+def name_of(kind: str) -> Callable[[str], str]:
+    """Return an argparse type: a name of this kind, as `require_name` knows them, or nothing."""
+    return lambda text: text and _checked(require_name, kind, text, "the name")
 
 
 def writable_file(text: str) -> Path:
     """argparse type: a file that can be written; its folders need not be there."""
+    return _checked(require_place, text, "file")
+
+
+def writable_folder(text: str) -> Path:
+    """argparse type: a folder that is there and can be written to, or that can be made."""
+    return _checked(require_place, text, "folder")
+
+
+def writable_place(text: str) -> Path:
+    """argparse type: a file or a folder that can be written."""
+    return _checked(require_place, text, "file or folder")
+
+
+def _checked(check: Callable[..., Checked], *arguments: str) -> Checked:
     try:
-        return require_place(text)
+        return check(*arguments)
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-
-
-def _checked(text: str, kind: type, holds: Callable, wanted: str):
-    try:
-        value = kind(text)
-    except ValueError:
-        value = None
-    if value is None or not holds(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
-    return value
 
 
 def load_mesh(name_or_path: str) -> ObjectMesh:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import signal
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_new_folder, require_place
 
-from . import arguments
+from . import arguments, limits
 
 _SENSOR = "digit_real"
 
@@ -39,31 +38,53 @@ def add_parser(subparsers) -> None:
         help="folder of images of presses (PNG or JPEG), or live (the default)",
     )
     parser.add_argument(
-        "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
+        "--ball-diameter", type=limits.ball_diameter, required=True, metavar="METRES", help="diameter of the ball"
     )
     parser.add_argument(
         "--diameter-is-right",
         action="store_true",
         help="calibrate even if the ball measures like one of another diameter",
     )
-    parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
-    parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
+    parser.add_argument(
+        "--serial",
+        type=arguments.name_of("serial number"),
+        default="",
+        metavar="SERIAL",
+        help="serial number of the sensor",
+    )
+    parser.add_argument(
+        "--out",
+        type=arguments.writable_file,
+        metavar="FILE",
+        help="write the calibration here (default: keep it for --serial)",
+    )
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
     parser.add_argument("--sensor", default=_SENSOR, help=f"sensor model (default {_SENSOR})")
     parser.add_argument(
-        "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
+        "--px-per-mm", type=limits.pixels_per_mm, metavar="X", help="scale of this very sensor (default: the model's)"
     )
-    parser.add_argument("--namespace", default="", help="of the live sensor (default: none)")
     parser.add_argument(
-        "--save", metavar="DIR", help="new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)"
+        "--namespace", type=arguments.name_of("namespace"), default="", help="of the live sensor (default: none)"
+    )
+    parser.add_argument(
+        "--save",
+        type=arguments.writable_folder,
+        metavar="DIR",
+        help="new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)",
     )
     parser.add_argument(
         "--optics",
+        type=arguments.writable_file,
         metavar="FILE",
         help="write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
         "midastouch benchmark --protocol real_sensor)",
     )
-    parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
+    parser.add_argument(
+        "--page",
+        type=arguments.writable_folder,
+        metavar="DIR",
+        help="write a page here that shows every press before and after",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -75,12 +96,7 @@ def run(args: argparse.Namespace) -> int:
     store = store_of(args.background_folder, args.serial)
     if store is None and not args.out:
         raise InputError("nowhere to keep the calibration; give the sensor's --serial, or a file with --out")
-    path = Path(args.out) if args.out else store.calibration_path
-    path = require_place(path)
-    if args.optics:
-        args.optics = require_place(args.optics)
-    if args.page:
-        args.page = require_place(Path(args.page) / "index.html").parent
+    path = args.out or require_place(store.calibration_path)
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         model, sensor = sensor, sensor.at_scale(1e3 * args.px_per_mm)
@@ -123,9 +139,11 @@ def _live(args: argparse.Namespace, path: Path):
     from midastouch_common.ros import spin
     from midastouch_perception.nodes.calibrate import CalibrateNode
 
+    from ..processes.foreground import handlers_kept
+
     if not args.serial:
         raise InputError("calibrate live: give the sensor's --serial")
-    folder = require_new_folder(Path(args.save).expanduser()) if args.save else f"out/presses/{args.serial}"
+    folder = require_new_folder(args.save) if args.save else f"out/presses/{args.serial}"
     parameters = {
         "serial": _quoted(args.serial),
         "ball_diameter": args.ball_diameter,
@@ -145,8 +163,8 @@ def _live(args: argparse.Namespace, path: Path):
         made.append(CalibrateNode(lambda text: print(text, flush=True), once=True))
         return made
 
-    spin.run(guide, ["calibrate", "--ros-args", *words])
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # nodes leave it ignored; drawing a page takes time
+    with handlers_kept():  # drawing a page takes time
+        spin.run(guide, ["calibrate", "--ros-args", *words])
     if not made:
         return None, {}, 2
     (node,) = made

@@ -18,13 +18,19 @@ def add_parser(subparsers) -> None:
         "Calls the service capture_background of the running node tdn. Started with the sensor's serial number, that\n"
         "node keeps the image for its next start.",
     )
-    parser.add_argument("--namespace", default="", metavar="NAME", help="of the node (default: none)")
+    parser.add_argument(
+        "--namespace",
+        type=arguments.name_of("namespace"),
+        default="",
+        metavar="NAME",
+        help="of the node (default: none)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command; 1 if the images are refused."""
     from ..ros.local_context import trigger
 
-    answer = trigger("capture_background", args.namespace)
+    answer = trigger("capture_background", "midastouch run perception", args.namespace)
     print(answer.message)
     return 0 if answer.success else 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..demo import SEED
-from . import arguments
+from . import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -21,11 +21,15 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
     parser.add_argument("--headless", action="store_true", help="do not open the page in a browser")
-    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
-    parser.add_argument("--seed", type=arguments.seed, default=SEED, help=f"of the slide (default {SEED})")
     parser.add_argument(
-        "--domain", type=int, choices=range(102), metavar="ID", help="ROS_DOMAIN_ID (default: a free one)"
+        "--out",
+        type=arguments.writable_folder,
+        default="out/demo",
+        metavar="DIR",
+        help="folder for the results (default out/demo)",
     )
+    parser.add_argument("--seed", type=limits.seed, default=SEED, help=f"of the slide (default {SEED})")
+    parser.add_argument("--domain", type=limits.domain, metavar="ID", help="ROS_DOMAIN_ID (default: a free one)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,11 +53,11 @@ def run(args: argparse.Namespace) -> int:
     # a domain of its own: neither another demo nor a robot on the network may hear the nodes
     domain = args.domain if args.domain is not None else claimed_domain()
     try:
-        page = run_demo(Path(objects[args.object]), Path(args.out), domain, args.seed)
+        page = run_demo(Path(objects[args.object]), args.out, domain, args.seed)
     except NodeFailed as error:
         print(f"midastouch: error: {error}", file=sys.stderr)
         return 1
-    print(f"pictures and table: {page}\nrecording: {Path(args.out) / 'run.mcap'}")
+    print(f"pictures and table: {page}\nrecording: {args.out / 'run.mcap'}")
     if not args.headless and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         webbrowser.open(page.resolve().as_uri())
     return 0

@@ -73,8 +73,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..machine import machine_info
-    from ..ros_distribution import ros_distribution
+    from ..machine import machine_info, ros_distribution
     from ..text_table import text_table
 
     info = machine_info()
@@ -111,10 +110,10 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
     from ..machine import package_version
 
     try:
-        importlib.import_module(module)
+        imported = importlib.import_module(module)
     except Exception as error:  # a broken install can fail in any way while it is imported
         return "", f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return package_version(distribution) or "found", ""
+    return package_version(distribution) or getattr(imported, "__version__", "found"), ""
 
 
 def _has_executable(name: str) -> bool:

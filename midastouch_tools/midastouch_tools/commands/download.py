@@ -17,14 +17,16 @@ def add_parser(subparsers) -> None:
         "download YCB meshes or parts of YCB-Slide",
         "midastouch download ycb-mesh 025_mug 035_power_drill",
         "ycb-mesh NAME...: 16k-face scans (CC BY 4.0), one PLY each. ycb-slide sim|real|backgrounds...: recordings\n"
-        "(CC BY-SA 4.0; MIT is the licence of its code alone), with gdown. A broken download goes on where it\n"
+        "(CC BY-SA 4.0; MIT is the licence of its code alone), with gdown. A broken download continues where it\n"
         "stopped. The sum of each file is kept in SHA256SUMS and compared the next time, as its publishers give\n"
         "none. tactile-tracking: where NormalFlow's recordings with a GelSight Mini lie, and what to do with them;\n"
         "nothing is downloaded.",
     )
     parser.add_argument("what", choices=("ycb-mesh", "ycb-slide", "tactile-tracking"), help="which collection")
     parser.add_argument("names", nargs="*", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)")
+    parser.add_argument(
+        "--out", type=arguments.writable_folder, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)"
+    )
     parser.add_argument("--mirror", metavar="URL", help="take ycb-mesh from a copy of the server's data folder")
 
 
@@ -61,7 +63,7 @@ def _meshes(args: argparse.Namespace) -> int:
 
             def show(done: int, total: int | None, bar=bar) -> None:
                 bar.total = total
-                bar.update(done - bar.n)
+                bar.update(max(0, done - bar.n))
 
             mesh = download_mesh(name, folder, args.mirror or SERVER, progress=show)
         print(mesh)

@@ -28,7 +28,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
     parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder to write")
+    parser.add_argument("--out", type=arguments.writable_folder, required=True, metavar="DIR", help="folder to write")
     arguments.add_bag_options(parser)
 
 
@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.files import atomic_path, require_new_folder
 
     from ..export.recording import Recording
+    from ..text_table import counted
 
     write, out = _writer(args.format), require_new_folder(args.out)  # before a long bag is read
     recordings = [Recording(path, arguments.gel_stream(args)) for path in args.bags]
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         folder.mkdir()
         frames = write(recordings, folder)
     names = ", ".join(column.name for column in recordings[0].columns)
-    print(f"{args.out}: {frames} frames in {len(recordings)} episodes: {names}")
+    print(f"{args.out}: {counted(frames, 'frame')} in {counted(len(recordings), 'episode')}: {names}")
     return 0
 
 

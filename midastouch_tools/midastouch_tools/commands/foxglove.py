@@ -17,8 +17,14 @@ def add_parser(subparsers) -> None:
         "midastouch foxglove --namespace left --out left.json",
         "For foxglove_bridge: import the file as a layout.",
     )
-    parser.add_argument("--namespace", default="", metavar="NAME", help="of the nodes (default: none)")
-    parser.add_argument("--out", metavar="FILE", required=True, help="the layout (JSON)")
+    parser.add_argument(
+        "--namespace",
+        type=arguments.name_of("namespace"),
+        default="",
+        metavar="NAME",
+        help="of the nodes (default: none)",
+    )
+    parser.add_argument("--out", type=arguments.writable_file, metavar="FILE", required=True, help="the layout (JSON)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -20,10 +20,16 @@ def add_parser(subparsers) -> None:
         "The network and its model card are written to --out.",
     )
     parser.add_argument("file", metavar="FILE", help="checkpoint, such as tdn_weights.pth.tar or tcn_weights.pth.tar")
-    parser.add_argument("--out", default="out/weights", metavar="DIR", help="folder (default out/weights)")
+    parser.add_argument(
+        "--out",
+        type=arguments.writable_folder,
+        default="out/weights",
+        metavar="DIR",
+        help="folder (default out/weights)",
+    )
     parser.add_argument(
         "--voxel-size",
-        type=arguments.positive,
+        type=limits.voxel_size,
         default=0.001,
         help="of MinkLoc3D, of the contact scaled to [-1, 1] (default 0.001, the official one)",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -23,9 +23,15 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "source", metavar="BAG|SEQ", help="bag (.mcap file or folder), YCB-Slide sequence, folder of images or video"
     )
-    parser.add_argument("--rate", type=float, default=1.0, help="recorded seconds per second; 0: at once (default 1)")
+    parser.add_argument(
+        "--rate", type=limits.replay_rate, default=1.0, help="recorded seconds per second; 0: at once (default 1)"
+    )
     parser.add_argument("--loop", action="store_true", help="start again at the end")
     parser.add_argument("--paused", action="store_true", help="wait for the service replay/resume or replay/step")
+    parser.add_argument(
+        "--remap", nargs="+", default=[], metavar="FROM:=TO", help="topics of a bag that are played on others"
+    )
+    arguments.add_rotation(parser)
     parser.add_argument("--no-clock", action="store_true", help="do not publish /clock")
 
 
@@ -33,13 +39,16 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
-    from ..replay.source import ReplaySource
+    from ..replay.source import ReplaySource, parsed_remaps
 
-    ReplaySource(args.source)  # refuses an unplayable source before anything is started
+    # refuses an unplayable source before anything is started
+    ReplaySource(args.source, remaps=parsed_remaps(args.remap), rotation=args.rotation)
     from ..nodes.replay import main
 
     parameters = {
         "source": args.source,
+        "remap": " ".join(args.remap),
+        "rotation": args.rotation,
         "rate": float(args.rate),
         "loop": args.loop,
         "start_paused": args.paused,

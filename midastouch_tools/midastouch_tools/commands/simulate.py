@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
-from . import arguments
+from . import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -19,25 +20,31 @@ def add_parser(subparsers) -> None:
         "(0.5 mm, 1 deg) and the sensor's no-contact image.",
     )
     parser.add_argument("mesh", metavar="MESH", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name")
-    parser.add_argument("--out", required=True, metavar="DIR", help="sequence folder to write; must not exist")
-    parser.add_argument("--length", type=arguments.positive, default=0.5, help="of the path, m (default 0.5)")
-    parser.add_argument("--seed", type=arguments.seed, default=0, help="of path, noise and lighting (default 0)")
+    parser.add_argument(
+        "--out",
+        type=arguments.writable_folder,
+        required=True,
+        metavar="DIR",
+        help="sequence folder to write; must not exist",
+    )
+    parser.add_argument("--length", type=limits.path_length, default=0.5, help="of the path, m (default 0.5)")
+    parser.add_argument("--seed", type=limits.seed, default=0, help="of path, noise and lighting (default 0)")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from pathlib import Path
-
     from midastouch_common.errors import InputError
+    from midastouch_perception.mesh_report import MeshReport
     from midastouch_perception.sensor_model import SensorModel
 
     from ..datasets.slide_simulation import simulate_sequence
+    from ..text_table import counted
 
-    out = Path(args.out)
-    if out.exists():
-        raise InputError(f"{out}: exists already; name another folder or remove it")
-    mesh = arguments.load_mesh(args.mesh)
-    frames = simulate_sequence(mesh, SensorModel.load(args.sensor), args.length, args.seed, out, progress=True)
-    print(f"{out}: {frames} frames of {mesh.name}")
+    if args.out.exists():
+        raise InputError(f"{args.out}: exists already; name another folder or remove it")
+    mesh, sensor = arguments.load_mesh(args.mesh), SensorModel.load(args.sensor)
+    MeshReport.tell(mesh, sensor, lambda line: print(line, file=sys.stderr))
+    frames = simulate_sequence(mesh, sensor, args.length, args.seed, args.out, progress=True)
+    print(f"{args.out}: {counted(frames, 'frame')} of {mesh.name}")
     return 0

@@ -13,7 +13,7 @@ def add_parser(subparsers) -> None:
         subparsers,
         "time-offset",
         run,
-        "tell from a recorded slide how far the stamps of the images are from those of the arm",
+        "measure by a recorded slide how far the stamps of the images are from those of the arm",
         "midastouch time-offset out/touch.mcap",
         "Slide over edges of an object for 10 s or longer, start and stop several times, and record it. The\n"
         "moment at which images change is compared with that at which the arm moves.",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from midastouch_common.errors import InputError
 
@@ -21,18 +20,25 @@ def add_parser(subparsers) -> None:
         "With image, camera info, transforms, and the ground truth on its own frame; `ros2 bag` reads it.",
     )
     parser.add_argument("sequence", metavar="SEQ", help="YCB-Slide sequence folder")
-    parser.add_argument("--out", required=True, metavar="BAG", help="file ending in .mcap, or a bag folder")
+    parser.add_argument(
+        "--out",
+        type=arguments.writable_place,
+        required=True,
+        metavar="BAG",
+        help="file ending in .mcap, or a bag folder",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..bags.writer import write_bag
     from ..datasets import load_sequence
+    from ..text_table import counted
 
-    if Path(args.out).exists():
+    if args.out.exists():
         raise InputError(f"{args.out}: exists already; name another bag or remove it")
     sequence = load_sequence(args.sequence)
     write_bag(sequence, args.out)
     dropped = f"; {sequence.dropped_frames} whose pose is missing or jumps left out" if sequence.dropped_frames else ""
-    print(f"{args.out}: {sequence.n_frames} frames of {sequence.object_name}{dropped}")
+    print(f"{args.out}: {counted(sequence.n_frames, 'frame')} of {sequence.object_name}{dropped}")
     return 0

@@ -1,8 +1,9 @@
-"""Shared code of `train-tdn` and `train-tcn`."""
+"""`midastouch train-tdn` and `train-tcn`: train the `fast` networks on simulated touches."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib.util
 import os
 from collections.abc import Callable
@@ -12,13 +13,44 @@ from typing import TYPE_CHECKING
 from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import install_extra
 
-from . import arguments
+from . import arguments, limits
 
 if TYPE_CHECKING:
     from midastouch_simulation.training.setting import TrainingOptions
 
 
-def add_training_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
+def add_parser(subparsers) -> None:
+    """Add both sub-commands."""
+    parser = _add_command(subparsers, "train-tdn", _train_tdn, "train the depth network on simulated touches")
+    parser.add_argument(
+        "--light",
+        choices=("additive", "relative"),
+        default="additive",
+        help="of the sensors to train for: additive, TACTO's (default), or relative, real gel's",
+    )
+    parser = _add_command(subparsers, "train-tcn", _train_tcn, "train the code network on simulated touches")
+    parser.add_argument(
+        "--tdn", default="fast", metavar="NET", help="depth network the touches go through (default fast)"
+    )
+
+
+def _train_tdn(args: argparse.Namespace) -> int:
+    options = dataclasses.replace(_options(args), light=args.light)
+    from midastouch_simulation.training.tdn import train
+
+    print(f"{train(options)}: trained")
+    return 0
+
+
+def _train_tcn(args: argparse.Namespace) -> int:
+    options = _options(args)
+    from midastouch_simulation.training.tcn import train
+
+    print(f"{train(options, args.tdn)}: trained")
+    return 0
+
+
+def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
     """Add a training sub-command with the options that both have; return its parser."""
     parser = arguments.add_command(
         subparsers,
@@ -28,11 +60,11 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         f"midastouch {name} --minutes 20 --out out/{name}",
         "Writes weights (ONNX), model card, checkpoint, log and curves to the folder --out. Needs PyTorch.",
     )
-    parser.add_argument("--minutes", type=arguments.positive, default=30.0, help="time budget (default 30)")
+    parser.add_argument("--minutes", type=limits.minutes, default=30.0, help="time budget (default 30)")
     parser.add_argument(
-        "--steps", type=arguments.positive_int, help="end after so many steps instead: repeatable with its seed"
+        "--steps", type=limits.steps, help="end after this many steps instead: repeatable with its seed"
     )
-    parser.add_argument("--resume", metavar="FILE", help="checkpoint of an earlier run, or its folder, to go on from")
+    parser.add_argument("--resume", metavar="FILE", help="checkpoint of an earlier run, or its folder, to resume")
     parser.add_argument("--start", metavar="NET", help="begin with the weights of this network, name or file")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     parser.add_argument(
@@ -52,12 +84,14 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         metavar="FILE",
         help="colours of a real DIGIT, polycalib.npz of the Taxim simulator (default: none)",
     )
-    parser.add_argument("--out", default=f"out/{name}", metavar="DIR", help="default %(default)s")
-    parser.add_argument("--seed", type=arguments.seed, default=0, help="of weights and data (default 0)")
+    parser.add_argument(
+        "--out", type=arguments.writable_folder, default=f"out/{name}", metavar="DIR", help="default %(default)s"
+    )
+    parser.add_argument("--seed", type=limits.seed, default=0, help="of weights and data (default 0)")
     return parser
 
 
-def training_options(args: argparse.Namespace) -> TrainingOptions:
+def _options(args: argparse.Namespace) -> TrainingOptions:
     """Return the options of both commands. InputError without PyTorch, or if the checkpoint to resume is missing."""
     if importlib.util.find_spec("torch") is None:
         raise InputError(f"training needs PyTorch, which is not installed; run: {install_extra('train')}")
@@ -74,7 +108,7 @@ def training_options(args: argparse.Namespace) -> TrainingOptions:
         meshes=Path(args.meshes),
         backgrounds=Path(args.backgrounds),
         colour_table=Path(args.colour_table) if args.colour_table else None,
-        out=Path(args.out),
+        out=args.out,
         minutes=args.minutes,
         steps=args.steps,
         seed=args.seed,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+import sys
 
 from midastouch_common.missing_modules import install_extra
 
-from . import arguments
+from . import arguments, limits
 
 
 def add_parser(subparsers) -> None:
@@ -27,18 +27,27 @@ def add_parser(subparsers) -> None:
         "Its page is Rerun's: it sends no data away, but may ask for Rerun's newest version and a font.",
     )
     parser.add_argument("run_or_bag", metavar="RUN_OR_BAG", nargs="?", help="a finished run (default: what runs)")
-    parser.add_argument("--namespace", default="", help="of the nodes (default: none)")
-    parser.add_argument("--rate", type=arguments.positive, default=5.0, help="drawings per second (default 5)")
+    parser.add_argument(
+        "--namespace", type=arguments.name_of("namespace"), default="", help="of the nodes (default: none)"
+    )
+    parser.add_argument("--rate", type=limits.drawings_per_s, default=2.0, help="drawings per second (default 2)")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve; 0.0.0.0: to all (default 127.0.0.1)")
-    parser.add_argument("--port", type=arguments.port, default=9876, help="of the data (default 9876)")
-    parser.add_argument("--web-port", type=arguments.port, default=9090, help="of the page (default 9090)")
-    parser.add_argument("--memory", type=arguments.positive_int, default=500, help="history kept, MB (default 500)")
-    parser.add_argument("--save", metavar="FILE.rrd", help="record to a file instead of serving")
+    parser.add_argument("--port", type=limits.port, default=9876, help="of the data (default 9876)")
+    parser.add_argument("--web-port", type=limits.port, default=9090, help="of the page (default 9090)")
+    parser.add_argument("--memory", type=limits.megabytes, help="history kept, MB (default 500; live 30)")
+    parser.add_argument(
+        "--save", type=arguments.writable_file, metavar="FILE.rrd", help="record to a file instead of serving"
+    )
     finished = parser.add_argument_group("a finished run")
-    finished.add_argument("--mesh", help="file or bundled object (default: what the run says)")
+    finished.add_argument("--mesh", help="file or bundled object (default: the run's)")
     finished.add_argument("--sequence", help="of a JSON file with several")
     finished.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
-    finished.add_argument("--export", metavar="DIR", help="write mesh, clouds and lines as PLY, and show nothing")
+    finished.add_argument(
+        "--export",
+        type=arguments.writable_folder,
+        metavar="DIR",
+        help="write mesh, clouds and lines as PLY, and show nothing",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,17 +65,17 @@ def run(args: argparse.Namespace) -> int:
     if args.export:
         return _export(args.export, *finished)
     rerun = require_rerun()
-    if args.save and Path(args.save).is_dir():
-        raise InputError(f"--save {args.save}: is a folder; name a file, such as {Path(args.save) / 'run.rrd'}")
     from ..view.scene import Scene
     from ..view.server import ViewServer
 
-    recording = rerun.RecordingStream("midastouch")
+    batches = rerun.ChunkBatcherConfig(flush_tick=1.0)  # few, large ones: a browser without a GPU takes few per second
+    recording = rerun.RecordingStream("midastouch", batcher_config=batches)
     with contextlib.ExitStack() as stack:
         if args.save:
             recording.save(stack.enter_context(atomic_path(args.save)))
         else:
-            server = stack.enter_context(ViewServer(args.host, args.port, args.web_port, args.memory))
+            memory = args.memory or (500 if finished else 30)  # live, a browser reads all history before any news
+            server = stack.enter_context(ViewServer(args.host, args.port, args.web_port, memory))
             recording.connect_grpc(server.address)
             print(f"open {server.page}", flush=True)
         stack.callback(recording.disconnect)
@@ -75,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
             return _follow(scene, args.namespace, args.rate)
         from midastouch_common.stop_signals import stop_event
 
-        from ..view.replayed import draw
+        from ..view.finished_run import draw
 
         with stop_event(lambda: None) as stopped:
             draw(finished[0], finished[1], scene, recording)
@@ -103,9 +112,10 @@ def _finished(args: argparse.Namespace) -> tuple:
 
     from ..view.finished_run import load
 
+    print(f"reading {args.run_or_bag}", file=sys.stderr)
     read = load(args.run_or_bag, args.sequence, args.sensor)
     if not (args.mesh or read.mesh):
-        raise InputError(f"{args.run_or_bag}: does not say which object it is; give its --mesh")
+        raise InputError(f"{args.run_or_bag}: does not name its object; give its --mesh")
     return read, arguments.load_mesh(args.mesh or read.mesh)
 
 

@@ -112,7 +112,7 @@ def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) ->
         column, row, radius = circles[name]
         height, width = image.shape[:2]
         if math.hypot(max(-column, 0, column - width), max(-row, 0, row - height)) >= radius:
-            raise InputError(f"{file}: circle of {name} lies outside the image of {width} x {height}; label it anew")
+            raise InputError(f"{file}: circle of {name} lies outside the image of {width} x {height}; label it again")
     return {name: circles[name] for name in images}
 
 

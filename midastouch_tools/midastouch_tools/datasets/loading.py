@@ -18,11 +18,37 @@ def is_sequence(path: str | Path) -> bool:
     return any((Path(path) / file).is_file() for file in _LOADERS)
 
 
-def load_sequence(path: str | Path) -> Sequence:
-    """Return the sequence in folder `path`: a slide of YCB-Slide, simulated or real, or a trial of TactileTracking.
+def no_whole_bag(path: Path) -> str:
+    """Return why something of a bag at `path` cannot be read as one, with the fix; empty if it is nothing of a bag."""
+    if path.is_dir():
+        if not any(path.glob("*.mcap*")) and not any(path.glob("*.db3*")):
+            return ""
+        return (
+            f"{path}: a bag without its metadata.yaml, as a recorder leaves it that was killed; call ros2 bag reindex "
+            "to write it again, or give the .mcap file inside"
+        )
+    if path.suffix == ".bag":
+        return f"{path}: a bag of ROS 1; convert it: rosbags-convert --src {path} --dst {path.with_suffix('')}"
+    if path.name.endswith((".db3", ".db3.zstd", ".mcap.zstd")):
+        return (
+            f"{path}: a single file of a bag; give its folder, with metadata.yaml in it (ros2 bag reindex writes one)"
+        )
+    return ""
 
-    Raises InputError if the folder is none of these, if files are missing, damaged or disagree in number, or if a
-    pickle asks for foreign classes.
+
+def load_sequence(path: str | Path) -> Sequence:
+    """Load a slide of YCB-Slide, simulated or real, or a trial of TactileTracking. Images are read when asked for.
+
+    Parameters
+    ----------
+    path
+        Its folder.
+
+    Raises
+    ------
+    InputError
+        The folder is none of these, files are missing, damaged or disagree in number, or a pickle asks for foreign
+        classes.
     """
     path = Path(path)
     if not path.is_dir():
@@ -30,11 +56,8 @@ def load_sequence(path: str | Path) -> Sequence:
     for file, load in _LOADERS.items():
         if (path / file).is_file():
             return load(path)
-    if any(path.glob("*.mcap")) or any(path.glob("*.db3")):
-        raise InputError(
-            f"{path}: a bag without its metadata.yaml, as a recorder leaves it that was killed; write it anew, "
-            "ros2 bag reindex, or give the .mcap file inside"
-        )
+    if problem := no_whole_bag(path):
+        raise InputError(problem)
     raise InputError(
         f"{path}: not a YCB-Slide sequence, nor a trial of TactileTracking (no {', '.join(_LOADERS)}); give the folder "
         "of a slide, such as sim/035_power_drill/00 or real/035_power_drill/dataset_0, or of a trial, such as avocado0"

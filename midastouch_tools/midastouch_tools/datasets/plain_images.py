@@ -25,11 +25,12 @@ class PlainImages:
     """The images of a folder in the order of their numbers (2 before 10), or the frames of a video file.
 
     fps: images per second, 60 for a folder. n_frames: number of images; for a video, the number its header claims.
-    Raises InputError, naming the file, if there is no image, or one is damaged or not portrait with sides of 3:4.
+    rotation: degrees by which images are turned, as in `upright`. Raises InputError, naming the file, if there is no
+    image, or one is damaged or has another shape.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, rotation: int = 0) -> None:
+        self.path, self._rotation = Path(path), rotation
         self._files = _numbered(self.path) if self.path.is_dir() else []
         self.fps, self.n_frames = _FOLDER_FPS, len(self._files)
         if not self.path.is_dir():
@@ -56,7 +57,10 @@ class PlainImages:
         for i, (name, image) in enumerate(self._decoded()):
             since = round(i * SECOND / self.fps)
             if since >= offset_ns:
-                yield SECOND + since, _portrait(image, name)
+                try:
+                    yield SECOND + since, cv2.cvtColor(upright(image, self._rotation), cv2.COLOR_BGR2RGB)
+                except InputError as error:
+                    raise InputError(f"{name}: {error}") from error
 
     def _decoded(self) -> Iterator[tuple[str, np.ndarray]]:
         if self._files:
@@ -73,14 +77,17 @@ def _numbered(folder: Path) -> list[Path]:
     return sorted(files, key=lambda path: [(int(p) if p.isdecimal() else -1, p) for p in re.split(r"(\d+)", path.name)])
 
 
-def _portrait(image: np.ndarray, name: str) -> np.ndarray:
-    """Convert a BGR image to (320, 240, 3) RGB, scaled if it was recorded larger or smaller."""
+def upright(image: np.ndarray, rotation: int = 0) -> np.ndarray:
+    """Return an image (H, W, 3) turned by `rotation` degrees counter-clockwise, and scaled to 240 x 320 pixels.
+
+    rotation: 0, 90, 180 or 270. Raises InputError if the turned image is not portrait with sides of 3:4.
+    """
     rows, columns, _ = IMAGE_SHAPE
+    image = np.ascontiguousarray(np.rot90(image, rotation // 90))
     height, width = image.shape[:2]
     if height * columns != width * rows:
-        raise InputError(
-            f"{name}: image is {width} x {height}, expected a portrait image with sides of 3:4 as 240 x 320; "
-            "turn images in the sensor's own landscape order by 90 degrees counter-clockwise"
-        )
-    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-    return rgb if rgb.shape == IMAGE_SHAPE else cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)
+        fix = "crop it to portrait, with sides of 3:4"
+        if height * rows == width * columns:
+            fix = "rotate it (rotation 90: counter-clockwise, for images in the camera's own order)"
+        raise InputError(f"image is {width} x {height} pixels, expected {columns} x {rows}; {fix}")
+    return image if image.shape == IMAGE_SHAPE else cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)

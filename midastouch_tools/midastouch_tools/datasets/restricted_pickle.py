@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import require_file
+from midastouch_common.files import readable, require_file
 
 _PLAIN_DTYPE = re.compile(r"[biufcSU]\d*|\?")
 
@@ -137,7 +137,7 @@ def load_npy(path: str | Path) -> Any:
     """Return the array in a `.npy` file, or the one object of a pickled object array without dimensions."""
     path = require_file(path, "data")
     with path.open("rb") as stream:
-        try:
+        with readable(path, "not a NumPy file", "get the file again"):
             version = np.lib.format.read_magic(stream)
             read_header = {
                 (1, 0): np.lib.format.read_array_header_1_0,
@@ -147,9 +147,6 @@ def load_npy(path: str | Path) -> Any:
             if not dtype.hasobject:
                 stream.seek(0)
                 return np.lib.format.read_array(stream, allow_pickle=False)
-        except (ValueError, KeyError, EOFError, OSError, MemoryError, OverflowError, SyntaxError, TypeError) as error:
-            # a damaged header can name any type and any size
-            raise InputError(f"{path}: not a NumPy file ({error}); get the file again") from error
         array = loads(stream.read(), str(path))
     if not isinstance(array, np.ndarray):
         raise InputError(f"{path}: holds no array; get the file again")

@@ -88,12 +88,12 @@ def _poses(file: Path) -> np.ndarray:
 def _pose_problem(poses: np.ndarray) -> str:
     """Return why poses (N, 4, 4) cannot be the sensor's in its own first frame, and the fix; empty if they can."""
     if not np.isfinite(poses).all():
-        return "holds what is no pose; get the file again"
+        return "holds values that are no pose; get the file again"
     if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_TOLERANCE:
         return "the last row of a pose is not 0 0 0 1, so it is no pose; were the matrices transposed?"
     rotations = poses[:, :3, :3]
     if np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_TOLERANCE:
-        return "holds what is no pose: no rotation without scale; get the file again"
+        return "holds values that are no pose: no rotation without scale; get the file again"
     if np.linalg.det(rotations).min() < 0:
         return "a rotation mirrors, which no sensor can do; give poses of right-handed frames"
     if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _LARGEST_DISTANCE:

@@ -32,16 +32,25 @@ def write_sequence(
     sensor: SensorModel,
     noise: dict[str, float],
 ) -> None:
-    """Write a sequence to the folder `path`; it appears complete or not at all.
+    """Write a sequence to a folder; it appears complete or not at all.
 
-    Args:
-        frames: (image (320, 240, 3) uint8 RGB, penetration (320, 240) metres) per frame; taken one at a time.
-        poses_true, poses_measured: (N, 4, 4) T_obj_gel.
-        background: the sensor's no-contact image, as the images.
-        sensor: model the images were made with; its name and its camera poses are written too.
-        noise: standard deviations of the measured poses, `sig_t` in metres and `sig_r` in degrees.
+    Parameters
+    ----------
+    path
+    frames
+        Image (320, 240, 3) uint8 RGB and penetration (320, 240) [m] per frame; taken one at a time.
+    poses_true, poses_measured : `T_obj_gel` (N, 4, 4)
+    background : (320, 240, 3) uint8 RGB
+    object_name
+    sensor
+        Model the images were made with; its name and its camera poses are written too.
+    noise
+        Standard deviations of the measured poses, `sig_t` [m] and `sig_r` [deg].
 
-    Raises InputError if `path` holds anything but a sequence, or if frames and poses differ in number.
+    Raises
+    ------
+    InputError
+        The path holds anything but a sequence, or frames and poses differ in number.
     """
     path = Path(path)
     if path.exists() and not (path / "tactile_data.pkl").is_file() and (not path.is_dir() or any(path.iterdir())):

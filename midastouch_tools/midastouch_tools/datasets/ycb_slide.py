@@ -7,7 +7,6 @@ The format follows the two readers that the authors of the dataset publish; pose
 from __future__ import annotations
 
 import functools
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.files import require_file
+from midastouch_common.files import readable, require_file
 from midastouch_common.images import read_image_file
 from midastouch_common.message_arrays import SECOND
 from midastouch_perception.sensor_model import SensorModel
@@ -92,11 +91,8 @@ def _exact_penetrations(path: Path, n: int) -> dict[int, Callable[[], np.ndarray
         return {}
 
     def stored(key: str) -> np.ndarray:
-        try:
-            with np.load(file, allow_pickle=False) as content:
-                return content[key]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(f"{file}: cannot be read ({error}); get the file again") from error
+        with readable(file, "cannot be read", "get the file again"), np.load(file, allow_pickle=False) as content:
+            return content[key]
 
     frames = stored("frames").tolist()
 

@@ -34,10 +34,13 @@ def require_there(given: Mapping[str, str]) -> None:
     if given.get("object"):
         bundled_mesh(given["object"])
     objects = [name.strip() for name in given.get("objects", "").split(",")]
-    named = [(name, given.get(name, "")) for name in ("mesh", "codebook", "background")]
+    named = [(name, given.get(name, "")) for name in ("mesh", "codebook", "background", "frames_file")]
     for name, address in [*named, *(("objects", one) for one in objects if one not in bundled_objects())]:
         if address and not resolve(address, name).exists():
-            raise InputError(f"{name}:={address}: no such file or folder; check the path")
+            bundled = (
+                f", or give the bundled object by its name, object:={address}" if address in bundled_objects() else ""
+            )
+            raise InputError(f"{name}:={address}: no such file or folder; check the path{bundled}")
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:

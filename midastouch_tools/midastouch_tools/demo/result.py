@@ -54,8 +54,8 @@ def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[PenetrationRow]]:
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
     """Draw the frames of a run into the folder `out`; returns its `index.html`."""
     page = Page(f"MidasTouch demo: {mesh.name}")
-    page.table(*result_rows(result))
-    add_run(page, run, mesh, codebook, out)
+    page.note(in_a_sentence(f"A simulated sensor slid over {mesh.name}", result))
+    add_run(page, result_rows(result), run, mesh, codebook, out)
     _add_calibration(page, mesh, out)
     page.heading("Next: a finger that explores by itself")
     page.note("This slide was made beforehand. Here a simulated finger decides itself where to touch, until it knows:")
@@ -69,38 +69,41 @@ def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
     calibration, rows = calibrated_touches(mesh)
     page.heading("A sensor that is calibrated")
     page.note(
-        "Every DIGIT shows a touch in other colours. A simulated one, whose touches the network alone takes for too "
-        "deep, touches the object before and after ten presses of a ball (midastouch calibrate)."
+        "Every DIGIT shows a touch in other colours. The network alone reads this simulated one too deep. Below are "
+        "the same touches of the object before and after midastouch calibrate with ten presses of a ball."
     )
-    page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))
+    page.table(["on other presses, median", "before", "after", "truth"], figure_rows(calibration))
     figure = save(penetration_figure(rows, TITLES), out / "calibration.png")
     page.picture(figure, "Touches before and after calibration")
 
 
 _FOUND_MM, _FOUND_DEG = 10, 15
+_WORK = {"tdn": "image to penetration map", "tcn": "penetration map to code", "particle_filter": "code to pose"}
 _MOST_NAMED = 6  # places in a cell of a table
 
 
 def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
     """Return the content of `result.json`; seconds: from the first answer to the last.
 
-    Errors are modulo the object's symmetry. `alike` [m, quaternion]: all poses that touch cannot distinguish from the
-    published one; if rotations are free, one pose for each family of them.
+    `found_s`, `last_s` [s]: the first right answer in the state converged, None without one, and the last answer, both
+    since the first image and by the stamps. Errors are modulo the object's symmetry. `alike` [m, quaternion]: all poses
+    that touch cannot distinguish from the published one; if rotations are free, one pose for each family of them.
     """
     last = record.snapshots[-1]
     modes = np.array([mode.pose for mode in last.modes]).reshape(-1, 4, 4)
     errors = {
-        "particles": particle_rmse(last.particles, last.truth),
-        "closest mode": closest_mode_error(modes, last.truth),
-        "published pose": (np.nan, np.nan) if last.estimate is None else pose_errors(last.estimate, last.truth),
+        "published pose": _error(last),
+        "closest mode": _in_units(closest_mode_error(modes, last.truth)),
+        "particles": _in_units(particle_rmse(last.particles, last.truth)),
     }
+    right = (one.time for one in record.snapshots if one.state == "converged" and is_found(_error(one)))
     stage_ms = {**record.node_ms, "particle_filter": float(np.mean(record.filter_ms))}
     return {
         "object": object_name,
         "frames": len(record.snapshots),
-        "final": {
-            name: {"trans_mm": 1e3 * float(e[0]), "rot_deg": float(np.degrees(e[1]))} for name, e in errors.items()
-        },
+        "found_s": next(right, None),
+        "last_s": last.time,
+        "final": errors,
         "symmetry": last.symmetry.as_json(),
         "alike": [] if last.estimate is None else se3.to_xyzquat(last.symmetry.transforms @ last.estimate).tolist(),
         "state": last.state,
@@ -109,6 +112,14 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
         "stage_ms": {name: stage_ms[name] for name in NODES if name in stage_ms},
         "hz": (len(record.snapshots) - 1) / seconds if seconds > 0 else None,
     }
+
+
+def _error(one: Snapshot) -> dict:
+    return _in_units((np.nan, np.nan) if one.estimate is None else pose_errors(one.estimate, one.truth))
+
+
+def _in_units(error: tuple) -> dict:
+    return {"trans_mm": 1e3 * float(error[0]), "rot_deg": float(np.degrees(error[1]))}
 
 
 def is_found(error: dict) -> bool:
@@ -131,23 +142,30 @@ def _place(point: Iterable[float]) -> str:
     return f"({', '.join(f'{1e3 * x:.0f}' for x in point)})"
 
 
+def in_a_sentence(done: str, result: dict) -> str:
+    """Return a sentence on what was done, when the pose was found, and how far off it was in the end."""
+    if result["found_s"] is None:
+        return f"{done}: in {result['last_s']:.1f} s the filter was never both sure of its place and right."
+    found, off = f"{result['found_s']:.1f} s", _in_words(result["final"]["published pose"])
+    return (
+        f"{done}: after {found} the filter was sure of its place on the object, and right; at the end it was {off} off."
+    )
+
+
+def _in_words(error: dict) -> str:
+    return f"{number(error['trans_mm'])} mm, {number(error['rot_deg'])} deg"
+
+
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of a result."""
-    rows = [
-        [f"{name}, final error", f"{number(e['trans_mm'])} mm, {number(e['rot_deg'])} deg"]
-        for name, e in result["final"].items()
-    ]
-    rows += [
-        [f"{name}", f"{number(1e3 / ms, 0)} Hz ({number(ms, 2)} ms per frame)"]
-        for name, ms in result["stage_ms"].items()
-        if ms > 0
-    ]
-    found = "yes" if is_found(result["final"]["closest mode"]) else "no"
-    rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", found])
+    rows = [[f"{name}, final error", _in_words(error)] for name, error in result["final"].items()]
+    rows += [[_WORK[name], f"{number(ms)} ms an image"] for name, ms in result["stage_ms"].items() if ms > 0]
     symmetry = Symmetry.from_json(result["symmetry"])
     if not symmetry.trivial:
         known = "known up to symmetry, and judged so" if result["state"] == "converged" else "judged up to symmetry"
         rows.append([known, _alike_in_words(symmetry, result["alike"])])
-    rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
+    rows.append(
+        ["images with an estimate", f"{result['frames']}, {number(result['hz'])} a second on the machine's clock"]
+    )
     rows.append(["state", f"{result['state']}, hypotheses: {result['n_particles']}, modes: {result['n_modes']}"])
     return [result["object"], ""], rows

@@ -54,7 +54,7 @@ def fetch(
             if attempt + 1 < attempts:
                 time.sleep(pause_s * 2**attempt)
     else:
-        raise InputError(f"{url}: {problem}, after {attempts} attempts; call again to go on from there")
+        raise InputError(f"{url}: {problem}, after {attempts} attempts; call again to continue")
     if digest and (found := sha256(part.data)) != digest:
         part.remove()
         raise InputError(f"{url}: has SHA-256 {found}, expected {digest}: damaged or changed; nothing was kept")
@@ -101,8 +101,8 @@ def _receive(url: str, part: _Part, progress: Callable) -> None:
         if error.code == 416:  # our part is not the beginning of the server's file
             part.remove()
         elif error.code not in _PASSING_STATUSES:
-            raise InputError(f"{url}: the server says {error.code} {error.reason}; check the name") from error
-        raise _BrokeOff(f"the server says {error.code} {error.reason}") from error
+            raise InputError(f"{url}: the server answers {error.code} {error.reason}; check the name") from error
+        raise _BrokeOff(f"the server answers {error.code} {error.reason}") from error
     except (OSError, http.client.HTTPException) as error:
         raise _BrokeOff(f"no connection ({getattr(error, 'reason', error)})") from error
     with response:

@@ -6,13 +6,11 @@ list; its recordings are CC BY-SA 4.0, and MIT is the licence of its code only (
 
 from __future__ import annotations
 
-import gzip
 import re
 import shutil
 import subprocess
 import sys
 import tarfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +18,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 from midastouch_common.missing_modules import pip_install
 
-from .archive import check_or_record, extract, recorded
+from .archive import check_or_record, extract, readable_archive, recorded
 from .transfer import fetch
 
 SERVER = "https://ycb-benchmarks.s3.amazonaws.com/data"
@@ -60,15 +58,12 @@ def download_mesh(name: str, folder: Path, server: str, progress: Callable = lam
 
 def _take_mesh(packed: Path, mesh: Path) -> None:
     """Copy the scan out of its archive. The other members, and the paths of all, are not used."""
-    try:
-        with tarfile.open(packed) as archive:
-            for member in archive:
-                if member.isfile() and member.name.endswith(f"google_16k/{_MEMBER}"):
-                    with archive.extractfile(member) as stream, mesh.open("wb") as out:
-                        shutil.copyfileobj(stream, out)
-                    return
-    except (tarfile.TarError, zlib.error, EOFError, gzip.BadGzipFile) as error:
-        raise InputError(f"{packed}: not a readable archive ({error}); download it again") from error
+    with readable_archive(packed), tarfile.open(packed) as archive:
+        for member in archive:
+            if member.isfile() and member.name.endswith(f"google_16k/{_MEMBER}"):
+                with archive.extractfile(member) as stream, mesh.open("wb") as out:
+                    shutil.copyfileobj(stream, out)
+                return
     raise InputError(f"{packed}: holds no google_16k/{_MEMBER}; has its layout changed?")
 
 
@@ -88,7 +83,7 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
     try:
         subprocess.run(command, check=True)
     except (OSError, subprocess.CalledProcessError) as error:
-        raise InputError(f"{FOLDERS[part]}: gdown failed ({error}); call again to go on from there") from error
+        raise InputError(f"{FOLDERS[part]}: gdown failed ({error}); call again to continue") from error
     unpacked = []
     for archive in sorted(target.glob("*.zip")):
         check_or_record(target, archive.name, archive)

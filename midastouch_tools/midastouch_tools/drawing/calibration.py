@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from midastouch_common.files import whole_folder
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_calibration.fit import Result
 from midastouch_perception.sensor_model import SensorModel
@@ -59,17 +60,17 @@ def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) ->
     return figure
 
 
-TITLES = "measured before", "measured after", "pressed"
+TITLES = "measured before", "measured after", "truth"
 """Titles of the penetration maps of a touch."""
 _MOST_SHOWN = 20
+_PICTURE = "presses.png"
 
 
 def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: SensorModel, folder: Path) -> Path:
-    """Write `index.html` and its picture into a folder; returns the page's path.
+    """Write `index.html` and its picture into a folder, both at once; returns the page's path.
 
     images (320, 240, 3) uint8 RGB: by name, those from which `result` was made; sensor: full size.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     calibration = result.calibration
     page = Page(f"Calibration of {calibration.serial or 'a DIGIT'}")
     page.note(
@@ -80,14 +81,17 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
         page.note(f"Warning: {warning}.")
     page.table(["median", "before", "after", "truth"], figure_rows(result))
     figure = penetration_figure(_rows(result, images, sensor), TITLES)
-    page.picture(save(figure, folder / "presses.png"), "Presses before and after")
+    page.picture(folder / _PICTURE, "Presses before and after")
     if calibration.presses > _MOST_SHOWN:
         page.note(f"The first {_MOST_SHOWN} of {calibration.presses} are shown.")
     unused = [[press.name, press.problem] for press in result.presses if press.problem]
     if unused:
         page.heading("Not used")
         page.table(["image", "why"], unused)
-    return page.write(folder / "index.html")
+    with whole_folder(folder) as fresh:
+        save(figure, fresh / _PICTURE)
+        page.write(fresh / "index.html")
+    return folder / "index.html"
 
 
 def figure_rows(result: Result) -> list[list[str]]:

@@ -135,10 +135,11 @@ class Canvas:
         # a pixel outside the object counts as level: silhouettes are visible without a dark rim
         height = np.where(finite, self._height, np.nan)
         scale = 60 * self.camera.pixel_size
+        padded, (rows, columns) = np.pad(height, 6, mode="edge"), height.shape
         occlusion = np.zeros(height.shape)
         for radius in (2, 6):
-            for shift in ((0, radius), (0, -radius), (radius, 0), (-radius, 0)):
-                rise = np.roll(height, shift, axis=(0, 1)) - height
+            for down, right in ((0, radius), (0, -radius), (radius, 0), (-radius, 0)):
+                rise = padded[6 + down :, 6 + right :][:rows, :columns] - height
                 occlusion += np.clip(np.nan_to_num(rise) / scale, 0, 0.5)
         return np.exp(-0.9 * occlusion)
 

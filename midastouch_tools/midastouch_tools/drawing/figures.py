@@ -23,6 +23,8 @@ from .scale import draw_scale
 
 PARTICLE_COLOUR, MODE_COLOUR, ESTIMATE_COLOUR = "#7a7f87", "#1f77b4", "#cc1a73"
 PENETRATION_COLOURS = "viridis"
+_CLOSER = 10
+_TIME = "time since the first image [s]"
 LEGEND = (
     "particles coloured by their angle to the truth, blue 0° to red 180°; green dot with large axes: truth; "
     "small axes with 2-sigma ellipse: modes"
@@ -71,13 +73,18 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     return figure
 
 
-def final_figure(view: ObjectView, last: Snapshot) -> Figure:
-    """Particles, modes and truth of one moment, with a legend and a scale."""
-    figure = Figure(figsize=(9.6, 9.6 * view.camera.height / view.camera.width + 0.8), layout="constrained")
-    axes = figure.subplots()
-    axes.set_axis_off()
-    axes.imshow(view.particles(last))
-    draw_scale(axes, view.camera)
+def final_figure(view: ObjectView, last: Snapshot, contact: np.ndarray) -> Figure:
+    """Particles, modes and truth of one moment, with a legend and a scale; beside them, the measured `contact` (K, 3) m
+    from above at ten times the size."""
+    height = 9.6 * view.camera.height / view.camera.width
+    figure = Figure(figsize=(9.6 + height, height + 0.8), layout="constrained")
+    axes = figure.subplots(1, 2, width_ratios=(9.6, height))
+    close_up, camera = view.close_up(last, contact, _CLOSER)
+    for one, picture, seen_by in zip(axes, (view.particles(last), close_up), (view.camera, camera), strict=True):
+        one.set_axis_off()
+        one.imshow(picture)
+        draw_scale(one, seen_by)
+    axes[1].set_title(f"x {_CLOSER}: truth green, estimate magenta, contact orange", fontsize=9)
     figure.suptitle(f"{view.mesh.name} after {last.time:.1f} s: {last.state}\n{LEGEND}", fontsize=9)
     return figure
 
@@ -133,8 +140,8 @@ def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
     series = error_series(run)
     styles = {
         "particles": {"color": PARTICLE_COLOUR, "lw": 2.2},
-        "closest mode": {"color": MODE_COLOUR, "lw": 1.4},
-        "published pose": {"color": ESTIMATE_COLOUR, "lw": 1.4, "ls": "--"},
+        "closest mode": {"color": MODE_COLOUR, "lw": 5, "alpha": 0.35},  # mostly the same as the next
+        "published pose": {"color": ESTIMATE_COLOUR, "lw": 1.2},
     }
     for k, (one, label) in enumerate(zip(axes, ("translation error [mm]", "rotation error [deg]"), strict=True)):
         for name, style in styles.items():
@@ -145,7 +152,7 @@ def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
     axes[1].legend(frameon=False, fontsize=9)
 
 
-def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
+def style_error_axes(axes, label: str, x_label: str = _TIME) -> None:
     """Style a logarithmic error axis: plain numbers, light grid, no box."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -154,7 +161,7 @@ def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
     style_axes(axes, label, x_label)
 
 
-def style_axes(axes, label: str, x_label: str = "time [s]") -> None:
+def style_axes(axes, label: str, x_label: str = _TIME) -> None:
     """Style axes: light grid, no box."""
     axes.set_xlabel(x_label, fontsize=9)
     axes.set_ylabel(label, fontsize=9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import cached_property
 
@@ -9,9 +10,12 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.run_record import Snapshot
 from .canvas import Camera, Canvas, best_direction
@@ -41,9 +45,24 @@ ANGLE_COLOURS = colormaps["turbo"]
 HEAT_COLOURS = colormaps["YlOrRd"]
 TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
 ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
+_CONTACT_COLOUR = np.array([0.95, 0.55, 0.10])
+_CONTACT_RADIUS = 8e-5  # m, of a measured point: together they cover the contact
+_LIFT = 0.02  # m towards the viewer, in front of the surface
 _CELL = 0.003  # m; entries in one cell count as one place
 Colouring = Callable[[np.ndarray], np.ndarray]
 """Blended values (P, ...) to RGB (P, 3) in [0, 1]."""
+
+
+def measured_contact(snapshot: Snapshot, sensor: SensorModel) -> np.ndarray:
+    """Return the measured points (K, 3) m in the object's frame, placed by the published pose; none without one.
+    InputError for a penetration map of another shape than the sensor's."""
+    pose, penetration = snapshot.estimate, snapshot.penetration
+    if pose is None or penetration is None:
+        return np.empty((0, 3))
+    sensor = sensor.scaled(len(penetration) / sensor.height)
+    if penetration.shape != (sensor.height, sensor.width):
+        raise InputError(f"penetration maps of {penetration.shape} are not of {sensor.name}; give --sensor")
+    return cloud_from_penetration(penetration, penetration > 0, sensor) @ pose[:3, :3].T + pose[:3, 3]
 
 
 class ObjectView:
@@ -86,6 +105,21 @@ class ObjectView:
         canvas.draw_points(snapshot.truth[None, :3, 3], TRUTH_COLOUR, radius=6.0, hidden_alpha=0.5)
         canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
         return canvas.image()
+
+    def close_up(self, snapshot: Snapshot, contact: np.ndarray, times: int) -> tuple[np.ndarray, Camera]:
+        """Draw the truth (green) and the published pose as crosses along the gel's x and y, and `contact` (K, 3) m, at
+        `times` the size; return the picture (H, H, 3) uint8 and its camera."""
+        size, centre, pixel = self.camera.height, snapshot.truth[:3, 3], self.camera.pixel_size / times
+        camera = dataclasses.replace(self.camera, centre=centre, pixel_size=pixel, width=size)
+        canvas = Canvas(camera)
+        canvas.draw_mesh(self.mesh)
+        canvas.draw_points(contact, _CONTACT_COLOUR, _CONTACT_RADIUS / pixel, alpha=0.3, hidden_alpha=0.3)
+        for pose, colour, radius in ((snapshot.truth, TRUTH_COLOUR, 3.5), (snapshot.estimate, ESTIMATE_COLOUR, 1.2)):
+            if pose is not None:
+                arms = 0.3 * size * pixel * pose[:3, :2].T
+                middle = pose[:3, 3] + _LIFT * camera.rotation[2]
+                canvas.draw_lines(middle - arms, middle + arms, colour, radius, hidden_alpha=0)
+        return canvas.image(), camera
 
     def likelihood(self, codebook: Codebook, snapshot: Snapshot) -> np.ndarray:
         """Colour points by how well a touch there would match, pale to red, and draw the truth; (H, W, 3) uint8."""

@@ -16,8 +16,11 @@ body { font: 15px/1.5 system-ui, sans-serif; color: #1d2127; margin: 2.5rem auto
 h1 { font-size: 1.7rem } h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #e3e6ea }
 table { border-collapse: collapse; margin: 1rem 0 } th, td { padding: .3rem .9rem; text-align: right }
 th { border-bottom: 2px solid #c8ccd2; font-weight: 600 } tr:nth-child(even) td { background: #f6f7f9 }
-th:first-child, td:first-child { text-align: left } img { max-width: 100%; margin: .6rem 0 }
-pre { background: #f6f7f9; padding: .7rem 1rem; overflow-x: auto; font-size: 13px } p.note { color: #5b626d }
+th:first-child, td:first-child { text-align: left } td { overflow-wrap: anywhere }
+figure { margin: 1.2rem 0 } img { max-width: 100%; height: auto } figcaption, p.note { color: #5b626d }
+h1 + p.note { color: inherit }
+pre { background: #f6f7f9; padding: .7rem 1rem; overflow-x: auto; font-size: 13px }
+@media (max-width: 40rem) { body { margin: 1rem auto; padding: 0 .8rem } th, td { padding: .3rem .4rem } }
 """
 
 
@@ -36,7 +39,7 @@ class Page:
         self._markdown.append(f"## {_plain(text)}")
 
     def note(self, text: str) -> None:
-        """Add a paragraph."""
+        """Add a paragraph: in grey, unless it opens the page."""
         self._html.append(f'<p class="note">{html.escape(text)}</p>')
         self._markdown.append(_plain(text))
 
@@ -54,9 +57,9 @@ class Page:
         self._markdown.append("\n".join("| " + " | ".join(_plain(str(c)) for c in line) + " |" for line in lines))
 
     def picture(self, path: Path, caption: str) -> None:
-        """Add a picture that lies in the folder of the page."""
-        text = html.escape(caption, quote=True)
-        image = f'<img src="{html.escape(path.name)}" alt="{text}">'
+        """Add a picture that lies in the folder of the page; a click shows it in full size."""
+        text, name = html.escape(caption, quote=True), html.escape(path.name)
+        image = f'<a href="{name}"><img src="{name}" alt="{text}"></a>'
         self._html.append(f"<figure>{image}<figcaption>{text}</figcaption></figure>")
         self._markdown.append(f"![{_plain(caption)}]({path.name})")
 
@@ -64,8 +67,9 @@ class Page:
         """Write the page as HTML; returns its path."""
         body = "\n".join(self._html)
         document = (
-            f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(self._title)}</title>'
-            f"<style>{_STYLE}</style>{body}</html>\n"
+            '<!doctype html><html lang="en"><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">'
+            f"<title>{html.escape(self._title)}</title><style>{_STYLE}</style>{body}</html>\n"
         )
         with atomic_path(path) as temporary:
             temporary.write_text(document)

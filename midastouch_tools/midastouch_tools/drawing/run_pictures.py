@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 from PIL import Image
-from tqdm import tqdm
 
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.run_record import Snapshot, moments
 from ..progress import progress_bar
@@ -30,7 +30,7 @@ from .figures import (
     save,
     style_error_axes,
 )
-from .object_view import ObjectView
+from .object_view import ObjectView, measured_contact
 from .page import Page
 from .scale import draw_scale
 
@@ -82,9 +82,10 @@ class _Stage:
             for name, colour in (("particles", PARTICLE_COLOUR), ("closest mode", MODE_COLOUR)):
                 axes.plot(self._series["time"], self._series[name][row], color=colour, lw=1.4, label=name)
             style_error_axes(axes, label, "time [s]" if row else "")
+            if not row:  # above the curves, which may be anywhere
+                axes.legend(frameon=False, fontsize=7, loc="lower right", bbox_to_anchor=(1, 0.95), ncols=2)
             axes.yaxis.set_major_locator(LogLocator())
             self._marks.append(axes.axvline(0, color="black", lw=1))
-        axes.legend(frameon=False, fontsize=7, loc="upper right")
         draw_scale(self._scene, view.camera)
         self._figure.text(0.02, 0.015, LEGEND, fontsize=7)
         self._title = self._figure.text(0.02, 0.94, "", fontsize=12)
@@ -111,24 +112,20 @@ _WIDTH = 760  # px
 GIF_FRAMES = 60
 
 
-def add_run(page: Page, run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, out: Path) -> None:
-    """Draw the run in `run.mcap` of the folder `out` into that folder; add the pictures to a page there."""
+def add_run(page: Page, table: tuple, run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, out: Path) -> None:
+    """Draw the run in `run.mcap` of the folder `out` into that folder; add the pictures to a page there, and below the
+    animation a `table` of header and rows."""
     view = ObjectView(mesh, np.array([s.truth for s in run]), _WIDTH)
     title = f"{mesh.name}, {len(run)} frames"
     overview = save(run_figure(view, codebook, moments(run, _COLUMNS), run, title), out / "run.png")
     # from the side that is touched at the end, which may not be the one touched most
-    final = save(final_figure(ObjectView(mesh, run[-1].truth[None], _WIDTH), run[-1]), out / "final.png")
-    with progress_bar(unit="picture") as bar:
-        animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
-    page.picture(animation, "The run: particles on the object, touch, errors")
+    last, contact = run[-1], measured_contact(run[-1], SensorModel.load("digit_tacto"))
+    final = save(final_figure(ObjectView(mesh, last.truth[None], _WIDTH), last, contact), out / "final.png")
+    drawn = partial(progress_bar, unit="picture", desc="run.gif")
+    animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: drawn(iterable=chosen))
+    page.picture(animation, "The run from the first estimate on: particles on the object, touch, errors")
+    page.table(*table)
     page.picture(overview, "Touch, its likelihood over the object, particles, errors (the paper's figure 7)")
     page.picture(final, "Particles, modes and ground truth at the end")
-    page.note("Recorded in run.mcap: inputs, ground truth and all results. It is played by")
-    page.code(f"midastouch replay {shlex.quote(str(out / 'run.mcap'))}")
-
-
-def _ticked(items: list, bar: tqdm) -> Iterator:
-    bar.reset(len(items))
-    for item in items:
-        yield item
-        bar.update()
+    page.note("run.mcap, beside this page, holds inputs, ground truth and all results. To play it there:")
+    page.code("midastouch replay run.mcap")

@@ -35,9 +35,24 @@ _MOST_UNLIKE = 0.1  # fraction by which the rates of episodes may differ: the fo
 
 
 def write_lerobot(recordings: Sequence[Recording], folder: Path) -> int:
-    """Write the dataset into the existing `folder`; returns the number of frames.
+    """Write recordings as a LeRobot dataset.
 
-    Raises InputError for recordings of different columns or rates.
+    Parameters
+    ----------
+    recordings
+        One for each episode.
+    folder
+        An existing folder.
+
+    Returns
+    -------
+    int
+        Number of frames.
+
+    Raises
+    ------
+    InputError
+        The recordings have different columns or rates.
     """
     columns = recordings[0].columns
     for other in recordings[1:]:

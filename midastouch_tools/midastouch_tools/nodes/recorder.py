@@ -72,13 +72,14 @@ class Recorder(PipelineNode):
     stamped with its start: all latched ones, and others as long as they fit into `MOST_EARLY`. `metadata` are texts
     kept in the bag. Raises InputError if the path is taken or a message type is not installed.
 
-    Once the disk is nearly full, the bag is completed as it is; `failure` then gives the reason for its end.
+    Once the disk is nearly full, the bag is completed as it is; `failure` then gives the reason for its end. `path` is
+    that of the bag, with the date filled in.
     """
 
     def __init__(self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs) -> None:
         super().__init__("recorder", **kwargs)
         parameters = Parameters(self, PARAMETERS)
-        self._path, self._min_free = _dated(parameters["path"]), parameters["min_free"] * _MIB
+        self.path, self._min_free = _dated(parameters["path"]), parameters["min_free"] * _MIB
         self.failure = ""
         kinds = [message_class(topic.type_name) for topic in topics]
         topics = [dataclasses.replace(t, name=self.resolve_topic_name(live_name(t.name))) for t in topics]
@@ -86,7 +87,7 @@ class Recorder(PipelineNode):
         self._early: list[tuple[Topic, bytes]] = []
         self._early_size = 0
         self._open = contextlib.ExitStack()
-        self._bag = self._open.enter_context(BagWriter(self._path, metadata))
+        self._bag = self._open.enter_context(BagWriter(self.path, metadata))
         self._heard = [self._subscribe(topic, kind) for topic, kind in zip(topics, kinds, strict=True)]
         self.create_timer(0.5, self._watch_disk, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._describe)
@@ -108,7 +109,7 @@ class Recorder(PipelineNode):
     def _watch_disk(self) -> None:
         if self.failure:
             return
-        folder = Path(self._path).expanduser().resolve().parent
+        folder = Path(self.path).expanduser().resolve().parent
         try:
             free = shutil.disk_usage(folder).free
         except OSError as error:  # the folder is gone
@@ -119,7 +120,7 @@ class Recorder(PipelineNode):
             why = f"{folder} has {free / _MIB:.0f} MiB left"
         self._complete()
         if not self.failure:
-            self._give_up(f"{why}; recording ended, {self._path} is complete")
+            self._give_up(f"{why}; recording ended, {self.path} is complete")
 
     def _complete(self) -> None:
         """Give the bag its name; a second call does nothing."""
@@ -127,14 +128,14 @@ class Recorder(PipelineNode):
             with self._open:
                 self._write_early(0)
         except OSError as error:
-            self._give_up(f"{error.filename or self._path}: {error.strerror or error}; the recording is lost")
+            self._give_up(f"{error.filename or self.path}: {error.strerror or error}; the recording is lost")
 
     def _give_up(self, reason: str) -> None:
         self.failure = self.failure or reason
         self.get_logger().error(reason)
 
     def _describe(self) -> tuple[bytes, str, dict]:
-        return (ERROR, self.failure, self.counts) if self.failure else (OK, f"recording {self._path}", self.counts)
+        return (ERROR, self.failure, self.counts) if self.failure else (OK, f"recording {self.path}", self.counts)
 
     def _on_message(self, topic: Topic, data: bytes) -> None:
         if self.failure:
@@ -153,7 +154,7 @@ class Recorder(PipelineNode):
             self._early_size -= len(data)
             self._diagnostics.problem(
                 "before_clock",
-                "nobody publishes /clock, messages are lost: start the replay, or set use_sim_time to false",
+                "nothing publishes /clock, messages are lost: start the replay, or set use_sim_time to false",
             )
             return
         self.counts[topic.name] += 1
@@ -171,7 +172,7 @@ class Recorder(PipelineNode):
             self._bag.write(Message(topic.name, topic.type_name, now, data, topic.latched))
         except OSError as error:
             self._open.__exit__(type(error), error, error.__traceback__)
-            self._give_up(f"{error.filename or self._path}: {error.strerror or error}; the recording is lost")
+            self._give_up(f"{error.filename or self.path}: {error.strerror or error}; the recording is lost")
 
 
 def _dated(path: str) -> str:
@@ -186,7 +187,8 @@ def main(args: list[str] | None = None) -> int:
     nodes: list[Recorder] = []
 
     def make() -> list[Recorder]:
-        nodes.append(Recorder())
+        nodes.append(recorder := Recorder())
+        recorder.get_logger().info(f"recording {recorder.path} until Ctrl-C")
         return nodes
 
     return run(make, args) or (1 if nodes and nodes[0].failure else 0)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 
 from midastouch_common.errors import InputError
-from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
+from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics, LastingWarnings
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.private_rclpy import RCLError
@@ -18,12 +18,21 @@ from ..replay.flow_control import FlowControl
 from ..replay.keyboard import Keyboard
 from ..replay.playback import Playback
 from ..replay.player import Player
-from ..replay.source import ReplaySource
+from ..replay.source import ReplaySource, parsed_remaps
+from ..text_table import counted
 from .replay_control import KEYS_HELP, ReplayControl
 from .replay_listeners import FilterAnswers, Listeners, ReplayOutput
 
 PARAMETERS = (
     Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
+    Parameter("remap", "", "Topics of a bag that are played on others: FROM:=TO, separated by spaces"),
+    Parameter(
+        "rotation",
+        0,
+        "Turn of the images of a bag or folder, counter-clockwise; 90 for those in the camera's own landscape order",
+        "deg",
+        choices=(0, 90, 180, 270),
+    ),
     Parameter(
         "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
     ),
@@ -33,14 +42,14 @@ PARAMETERS = (
     Parameter(
         "seek_to",
         0.0,
-        "Each time it is set, go on this long after the beginning; a pause stays",
+        "Each time it is set, continue this long after the beginning; a pause stays",
         "s",
         minimum=0.0,
         maximum=1e10,
         read_only=False,
     ),
     Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
-    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
+    Parameter("wait_for_subscribers", 0, "Start when the images have this many subscribers", minimum=0, maximum=100),
     Parameter(
         "ack_topic",
         "",
@@ -50,7 +59,7 @@ PARAMETERS = (
     Parameter(
         "ack_timeout",
         5.0,
-        "An image of which the filter, though it is at work, says nothing for so long is given up; the time in which "
+        "An image is given up if the filter, though at work, does not mention it for this time; time in which "
         "it is busy or loads does not count",
         "s",
         minimum=0.05,
@@ -79,7 +88,8 @@ class Replay(PipelineNode):
         self.finished = threading.Event()
         self.error: Exception | None = None
 
-        source = ReplaySource(self._settings["source"], self._on_broken)
+        remaps = parsed_remaps(self._settings["remap"].split())
+        source = ReplaySource(self._settings["source"], self._on_broken, remaps, self._settings["rotation"])
         self._output = ReplayOutput(self, source.topics, self._settings["clock"])
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
         timeout_reports = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
@@ -90,6 +100,7 @@ class Replay(PipelineNode):
         self._listeners = Listeners(self, self._output, answers, nodes, subscribers)
         self.player = Player(source, self._playback, flow, answers is not None, self._output.send, self._output.tell)
         self.control = ReplayControl(self, self._playback, lambda: self.player.position, source.duration_s)
+        self._lasting = LastingWarnings(self)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
 
@@ -134,6 +145,10 @@ class Replay(PipelineNode):
         self.get_logger().warning(f"{reason}; left out", throttle_duration_sec=1.0)
 
     def _describe(self) -> tuple[bytes, str, dict]:
+        if self.player.frames_sent and not self.finished.is_set():
+            unheard = self._listeners.unheard
+            why = f"nothing subscribes to {unheard}: for poses, start midastouch run localization use_sim_time:=true"
+            self._lasting.observe({"unheard": why} if unheard else {})
         values = {
             "position_s": f"{self.player.position:.3f}",
             "rate": self._settings["rate"],
@@ -145,11 +160,11 @@ class Replay(PipelineNode):
         if self.error is not None:
             return WARN, str(self.error), values
         if self.player.frames_lost:
-            return WARN, f"{self.player.frames_lost} frames were never answered", values
+            return WARN, f"{counted(self.player.frames_lost, 'frame')} never answered", values
         if self.player.frames_broken:
-            return WARN, f"{self.player.frames_broken} frames left out as their images are broken", values
+            return WARN, f"{counted(self.player.frames_broken, 'broken image')} left out", values
         if (gap := self._playback.remaining) > _LONG_S:
-            return WARN, f"nothing is recorded for {gap:.0f} s: set seek_to to go on behind the gap", values
+            return WARN, f"nothing is recorded for {gap:.0f} s: set seek_to to continue after the gap", values
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 

@@ -9,6 +9,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from midastouch_common.errors import InputError
+from midastouch_common.ros.services import offer
+
 from ..replay.playback import Playback
 
 KEYS_HELP = "space: pause; right: next frame; left: 5 s back; up, down: faster, slower"
@@ -24,9 +27,9 @@ class ReplayControl:
 
     def __init__(self, node: Node, playback: Playback, position: Callable[[], float], duration: float):
         self._node, self._playback, self._position, self._duration = node, playback, position, duration
-        node.create_service(Trigger, "~/pause", self._pause)
-        node.create_service(Trigger, "~/resume", self._resume)
-        node.create_service(Trigger, "~/step", self._step)
+        offer(node, Trigger, "~/pause", self._pause)
+        offer(node, Trigger, "~/resume", self._resume)
+        offer(node, Trigger, "~/step", self._step)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._on_parameters)
 
@@ -63,17 +66,15 @@ class ReplayControl:
             elif change.name == "seek_to":
                 self._playback.seek(change.value)
 
-    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _pause(self, _: Trigger.Request) -> str:
         self._playback.pause()
-        response.success, response.message = True, "paused"
-        return response
+        return "paused"
 
-    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _resume(self, _: Trigger.Request) -> str:
         self._playback.resume()
-        response.success, response.message = True, "playing"
-        return response
+        return "playing"
 
-    def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._playback.step()
-        response.message = "one frame" if response.success else "not paused; call pause first"
-        return response
+    def _step(self, _: Trigger.Request) -> str:
+        if not self._playback.step():
+            raise InputError("not paused; call pause first")
+        return "one frame"

@@ -19,10 +19,12 @@ from midastouch_msgs.msg import FilterStatus
 from ..bags.messages import TF_TOPIC, Message, Topic
 from ..replay.flow_control import FlowControl
 from ..replay.source import is_image
+from ..text_table import counted
 from .message_types import live_name, message_class
 
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # the middleware's name for a node of which only the topics were heard of
 _LOOK_S = 0.02
+_LONG_S = 4.0  # for nodes that run to be discovered
 
 
 class FilterAnswers:
@@ -67,10 +69,21 @@ class Listeners:
         self._nodes = LifecycleWatch(node, nodes)
 
     def wait(self, stopped: Callable[[], bool]) -> None:
-        """Wait until all subscribers are there, or `stopped()`; meanwhile the log names those that are missing."""
+        """Wait until all subscribers are there, or `stopped()`; the log names those that are missing for long."""
+        logged, text, since = "", "", 0.0
         while not stopped() and (missing := self._missing()):
-            self._node.get_logger().info(f"waiting for {', '.join(missing)}", throttle_duration_sec=5.0)
+            former, text = text, f"waiting for {', '.join(missing)}"
+            since = since if text == former else time.monotonic()
+            if text != logged and time.monotonic() - since >= _LONG_S:
+                logged = text
+                self._node.get_logger().info(text)
             time.sleep(_LOOK_S)  # Python's: rclpy's raises if the process is told to stop meanwhile
+
+    @property
+    def unheard(self) -> str:
+        """Topics of images that nothing subscribes to; "" if they are heard."""
+        images = [topic for topic in self._output.topics if is_image(topic)]
+        return "" if any(map(self._output.listeners, images)) else " and ".join(images)
 
     def _missing(self) -> list[str]:
         """List in words what is missing: active nodes, subscribers of the images, the filter's subscription of TF."""
@@ -78,7 +91,7 @@ class Listeners:
         images = [topic for topic in self._output.topics if is_image(topic)]
         wanted = self._subscribers - sum(map(self._output.listeners, images))
         if wanted > 0:
-            missing.append(f"{wanted} more subscribers of {' and '.join(images)}")
+            missing.append(f"{counted(wanted, 'more subscriber')} of {' and '.join(images)}")
         if self._answers is not None:
             missing += self._missing_of_the_filter(self._answers)
         return missing

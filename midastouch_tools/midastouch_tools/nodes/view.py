@@ -36,14 +36,14 @@ from midastouch_msgs.msg import FilterStatus, PoseModes
 
 PARAMETERS = (
     Parameter(
-        "rate", 5.0, "Times per second at which the newest of each topic is drawn", "Hz", minimum=0.1, maximum=60.0
+        "rate", 2.0, "Times per second at which the newest of each topic is drawn", "Hz", minimum=0.1, maximum=60.0
     ),
 )
 
 _JUMP_NS = 500_000_000
 SILENT_S = 3.0
 _WAITING = "waiting", "for the filter; if it runs, see that ROS_DOMAIN_ID and --namespace are its own"
-_SILENT = "no filter_status", "the filter says nothing; what is drawn may be old"
+_SILENT = "no filter_status", "no news from the filter; what is drawn may be old"
 _ENDED = "ended", "the filter's node has ended; what is drawn is the last of it"
 
 
@@ -149,8 +149,8 @@ class View(PipelineNode):
                 self._scene.guidance(status.message, {value.key: value.value for value in status.values})
 
     def _particles(self, msg: PointCloud2) -> None:
-        cloud = points_from_msg(msg, ("x", "y", "z", "intensity"))
-        self._scene.particles(cloud[:, :3], cloud[:, 3])
+        cloud = points_from_msg(msg, ("x", "y", "z", "normal_x", "normal_y", "normal_z", "intensity"))
+        self._scene.particles(cloud[:, :3], cloud[:, 3:6], cloud[:, 6])
 
     def _modes(self, msg: PoseModes) -> None:
         poses = np.array([pose_from_msg(mode.pose.pose) for mode in msg.modes]).reshape(-1, 4, 4)

@@ -19,13 +19,49 @@ Wait = Callable[[float | None], bool]
 
 @contextlib.contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Turn each signal to stop into KeyboardInterrupt, as Ctrl-C is, so that half-written files are removed."""
-    handlers = {number: signal.signal(number, signal.default_int_handler) for number in _heard()}
+    """Turn each signal to stop into KeyboardInterrupt, as Ctrl-C is, so that half-written files are removed.
+
+    The signal's number is its argument, for `exit_status`. Outside of the main thread nothing is changed. What has set
+    other handlers meanwhile, as nodes do, keeps them.
+    """
+
+    def interrupt(number: int, _frame: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    here = threading.current_thread() is threading.main_thread()
+    handlers = {number: signal.signal(number, interrupt) for number in (_heard() if here else ())}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            if signal.getsignal(number) is interrupt:
+                signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def handlers_kept() -> Iterator[None]:
+    """Set the handlers of signals to stop back in the end: nodes leave them ignored, as if their process ended."""
+    handlers = {number: signal.getsignal(number) for number in _STOP}
     try:
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+
+
+def exit_status(interrupt: KeyboardInterrupt) -> int:
+    """Return the exit status that shells expect after a signal: 130 after Ctrl-C, 143 after SIGTERM."""
+    return 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """End a script by a signal to stop without a traceback, once its context managers have cleaned up."""
+    try:
+        with interrupted_by_signals():
+            yield
+    except KeyboardInterrupt as interrupt:
+        sys.exit(exit_status(interrupt))
 
 
 @contextlib.contextmanager

@@ -27,7 +27,7 @@ def claimed_domain() -> int:
         else:
             _claims.append(claim)
             return domain
-    raise RuntimeError("each of 101 DDS domains belongs to a run of midastouch that is under way")
+    raise RuntimeError("all 101 DDS domains are in use by running midastouch commands")
 
 
 def own_domain() -> int:

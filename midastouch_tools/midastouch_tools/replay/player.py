@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..bags.messages import Message, header_stamp_ns
+from ..text_table import counted
 from .flow_control import FlowControl
 from .playback import Playback
 from .source import ReplaySource, is_image
@@ -72,7 +73,7 @@ class Player:
 
     def summary(self) -> str:
         """Return the numbers of frames in words."""
-        text = f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
+        text = f"sent {counted(self.frames_sent, 'frame')}, {self.frames_repeated} repeated, {self.frames_lost} lost"
         if self.frames_broken:
             text += f", {self.frames_broken} left out as their images are broken"
         if self._flow.waiting:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 from midastouch_common.errors import InputError
 from midastouch_common.images import BrokenImageError
@@ -28,18 +27,19 @@ from ..bags.messages import (
     image_message,
     plain_image_messages,
     sequence_messages,
-    typestore,
 )
-from ..bags.reader import bag_duration, bag_messages, bag_topics, is_bag, readable
-from ..datasets.loading import is_sequence, load_sequence
+from ..bags.reader import bag_duration, bag_messages, bag_topics, content_of, is_bag, readable
+from ..datasets.loading import is_sequence, load_sequence, no_whole_bag
 from ..datasets.plain_images import PlainImages
+from ..datasets.sequence import IMAGE_SHAPE
 
 INPUT_TOPICS = frozenset(
     {IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states", "/initialpose"}
 )
 """Topics of a bag that are inputs of the pipeline, not its results."""
 
-_FIRST = 2000  # messages of TF: seconds of a recording
+_TRANSFORMS = (TF_TOPIC, TF_STATIC_TOPIC)
+_FIRST, _FIRST_NS = 2000, 20_000_000_000  # messages of TF, and of the recording
 _POSE_TOPIC, _OBJECT_FRAME = "/pose", "object"  # of a filter; its default object frame
 
 
@@ -48,34 +48,52 @@ def is_image(topic: str) -> bool:
     return topic.startswith(IMAGE_TOPIC)
 
 
+def parsed_remaps(words: Iterable[str]) -> dict[str, str]:
+    """Return the topic on which each recorded topic is played, from words FROM:=TO. Raises InputError for others."""
+    remaps = {}
+    for word in words:
+        recorded, separator, played = word.partition(":=")
+        if not separator or played not in INPUT_TOPICS:
+            raise InputError(f"remap {word}: write FROM:=TO, where TO is one of {', '.join(sorted(INPUT_TOPICS))}")
+        remaps[recorded] = played
+    return remaps
+
+
 class ReplaySource:
     """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
 
-    Of a bag, only the inputs of the pipeline are sent. The pipeline subscribes to raw images: compressed ones are
-    decompressed, or left out if there are raw ones, too. An incomplete image, as a lossy network leaves it, is left out
-    and counted (`images_broken`); `on_broken` gets the reason. Raises InputError if `path` is none of these or cannot
-    be read, also while messages are read.
+    Of a bag, only the inputs of the pipeline are sent. The pipeline subscribes to raw images of one size: others are
+    converted, and compressed ones left out if there are raw ones, too. An incomplete image, as a lossy network leaves
+    it, is left out and counted (`images_broken`); `on_broken` gets the reason. remaps: of topics of a bag, by recorded
+    name, as from `parsed_remaps`; rotation: degrees counter-clockwise by which the images of a bag or folder are
+    turned. Raises InputError if `path` is none of these or cannot be read, also while messages are read.
     """
 
-    def __init__(self, path: str | Path, on_broken: Callable[[str], None] = lambda reason: None) -> None:
-        self.path, self._on_broken = Path(path), on_broken
+    def __init__(
+        self,
+        path: str | Path,
+        on_broken: Callable[[str], None] = lambda reason: None,
+        remaps: Mapping[str, str] = MappingProxyType({}),
+        rotation: int = 0,
+    ) -> None:
+        self.path, self._on_broken, self._rotation = Path(path), on_broken, rotation
         self.images_broken = 0
-        self._decompresses = False
         self._sequence = self._images = None
+        self._played: dict[str, Topic] = {}
         if not is_bag(self.path):
+            if problem := no_whole_bag(self.path):
+                raise InputError(problem)
             if PlainImages.are_at(self.path) and not is_sequence(self.path):
-                self._images, self.topics = PlainImages(self.path), list(PLAIN_IMAGE_TOPICS)
+                self._images, self.topics = PlainImages(self.path, rotation), list(PLAIN_IMAGE_TOPICS)
             else:
                 self._sequence, self.topics = load_sequence(self.path), list(SEQUENCE_TOPICS)
             return
         present = bag_topics(self.path)
-        self.topics = [topic for topic in present if topic.name in INPUT_TOPICS]
-        if not any(is_image(topic.name) for topic in self.topics):
-            names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self.path}: has no images on {IMAGE_TOPIC} or {COMPRESSED_TOPIC}; it has {names}")
+        self._played = self._inputs(present, remaps)  # topic by recorded name
         self._estimated = {_OBJECT_FRAME, *self._frames_of(_POSE_TOPIC, present)}
-        self._prefer_raw_images()
-        self._look_at_the_first_image()
+        self._image_topic = self._choose_images()
+        self.topics = list(self._played.values())
+        self._converts = self._must_convert()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
         """Yield each recorded message once, in recorded order, without those of the first `offset_ns`.
@@ -103,49 +121,78 @@ class ReplaySource:
             return (self._images.n_frames - 1) / self._images.fps
         return bag_duration(self.path)
 
-    def _prefer_raw_images(self) -> None:
-        names = {topic.name for topic in self.topics}
-        if COMPRESSED_TOPIC not in names:
-            return
-        self.topics = [topic for topic in self.topics if topic.name != COMPRESSED_TOPIC]
-        if IMAGE_TOPIC not in names:
-            self._decompresses = True
-            self.topics.append(Topic(IMAGE_TOPIC, IMAGE_TYPE))
+    def _inputs(self, present: list[Topic], remaps: Mapping[str, str]) -> dict[str, Topic]:
+        """Return the topic on which each input of a bag is played, by its recorded name."""
+        names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
+        if unknown := sorted(remaps.keys() - {topic.name for topic in present}):
+            raise InputError(f"remap {unknown[0]}: {self.path} has no such topic; it has {names}")
+        played = {}
+        for topic in present:
+            name = remaps.get(topic.name, topic.name)
+            if name in INPUT_TOPICS and (topic.name in remaps or name not in remaps.values()):
+                played[topic.name] = Topic(name, topic.type_name, topic.latched or name == TF_STATIC_TOPIC)
+        if not any(is_image(topic.name) for topic in played.values()):
+            raise InputError(
+                f"{self.path}: has no images on {IMAGE_TOPIC} or {COMPRESSED_TOPIC}; it has {names}; how to play it: "
+                f"midastouch inspect-bag {self.path}"
+            )
+        return played
 
-    def _look_at_the_first_image(self) -> None:
-        """Raise InputError if the pipeline cannot take the images of the bag: they would all be refused one by one."""
-        topic = COMPRESSED_TOPIC if self._decompresses else IMAGE_TOPIC
-        with contextlib.suppress(BrokenImageError):  # that one is left out
-            decode_image(next(bag_messages(self.path, {topic})), self.path)
+    def _choose_images(self) -> str:
+        """Return the recorded name of the images, raw ones if there are any; drop other ones."""
+        recorded = {topic.name: name for name, topic in self._played.items() if is_image(topic.name)}
+        chosen = recorded.get(IMAGE_TOPIC) or recorded[COMPRESSED_TOPIC]
+        for name in recorded.values():
+            del self._played[name]
+        self._played[chosen] = Topic(IMAGE_TOPIC, IMAGE_TYPE)
+        return chosen
+
+    def _must_convert(self) -> bool:
+        """Return whether the images are not yet as the pipeline takes them.
+
+        Raises InputError if it cannot take the first one: all would be refused, one by one.
+        """
+        first = next(bag_messages(self.path, {self._image_topic}))
+        try:
+            decode_image(first, self.path, self._rotation)
+        except BrokenImageError:
+            return True  # that one is left out
+        # a CompressedImage has no size
+        return bool(self._rotation) or getattr(content_of(first, self.path), "height", 0) != IMAGE_SHAPE[0]
 
     def pose_missing(self, base: str, gel: str) -> str:
         """Return in words, with the fix, why the recording has no pose of the frame `gel` in `base`; empty if it has.
 
-        Of a bag, the first transforms of each frame are looked at, up to `_FIRST` messages.
+        Of a bag, the beginning is looked at.
         """
         if self._sequence is not None:
             return ""
-        tree = FrameTree()
-        links = tree.parents
-        if {TF_TOPIC, TF_STATIC_TOPIC} & {topic.name for topic in self.topics}:
-            for message in islice(bag_messages(self.path, {TF_TOPIC, TF_STATIC_TOPIC}), _FIRST):
-                with readable(self.path):
-                    content: Any = typestore().deserialize_cdr(message.data, message.type_name)
-                links |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in content.transforms}
-        roots = {tree.ancestors(frame.lstrip("/"))[-1] for frame in (base, gel)}
-        if len(roots) == 1:
+        tree = self.frame_tree(base, gel)
+        if _linked(tree, base, gel):
             return ""
+        links = tree.parents
         frames = f"; it has the frames {', '.join(sorted({*links, *links.values()}))}" if links else ""
         return (
             f"{self.path}: no recorded transforms lead from '{base}' to '{gel}'{frames}; so there is no pose. "
-            "Publish the missing ones beside it (midastouch run mount), or name the frames: tf_prefix, sensor_prefix"
+            "Publish the missing ones meanwhile (midastouch run mount), or name the frames: tf_prefix, sensor_prefix"
         )
 
+    def frame_tree(self, base: str, gel: str) -> FrameTree:
+        """Return the frames of a bag, read until two of them are linked, from the beginning only."""
+        tree, until = FrameTree(), 0
+        topics = {name for name, topic in self._played.items() if topic.name in _TRANSFORMS}
+        for message in islice(bag_messages(self.path, topics), _FIRST) if topics else ():
+            until = until or message.stamp_ns + _FIRST_NS
+            if message.stamp_ns > until:
+                break
+            links = content_of(message, self.path).transforms
+            tree.parents |= {t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in links}
+            if _linked(tree, base, gel):
+                break
+        return tree
+
     def _bag_messages(self) -> Iterator[Message]:
-        names = {topic.name for topic in self.topics}
-        if self._decompresses:
-            names = names - {IMAGE_TOPIC} | {COMPRESSED_TOPIC}
-        for message in self._without_estimates(bag_messages(self.path, names)):
+        for message in self._without_estimates(bag_messages(self.path, self._played)):
             try:
                 yield self._as_sent(message)
             except BrokenImageError as error:
@@ -153,11 +200,11 @@ class ReplaySource:
                 self._on_broken(str(error))
 
     def _as_sent(self, message: Message) -> Message:
-        if not self._decompresses or message.topic != COMPRESSED_TOPIC:
-            return message
-        pixels = decode_image(message, self.path)
-        content: Any = typestore().deserialize_cdr(message.data, message.type_name)
-        return image_message(content.header, pixels, message.stamp_ns)
+        if message.topic != self._image_topic or not self._converts:
+            topic = self._played[message.topic]
+            return dataclasses.replace(message, topic=topic.name, latched=message.latched or topic.latched)
+        pixels = decode_image(message, self.path, self._rotation)
+        return image_message(message.content.header, pixels, message.stamp_ns)
 
     def _frames_of(self, topic: str, present: list[Topic]) -> set[str]:
         """The frame of the first message on a topic, if there is one."""
@@ -165,22 +212,22 @@ class ReplaySource:
             return set()
         first = next(bag_messages(self.path, {topic}))
         with readable(self.path):
-            content: Any = typestore().deserialize_cdr(first.data, first.type_name)
-            return {content.header.frame_id}
+            return {first.content.header.frame_id}
 
     def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
         """Drop the frame that a filter published: it would conflict with that of the filter that listens."""
-        store = typestore()
         for message in messages:
-            if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):
+            if self._played[message.topic].name not in _TRANSFORMS:
                 yield message
                 continue
-            with readable(self.path):
-                content: Any = store.deserialize_cdr(message.data, message.type_name)
+            content = content_of(message, self.path)
             kept = [t for t in content.transforms if t.child_frame_id not in self._estimated]
             if len(kept) == len(content.transforms):
                 yield message
             elif kept:
                 content.transforms = kept
-                data = bytes(store.serialize_cdr(content, message.type_name))
-                yield dataclasses.replace(message, data=data)
+                yield Message.of(message.topic, content, message.stamp_ns, message.latched)
+
+
+def _linked(tree: FrameTree, base: str, gel: str) -> bool:
+    return len({tree.ancestors(frame.lstrip("/"))[-1] for frame in (base, gel)}) == 1

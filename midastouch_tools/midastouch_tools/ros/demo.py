@@ -42,7 +42,7 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     print(f"2/5  its codebook of {size:,} touches", flush=True)
     codebook = cached_codebook(mesh, load_tcn("fast", sensor), sensor, size)
     print(f"3/5  replay, tdn, tcn and particle_filter as processes, ROS_DOMAIN_ID={domain}", flush=True)
-    with whole_folder(out) as fresh:
+    with whole_folder(out, keep_failed=True) as fresh:
         bag = fresh / "run.mcap"
         with atomic_path(bag) as temporary:
             seconds = record_run(sequence, _parameters(mesh, size, sequence, fresh), temporary, fresh / "log", domain)

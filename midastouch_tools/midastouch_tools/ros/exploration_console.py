@@ -21,6 +21,7 @@ from midastouch_common.message_arrays import probabilities_from_msg, stamp_ns
 from midastouch_common.output_paths import quick_codebook
 from midastouch_common.ros import qos
 from midastouch_common.ros.addresses import resolve
+from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects
@@ -30,8 +31,10 @@ from ..progress import progress_bar
 
 _OF_A_FINGER = "p: push the object; o: another object; "
 _NUDGE = 0.01  # m
-_LONGEST_NAME = 30  # with it, a line has at most 100 columns
+_LIKELY = 0.9  # probability of an object
+_LONGEST_NAME = 28  # with it, a line has at most 100 columns
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
+_OF_NO_FRAME = (FilterStatus.STATE_UNINITIALISED, FilterStatus.STATE_STALE)  # stamped by another clock than images
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
@@ -39,13 +42,15 @@ class Console(Node):
     """Node that shows the progress of an exploration, and sends the commands of the pressed keys.
 
     Attributes: ended: end of the exploration, None before it; answering [s]: from the filter's first answer to the
-    newest; mesh: of the object; since_change_ns: time since it became the object, on the finger's clock.
+    newest; mesh: of the object; since_change_ns: on the finger's clock, from the first answer about that object to the
+    newest, None before one.
     Args: mesh: of the object at the start; given: True if the filter was given the object.
     """
 
     def __init__(self, mesh: str, given: bool, context: rclpy.Context):
         super().__init__("explore", context=context)
-        self.mesh, self._newest, self._changed = mesh, 0, 0
+        self.mesh, self._newest = mesh, 0
+        self._changed: int | None = None
         self.ended: ExplorationEnd | None = None
         self._first_at: float | None = None
         self.answering = 0.0
@@ -127,14 +132,14 @@ class Console(Node):
         return self._explorer.state == ExplorerStatus.STATE_PAUSED
 
     @property
-    def since_change_ns(self) -> int:
-        return self._newest - self._changed
+    def since_change_ns(self) -> int | None:
+        return None if self._changed is None else self._newest - self._changed
 
     def _on_mesh(self, markers: MarkerArray) -> None:
         for marker in markers.markers:
             address = marker.mesh_resource
             if marker.action == Marker.ADD and address and (path := file_of(address)) != self.mesh:
-                self.mesh, self._changed = path, self._newest
+                self.mesh, self._changed = path, None
                 self._objects, self._given = {}, Path(path).stem
 
     def _on_objects(self, objects: Detection3DArray) -> None:
@@ -147,7 +152,9 @@ class Console(Node):
     def _on_filter(self, status: FilterStatus) -> None:
         if status.state == FilterStatus.STATE_WAITING:
             return
-        self._newest = stamp_ns(status.header.stamp)
+        if status.state not in _OF_NO_FRAME:
+            self._newest = stamp_ns(status.header.stamp)
+            self._changed = self._newest if self._changed is None else self._changed
         self._first_at = self._first_at or time.monotonic()
         self.answering = time.monotonic() - self._first_at
         self._filter = status
@@ -170,7 +177,7 @@ class Console(Node):
 def keys_help(finger: bool) -> str:
     """Return the help on the keys; finger: True if the arm is the finger without mechanics."""
     of_finger = _OF_A_FINGER if finger else ""
-    return f"arrows: slide; l: lift, touch elsewhere; {of_finger}space: take over, or let it go on; q, Ctrl-C: end"
+    return f"arrows: slide; l: lift, touch elsewhere; {of_finger}space: take over, or let it continue; q, Ctrl-C: end"
 
 
 def file_of(address: str) -> str:
@@ -191,12 +198,14 @@ def progress_line(
 
 
 def object_answer(objects: Mapping[str, float], given: str) -> str:
-    """Return the name of the most probable object with its probability. Without probabilities, return `given`, the name
-    of the object that the filter was given, or "no object yet" if that is empty."""
-    if objects:
-        name = max(objects, key=objects.get)
-        return f"{_shortened(name)} {objects[name]:.0%}"
-    return _shortened(given) if given else "no object yet"
+    """Return the name of the most probable object, with "perhaps" before it until it is likely. Without probabilities,
+    return `given`, the name of the object that the filter was given, or "no object yet" if that is empty."""
+    if not objects:
+        return _shortened(given) if given else "no object yet"
+    name = max(objects, key=objects.get)
+    if name == UNKNOWN:
+        return "none of the objects" if objects[name] > _LIKELY else "no object yet"
+    return f"{'' if objects[name] > _LIKELY else 'perhaps '}{_shortened(name)}"
 
 
 def _shortened(name: str) -> str:

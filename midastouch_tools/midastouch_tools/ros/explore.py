@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import rclpy
@@ -17,7 +17,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
-from ..bags.run_record import OBJECTS, PENETRATION, read_run
+from ..bags.run_record import MODES, OBJECTS, PARTICLES, PENETRATION, read_run
 from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
@@ -32,6 +32,7 @@ from .exploration_console import Console, file_of, keys_help
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
 _LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
+_AFTER_A_TOUCH = (MODES, PARTICLES)  # before the first one, the filter of several objects has no pose to publish
 RECORDING = "run.mcap"
 
 
@@ -56,18 +57,21 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         if wait(0.0):
             raise KeyboardInterrupt
     seconds = time.monotonic() - started
+    changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
+        if changed and console.since_change_ns is None:
+            raise InputError("it ended before the filter had an answer about the new object")
         record = read_run(bag)
     except InputError as error:  # it ended before the filter had an answer
         result = ending(console.ended, Path(console.mesh).stem, seconds)
         _tell(result, out)
         write_words(result, str(error), out)
         return 0 if console.ended.by_hand else 1
-    if console.mesh != touched:  # changed by key: the earlier part is about another object
+    if changed:
         record = record.last(1e-9 * console.since_change_ns).of_known_object()
-        changed = {"mesh": console.mesh, "codebook": "", "objects": ""}
-        prepare_codebooks(quick_codebooks(changed))
-        touched, codebook = console.mesh, explored(changed)["codebook"]
+        new = {"mesh": console.mesh, "codebook": "", "objects": ""}
+        prepare_codebooks(quick_codebooks(new))
+        touched, codebook = console.mesh, explored(new)["codebook"]
     mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
@@ -104,7 +108,8 @@ def _explore(
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(keys_help(finger), flush=True)
-            _follow(executor, supervisor, recorder, console, stopped=lambda: wait(0.0))
+            later = () if given else _AFTER_A_TOUCH
+            _follow(executor, supervisor, recorder, console, later, stopped=lambda: wait(0.0))
         return console
 
 
@@ -123,9 +128,10 @@ def _follow(
     supervisor: Supervisor,
     recorder: Recorder,
     console: Console,
+    later: Collection[str],
     stopped: Callable[[], bool],
 ) -> None:
-    """Let the finger move once the recorder hears everything, and spin until the exploration is over."""
+    """Let the finger move once the recorder hears everything except the topics `later`, and spin until it is over."""
 
     def turn() -> bool:
         executor.spin_once(timeout_sec=0.1)
@@ -139,7 +145,7 @@ def _follow(
 
     def still_to_come() -> str:
         # the recorder may know a publisher that does not know it yet; a message from it proves both
-        return ", ".join(topic for topic in topics if not recorder.counts[topic])
+        return ", ".join(topic for topic in topics if topic not in later and not recorder.counts[topic])
 
     try:
         if await_recorder(recorder, topics, turn, still_to_come):

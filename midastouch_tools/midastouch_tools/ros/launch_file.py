@@ -13,6 +13,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 
 from midastouch_bringup.parameter_files import merged, read_parameters
 from midastouch_common.errors import InputError
+from midastouch_common.names import require_name
 
 from ..processes.process import Program
 from .parameter_tables import TABLES
@@ -20,6 +21,11 @@ from .parameter_tables import TABLES
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 FILES = ("params_file", "setup_file", "params_overlay")
 """Arguments that name parameter files, each laid over those before it."""
+_NAMES = {
+    "namespace": "namespace",
+    "serial": "serial number",
+    **dict.fromkeys(("tool_frame", "tf_prefix", "sensor_prefix"), "frame"),
+}
 _FORMER = {"slider": "contact_controller", "finger": "simulated_finger"}
 
 
@@ -44,8 +50,8 @@ def declared(name: str) -> dict[str, DeclareLaunchArgument]:
 def values(name: str, words: Sequence[str]) -> dict[str, str]:
     """Return the values of all arguments of a launch file: `words`, NAME:=VALUE each, over the defaults.
 
-    Raises InputError for arguments that it does not take, values that are none of the choices, one that is missing, and
-    parameter files that cannot be used.
+    Raises InputError for arguments that it does not take, values that are none of the choices, names that can be
+    none, one that is missing, and parameter files that cannot be used.
     """
     arguments, given = declared(name), {}
     for word in words:
@@ -65,6 +71,8 @@ def values(name: str, words: Sequence[str]) -> dict[str, str]:
             context.launch_configurations[key] = given[key]
         if argument.choices and given[key] not in argument.choices:
             raise InputError(f"{key}:={given[key]}: must be one of {', '.join(argument.choices)}")
+        if key in _NAMES and given[key]:
+            require_name(_NAMES[key], given[key], f"{key}:=")
     parameters(given)
     return given
 
@@ -86,7 +94,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
             theirs, sensor = values_of_node.get("sensor_model"), given.get("sensor_model")
             if sensor and theirs not in (None, sensor):
                 raise InputError(
-                    f"{path}: {node} has the sensor_model {theirs}, but the argument says {sensor}; "
+                    f"{path}: {node} has the sensor_model {theirs}, but the argument is {sensor}; "
                     f"take it out of the file, or give sensor_model:={theirs}"
                 )
     return merged(layers)

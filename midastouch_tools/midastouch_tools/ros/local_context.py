@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator
 
 import rclpy
-from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -18,6 +17,7 @@ from midastouch_common.errors import InputError
 
 from ..processes.local_domain import local_environment
 
+_SOON_S = 2.0  # for a service that is there to be known
 _SLICE_S = 0.1  # of spinning: Python handles signals only in between
 
 
@@ -35,14 +35,10 @@ def started_context(domain: int | None = None) -> rclpy.Context:
 
 @contextlib.contextmanager
 def node_for_once(name: str, namespace: str) -> Iterator[Node]:
-    """Provide a node in a context of its own, for one question; InputError for an invalid namespace."""
+    """Provide a node in a context of its own, for one question."""
     context = started_context()
     try:
-        try:
-            node = rclpy.create_node(name, context=context, namespace=namespace)
-        except InvalidNamespaceException as error:
-            raise InputError(f"--namespace {namespace}: {error}") from error
-        yield node
+        yield rclpy.create_node(name, context=context, namespace=namespace)
     finally:
         rclpy.try_shutdown(context=context)
 
@@ -71,13 +67,18 @@ def local_context(domain: int) -> Iterator[rclpy.Context]:
 _ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
 
 
-def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
-    """Call a service in the namespace; return its answer. InputError if it is not offered within `timeout` seconds."""
+def trigger(service: str, offered_by: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
+    """Call a service in the namespace; return its answer. InputError if it is not offered within `timeout` seconds.
+
+    offered_by: the command that starts a node with it, for messages.
+    """
     with node_for_once(f"call_{service}", namespace) as node:
         client = node.create_client(Trigger, service)
-        if not spin_until(node, client.service_is_ready, timeout):
+        if not spin_until(node, client.service_is_ready, min(_SOON_S, timeout)):
+            print(f"waiting for {client.service_name}, which {offered_by} offers", flush=True)
+        if not spin_until(node, client.service_is_ready, timeout - _SOON_S):
             raise InputError(
-                f"{client.service_name}: nobody offers this service; does its node run, with this ROS_DOMAIN_ID? "
+                f"{client.service_name}: no node offers this service; start {offered_by} with this ROS_DOMAIN_ID. "
                 "Another namespace: --namespace"
             )
         answer = client.call_async(Trigger.Request())

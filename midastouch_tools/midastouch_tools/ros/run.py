@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import whole_folder
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
-from midastouch_common.output_paths import exploration
+from midastouch_common.output_paths import SIMULATED, exploration
+from midastouch_common.ros.addresses import load_mesh
+from midastouch_perception.mesh_report import MeshReport
 from midastouch_perception.objects import bundled_mesh
+from midastouch_perception.sensor_model import SensorModel
 
 from ..demo.preparation import prepare_codebooks, prepare_slide, quick_codebooks, require_there
-from ..processes.foreground import interrupted_by_signals
 from ..processes.local_domain import own_domain
-from ..replay.source import ReplaySource
+from ..replay.source import ReplaySource, parsed_remaps
 from . import launch_file
 
 
-@interrupted_by_signals()
 def run_setup(name: str, words: Sequence[str]) -> int:
     """Carry out a launch file until its nodes have ended or a signal comes; returns the exit status.
 
@@ -43,7 +45,8 @@ def run_setup(name: str, words: Sequence[str]) -> int:
 def prepare(name: str, given: dict[str, str]) -> None:
     """Make the files that a launch file still lacks in the current folder; only `demo` and `explore` need any.
 
-    Raises InputError before anything is made: for named files that do not exist, and objects that are not bundled.
+    Of a mesh without a codebook the report is printed, as `midastouch build-codebook` does. Raises InputError before
+    anything is made: for named files that do not exist, meshes that cannot be used, and objects that are not bundled.
     """
     require_there(given)
     if name == "demo":
@@ -56,6 +59,9 @@ def prepare(name: str, given: dict[str, str]) -> None:
 
             require_mujoco()
         prepare_codebooks(quick_codebooks(given))
+    elif given.get("mesh") and not given.get("codebook"):
+        sensor = SensorModel.load(given.get("sensor_model") or SIMULATED)
+        MeshReport.tell(load_mesh(given["mesh"]), sensor, lambda line: print(line, file=sys.stderr))
 
 
 def _say_if_no_pose(given: dict[str, str]) -> None:
@@ -63,7 +69,8 @@ def _say_if_no_pose(given: dict[str, str]) -> None:
     of_filter = launch_file.parameters(given).get("particle_filter", {})
     base = given["tf_prefix"] + BASE_FRAME if given["tf_prefix"] else of_filter.get("base_frame_id", BASE_FRAME)
     gel = given["sensor_prefix"] + GEL_FRAME if given["sensor_prefix"] else of_filter.get("sensor_frame_id", GEL_FRAME)
-    if missing := ReplaySource(given["bag"]).pose_missing(base, gel):
+    remaps, rotation = parsed_remaps(given["remap"].split()), int(given["rotation"])
+    if missing := ReplaySource(given["bag"], remaps=remaps, rotation=rotation).pose_missing(base, gel):
         print(f"[midastouch] WARNING: {missing}", flush=True)
 
 
@@ -73,7 +80,7 @@ def _explore(given: dict[str, str]) -> int:
 
     out = exploration()
     given |= {"prepare": "false", "start_paused": "true"}
-    with whole_folder(out) as fresh:
+    with whole_folder(out, keep_failed=True) as fresh:
         programs = launch_file.programs("explore", given, fresh / "parameters")
         status = run_exploration(programs, given, fresh, own_domain())
     print(f"pictures and table: {out / 'index.html'}\nrecording: {out / RECORDING}")

@@ -9,12 +9,14 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.reader import bag_metadata, is_bag
 from ..bags.run_record import RecordedMode, Snapshot, read_run
+from ..drawing.object_view import measured_contact
 from ..result_file import read_json
+from .scene import Scene
 
 _NO_POSES = np.empty((0, 4, 4))
 
@@ -53,19 +55,20 @@ def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tac
     """
     path = Path(path)
     if is_bag(path):
-        model, moments = SensorModel.load(sensor), []
-        for snapshot in read_run(path).snapshots:
-            if snapshot.penetration is not None and len(snapshot.penetration) != model.height:
-                model = model.scaled(len(snapshot.penetration) / model.height)
-            try:
-                moments.append(_of_snapshot(snapshot, model))
-            except InputError as error:
-                raise InputError(f"{path}: {error}") from error
+        model, snapshots = SensorModel.load(sensor), read_run(path).snapshots
+        try:
+            moments = [_of_snapshot(snapshot, model) for snapshot in snapshots]
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
         return Run(path.name, bag_metadata(path).get("object", ""), moments)
     if not path.exists():
         raise InputError(f"{path}: no such bag or result file; check the path")
     if path.suffix != ".json":
-        raise InputError(f"{path}: neither a bag (.mcap file or folder) nor a result of midastouch evaluate (.json)")
+        bags = ", ".join(str(bag) for bag in sorted(path.glob("*.mcap")))
+        within = f"; name the bag in it: {bags}" if bags else ""
+        raise InputError(
+            f"{path}: neither a bag (.mcap file or folder) nor a result of midastouch evaluate (.json){within}"
+        )
     content = read_json(path)
     try:
         return _of_trials(path, content["sequences"], content["trials"], sequence)
@@ -74,16 +77,8 @@ def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tac
 
 
 def _of_snapshot(snapshot: Snapshot, sensor: SensorModel) -> Moment:
-    contact, pose = np.empty((0, 3)), snapshot.estimate
-    if pose is not None and snapshot.penetration is not None:
-        if snapshot.penetration.shape != (sensor.height, sensor.width):
-            raise InputError(
-                f"penetration maps of {snapshot.penetration.shape} are not of {sensor.name}; give --sensor"
-            )
-        measured = cloud_from_penetration(snapshot.penetration, snapshot.penetration > 0, sensor)
-        contact = measured @ pose[:3, :3].T + pose[:3, 3]
-    label = f"{snapshot.time:.1f} s, {snapshot.state}"
-    return Moment(label, snapshot.particles, snapshot.modes, [pose], snapshot.truth, contact)
+    label, contact = f"{snapshot.time:.1f} s, {snapshot.state}", measured_contact(snapshot, sensor)
+    return Moment(label, snapshot.particles, snapshot.modes, [snapshot.estimate], snapshot.truth, contact)
 
 
 def _of_trials(path: Path, sequences: list[dict], trials: list[dict], name: str | None) -> Run:
@@ -102,3 +97,23 @@ def _of_trials(path: Path, sequences: list[dict], trials: list[dict], name: str 
         label = f"frame {own[0]['frame'][i]}, converged in {converged} of {len(own)} trials"
         moments.append(Moment(label, _NO_POSES, [], estimates, true_pose, np.empty((0, 3))))
     return Run(name, chosen["mesh"], moments)
+
+
+def draw(run: Run, mesh: ObjectMesh, scene: Scene, recording) -> None:
+    """Draw all moments of a run into a scene on a `rerun.RecordingStream`, on its timeline `moment`."""
+    scene.mesh(mesh.vertices, mesh.faces, mesh.vertex_normals)
+    for index, moment in enumerate(run.moments):
+        recording.set_time("moment", sequence=index)
+        scene.status(moment.label, run.name, {})
+        scene.particles(moment.particles[:, :3, 3], moment.particles[:, :3, 2], np.ones(len(moment.particles)))
+        covariances = np.array([mode.covariance for mode in moment.modes]).reshape(-1, 6, 6)
+        poses = np.array([mode.pose for mode in moment.modes]).reshape(-1, 4, 4)
+        scene.modes([mode.weight for mode in moment.modes], poses, covariances)
+        for trial, pose in enumerate(moment.estimates):
+            if pose is not None:
+                scene.estimate(pose, f"_{trial + 1}" if trial else "")
+        if moment.truth is not None:
+            scene.truth(moment.truth)
+        if moment.estimates[0] is not None:
+            placed = moment.estimates[0]
+            scene.contact((moment.contact - placed[:3, 3]) @ placed[:3, :3])

@@ -1,21 +1,14 @@
 """Messages as they are recorded, and bags of them."""
 
-import dataclasses
-
 import cv2
 import numpy as np
 
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
-from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, typestore
+from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, header, typestore
 from midastouch_tools.bags.writer import BagWriter
 
 SECOND, MS = 1_000_000_000, 1_000_000
 STORE = typestore()
-
-
-def header(stamp_ns, frame):
-    time = STORE.types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
-    return STORE.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
 def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topic="/tf"):
@@ -25,9 +18,7 @@ def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topi
         STORE.types["geometry_msgs/msg/Quaternion"](*row[3:]),
     )
     stamped = STORE.types["geometry_msgs/msg/TransformStamped"](header(stamp_ns, parent), child, transform)
-    content = STORE.types["tf2_msgs/msg/TFMessage"]([stamped])
-    data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
-    return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
+    return Message.of(topic, STORE.types["tf2_msgs/msg/TFMessage"]([stamped]), recorded_ns or stamp_ns)
 
 
 def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, topic="/image_raw"):
@@ -41,28 +32,36 @@ def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, t
         step=step or pixels[0].size,
         data=pixels.reshape(-1),
     )
-    data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
-    return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
+    return Message.of(topic, content, recorded_ns or stamp_ns)
 
 
 def compressed(message, ending=".png"):
     """An image message, without loss unless as JPEG, as image_transport would publish it."""
-    content = STORE.deserialize_cdr(message.data, message.type_name)
+    content = message.content
     encoded = cv2.imencode(ending, content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
     small = STORE.types[COMPRESSED_TYPE](content.header, f"rgb8; {ending[1:]} compressed bgr8", encoded)
-    data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
-    return Message(f"{message.topic}/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
+    return Message.of(f"{message.topic}/compressed", small, message.stamp_ns)
+
+
+def edited(message, edit):
+    """A message whose content `edit` has changed."""
+    content = message.content
+    edit(content)
+    return Message.of(message.topic, content, message.stamp_ns, message.latched)
 
 
 def cut_off(message):
     """A compressed image message of which the second half was lost."""
-    content = STORE.deserialize_cdr(message.data, message.type_name)
-    content.data = content.data[: len(content.data) // 2]
-    return dataclasses.replace(message, data=bytes(STORE.serialize_cdr(content, message.type_name)))
+
+    def halve(content):
+        content.data = content.data[: len(content.data) // 2]
+
+    return edited(message, halve)
 
 
-def write(path, *messages):
-    with BagWriter(path) as bag:
+def write(path, *messages, metadata=None):
+    """A bag of messages; its path."""
+    with BagWriter(path, metadata) as bag:
         for message in messages:
             bag.write(message)
     return path

@@ -6,25 +6,19 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
+from recorded import write
 
 from midastouch_common import se3
 from midastouch_tools.bags.messages import Message, sequence_messages, typestore
-from midastouch_tools.bags.writer import BagWriter
+from midastouch_tools.bags.messages import header as header_of
 from midastouch_tools.datasets import Sequence
 
 
 class Results:
     """Serialised results of the nodes, made up."""
 
-    def __init__(self):
-        self.store = typestore()
-
     def new(self, type_name: str, **fields):
-        return self.store.types[type_name](**fields)
-
-    def header(self, stamp: int):
-        time = self.new("builtin_interfaces/msg/Time", sec=stamp // 10**9, nanosec=stamp % 10**9)
-        return self.new("std_msgs/msg/Header", stamp=time, frame_id="object")
+        return typestore().types[type_name](**fields)
 
     def pose(self, transform: np.ndarray):
         x, y, z, qx, qy, qz, qw = se3.to_xyzquat(transform).tolist()
@@ -34,10 +28,6 @@ class Results:
             position=point,
             orientation=self.new("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
         )
-
-    def message(self, topic: str, content, stamp: int) -> Message:
-        name = content.__msgtype__
-        return Message(topic, name, stamp, bytes(self.store.serialize_cdr(content, name)))
 
     def symmetry(self, turns: int) -> dict:
         """The fields of `PoseModes` on an object that so many turns about z map onto itself."""
@@ -60,7 +50,7 @@ class Results:
     ) -> list[Message]:
         """As of a filter that has the gel at `turned` (4, 4) times the truth."""
         found = turned @ truth
-        header = self.header(stamp)
+        header = header_of(stamp, "object")
         covariance = np.arange(36.0)
         with_covariance = self.new("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(found), covariance=covariance)
         mode = self.new("midastouch_msgs/msg/PoseMode", weight=0.75, pose=with_covariance)
@@ -109,11 +99,11 @@ class Results:
                 data=np.arange(6, dtype=np.float32).view(np.uint8),
             ),
         }
-        return [self.message(topic, content, stamp) for topic, content in contents.items()]
+        return [Message.of(topic, content, stamp) for topic, content in contents.items()]
 
     def objects(self, stamp: int, probabilities: Mapping[str, float]) -> Message:
         """What `particle_filter` says of which object it is, without poses."""
-        header = self.header(stamp)
+        header = header_of(stamp, "object")
         at = self.new("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(np.eye(4)), covariance=np.zeros(36))
         box = self.new(
             "vision_msgs/msg/BoundingBox3D",
@@ -127,7 +117,7 @@ class Results:
             one = self.new("vision_msgs/msg/Detection3D", header=header, results=[result], bbox=box, id="")
             detections.append(one)
         array = self.new("vision_msgs/msg/Detection3DArray", header=header, detections=detections)
-        return self.message("/object_hypotheses", array, stamp)
+        return Message.of("/object_hypotheses", array, stamp)
 
     def other(self, stamp: int, state: str) -> Message:
         """A status beside the answer of a frame."""
@@ -141,7 +131,7 @@ class Results:
         numbers = dict.fromkeys(("ess", "mode_mass", "spread_translation", "spread_rotation", "likelihood_trend"), 0.0)
         content = self.new(
             kind,
-            header=self.header(stamp),
+            header=header_of(stamp, "object"),
             state=state,
             reason="",
             symmetry="",
@@ -150,7 +140,7 @@ class Results:
             **numbers,
             **empty,
         )
-        return self.message("/filter_status", content, stamp)
+        return Message.of("/filter_status", content, stamp)
 
     def diagnostics(self, stamp: int, node: str, rate: float, ms: float) -> Message:
         values = [
@@ -165,8 +155,8 @@ class Results:
             hardware_id="",
             values=values,
         )
-        array = self.new("diagnostic_msgs/msg/DiagnosticArray", header=self.header(stamp), status=[status])
-        return self.message("/diagnostics", array, stamp)
+        array = self.new("diagnostic_msgs/msg/DiagnosticArray", header=header_of(stamp, "object"), status=[status])
+        return Message.of("/diagnostics", array, stamp)
 
 
 def write_run(
@@ -203,8 +193,5 @@ def write_run(
     last = int(sequence.stamps_ns[-1])
     messages += [results.diagnostics(last, "tdn", 10.0, 3.0), results.diagnostics(last, "tdn", 30.0, 5.0)]
     messages += [results.diagnostics(last, "tcn", 0.0, 0.0)]
-    with BagWriter(path, {"object": sequence.object_name}) as writer:
-        for message in messages:
-            if message.topic not in without:
-                writer.write(message)
-    return path
+    kept = (message for message in messages if message.topic not in without)
+    return write(path, *kept, metadata={"object": sequence.object_name})

@@ -1,17 +1,17 @@
 """What goes in comes out frame by frame, with poses at the stamps of the images."""
 
-import dataclasses
+import re
 
 import cv2
 import numpy as np
 import pytest
-from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, header, image, tf, write
+from recorded import MOVED, SECOND, STILL, STORE, compressed, cut_off, edited, image, tf, write
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FROM_OBJECT, GEL_FRAME
 from midastouch_tools.bags.images import GelStream, read_bag
-from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message
+from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, header
 from midastouch_tools.bags.reader import bag_metadata
 from midastouch_tools.bags.writer import write_bag
 
@@ -95,13 +95,11 @@ def test_bgr_padded_and_compressed_images(tmp_path):
     padded = np.zeros((320, 250, 3), np.uint8)
     padded[:, :240, 2] = 200
     wide = image(SECOND, padded, "bgr8")
-    content = STORE.deserialize_cdr(wide.data, wide.type_name)
-    content.width = 240
-    wide = dataclasses.replace(wide, data=bytes(STORE.serialize_cdr(content, wide.type_name)))
+    wide = edited(wide, lambda content: setattr(content, "width", 240))
     kind = "sensor_msgs/msg/CompressedImage"
     png = cv2.imencode(".png", pixels[..., ::-1])[1]
     content = STORE.types[kind](header(SECOND, "digit_optical_frame"), "png", png)
-    small = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
+    small = Message.of("/compressed", content, SECOND)
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, small)
     for topic in ("/image_raw", "/compressed"):
         (frame,) = read_bag(path, GelStream(topic))
@@ -123,17 +121,20 @@ def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
 @pytest.mark.parametrize("data", [b"", b"no picture"])
 def test_compressed_images_that_are_none_are_refused(tmp_path, data):
     content = STORE.types[COMPRESSED_TYPE](header(SECOND, "camera"), "png", np.frombuffer(data, np.uint8))
-    bad = Message(
-        "/image_raw/compressed", COMPRESSED_TYPE, SECOND, bytes(STORE.serialize_cdr(content, COMPRESSED_TYPE))
-    )
-    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), Message.of("/image_raw/compressed", content, SECOND))
     with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed"):
         next(read_bag(path))
 
 
-def test_half_a_jpeg_is_refused(tmp_path):
-    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), cut_off(compressed(image(SECOND), ".jpg")))
-    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed.* is cut off.*record it again"):
+def test_damaged_images_are_left_out_and_counted(tmp_path, capsys):
+    jpegs = [compressed(image(SECOND + i), ".jpg") for i in range(4)]
+    jpegs[1:3] = map(cut_off, jpegs[1:3])
+    fault = r"x\.mcap: image on /image_raw/compressed at 1\.000 s: JPEG .* is cut off.*record it again"
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), *jpegs)
+    assert [frame.stamp_ns for frame in read_bag(path)] == [SECOND, SECOND + 3]
+    assert re.search(rf"{fault} \(2 of 4 images are damaged and left out\)", capsys.readouterr().err)
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), *jpegs[1:3])
+    with pytest.raises(InputError, match=fault):
         next(read_bag(path))
 
 

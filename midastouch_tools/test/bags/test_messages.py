@@ -4,11 +4,11 @@ import dataclasses
 import itertools
 
 import pytest
-from recorded import SECOND, STORE, header, write
+from recorded import SECOND, STORE, write
 from rosbags.highlevel import AnyReader
 
 from midastouch_common.frames import GEL_FRAME
-from midastouch_tools.bags.messages import Message, header_stamp_ns, sequence_messages
+from midastouch_tools.bags.messages import Message, header, header_stamp_ns, sequence_messages
 
 
 def test_messages_come_in_order_of_time_and_end_with_the_image(simulated_sequence):
@@ -31,8 +31,7 @@ def test_custom_messages_are_known(tmp_path):
     assert {"state", "reason", "ess", "skipped_counts"} <= fields.keys()
     assert STORE.types[kind].STATE_CONVERGED == "converged"
     content = STORE.types["midastouch_msgs/msg/TactileContact"](header(SECOND, GEL_FRAME), True, "contact", 2e-5, 1e-3)
-    data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
-    path = write(tmp_path / "x.mcap", Message("/tactile/contact", content.__msgtype__, SECOND, data))
+    path = write(tmp_path / "x.mcap", Message.of("/tactile/contact", content, SECOND))
     with AnyReader([path]) as reader:
         (connection,) = reader.connections
         (_, _, stored) = next(reader.messages())

@@ -1,10 +1,13 @@
 """Bags that are damaged, foreign or empty are refused in words."""
 
+import mcap.reader
 import pytest
+from foreign_bags import zstd_files
 from recorded import write
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from midastouch_common.errors import InputError
+from midastouch_tools.bags import reader
 from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.messages import IMAGE_TYPE, sequence_messages, typestore
 from midastouch_tools.bags.reader import bag_messages, bag_metadata, bag_topics, is_bag
@@ -21,12 +24,40 @@ def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):
         with pytest.raises(InputError, match=r"bad\.mcap"):
             list(read_bag(bad))
     (tmp_path / "part_of_a_bag.db3").touch()
-    for foreign in (tmp_path / "nowhere.mcap", tmp_path, tmp_path / "test_object", tmp_path / "part_of_a_bag.db3"):
+    (tmp_path / "of_ros_1.bag").touch()
+    for name, reason in {
+        "nowhere.mcap": "no such file",
+        "": r"without its metadata\.yaml.*reindex",
+        "test_object": "not a bag",
+        "part_of_a_bag.db3": "single file of a bag; give its folder",
+        "of_ros_1.bag": "of ROS 1; convert it: rosbags-convert --src",
+    }.items():
+        foreign = tmp_path / name
         assert not is_bag(foreign)
-        with pytest.raises(InputError, match="not a bag"):
-            list(bag_messages(foreign))
-    with pytest.raises(InputError, match="not a bag"):
-        bag_metadata(tmp_path)
+        for read in (lambda path: list(bag_messages(path)), bag_metadata):
+            with pytest.raises(InputError, match=reason):
+                read(foreign)
+
+
+def test_of_a_bag_without_its_end_the_whole_chunks_are_read(tmp_path, simulated_sequence, capsys):
+    path = tmp_path / "run.mcap"
+    write_bag(simulated_sequence(n=12), path)
+    whole, messages, topics = path.read_bytes(), list(bag_messages(path)), bag_topics(path)
+    with path.open("rb") as stream:
+        chunks = mcap.reader.make_reader(stream).get_summary().chunk_indexes
+    assert len(chunks) == 3
+    path.write_bytes(whole[:-1])
+    assert list(bag_messages(path)) == messages
+    assert bag_topics(path) == topics
+    assert bag_metadata(path) == {}
+    assert (
+        capsys.readouterr().err
+        == f"{path}: unfinished, as a recorder leaves it that is killed; read 37 messages of 1.1 s\n"
+    )
+    path.write_bytes(whole[: chunks[2].chunk_start_offset + chunks[2].chunk_length - 1])
+    found = list(bag_messages(path))
+    assert 0 < len(found) < len(messages)
+    assert found == messages[: len(found)]
 
 
 def test_unknown_types_and_empty_topics_do_no_harm(tmp_path, simulated_sequence):
@@ -67,3 +98,15 @@ def test_an_empty_bag_is_a_bag(tmp_path):
     assert bag_metadata(path) == {}
     with pytest.raises(InputError, match="it has nothing"):
         list(read_bag(path))
+
+
+def test_compressed_files_are_unpacked_once(tmp_path, monkeypatch):
+    """In long bags this takes seconds."""
+    path, opened = zstd_files(tmp_path / "slow"), []
+    monkeypatch.setattr(reader, "Reader", lambda path: opened.append(path) or Reader(path))
+    assert len(bag_topics(path)) == 3
+    images = bag_messages(path, {"/image_raw"})
+    first = next(images)
+    assert next(bag_messages(path, {"/image_raw"})) == first
+    assert [first, *images] == list(bag_messages(path, {"/image_raw"}))
+    assert opened == [path]

@@ -6,14 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from recorded import edited, write
 from run_results import write_run
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_tools.bags.messages import typestore
 from midastouch_tools.bags.reader import bag_messages
 from midastouch_tools.bags.run_record import moments, read_run
-from midastouch_tools.bags.writer import BagWriter
 
 FRAMES = 4
 
@@ -90,14 +89,11 @@ def test_what_the_recorder_leaves_out_may_be_missing(bag):
 def test_a_real_run_has_no_truth(bag, tmp_path):
     _, path = bag()
     measured = tmp_path / "measured.mcap"
-    store = typestore()
-    with BagWriter(measured) as writer:
-        for message in bag_messages(path):
-            if message.topic == "/tf":
-                content = store.deserialize_cdr(message.data, message.type_name)
-                content.transforms = content.transforms[:1]
-                message = dataclasses.replace(message, data=bytes(store.serialize_cdr(content, message.type_name)))
-            writer.write(message)
+
+    def forget(content):
+        content.transforms = content.transforms[:1]
+
+    write(measured, *(edited(m, forget) if m.topic == "/tf" else m for m in bag_messages(path)))
     assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
 
 

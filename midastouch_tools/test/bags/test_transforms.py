@@ -5,7 +5,7 @@ import pytest
 from recorded import MOVED, MS, SECOND, STILL, image, tf, write
 
 from midastouch_common.errors import InputError
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME
+from midastouch_common.frames import BASE_FRAME
 from midastouch_common.transforms.rigid import TransformError
 from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.transforms import RecordedTransforms
@@ -51,27 +51,28 @@ def moving(stamps_ms, wrong=()):
 
 
 @pytest.mark.parametrize(
-    ("stamps_ms", "wrong", "late", "left_out"),
+    ("stamps_ms", "wrong", "left_out"),
     [
-        ([*range(0, 5000, 100)], (), 0, 0),
-        ([0, 100, 100, 200, 200, 300, 3000], (2, 4), 0, 2),  # two nodes publish the same
-        ([0, 200, 100, 400, 300, 2000, 1100, 3000], (), 3, 0),
-        ([*range(0, 3900, 100), 1900, *range(3900, 5000, 100)], (39,), 0, 1),  # 1.9 s late, and there already
-        ([*range(0, 3900, 100), 1900, 2000, 2100, *range(3900, 5000, 100)], (39, 40, 41), 0, 3),
-        ([*range(0, 3900, 100), 1950, *range(3900, 5000, 100)], (39,), 0, 1),  # later than anybody waits
-        ([s for i in range(40) for s in (100 * i + 3000, 100 * i)], range(1, 80, 2), 0, 40),  # another clock
+        ([*range(0, 5000, 100)], (), 0),
+        ([0, 100, 100, 200, 200, 300, 3000], (), 0),  # twice the same
+        ([0, 100, 100, 200, 200, 300, 3000], (2, 4), 2),  # two nodes publish the same frame
+        ([0, 200, 100, 400, 300, 2000, 1100, 3000], (), 0),
+        ([*range(0, 3900, 100), 1900, *range(3900, 5000, 100)], (39,), 1),  # 1.9 s late, and there already
+        ([*range(0, 3900, 100), 1900, 2000, 2100, *range(3900, 5000, 100)], (39, 40, 41), 3),
+        ([*range(0, 3900, 100), 1950, *range(3900, 5000, 100)], (39,), 1),  # later than anybody waits
+        ([s for i in range(40) for s in (100 * i + 3000, 100 * i)], range(1, 80, 2), 40),  # another clock
     ],
 )
-def test_late_or_double_transforms_are_sorted_in_or_left_out(tmp_path, capsys, stamps_ms, wrong, late, left_out):
+def test_late_or_double_transforms_are_sorted_in_or_left_out(tmp_path, capsys, stamps_ms, wrong, left_out):
     asked = [s for i, s in enumerate(stamps_ms) if i not in wrong]
     images = [image(s * MS, recorded_ns=30_000 * MS) for s in asked]
     path = write(tmp_path / "x.mcap", *moving(stamps_ms, wrong), *images)
     frames = list(read_bag(path))
     assert [frame.stamp_ns for frame in frames] == [s * MS for s in asked]
     np.testing.assert_allclose([f.base_from_gel[0, 3] for f in frames], 1e-3 * np.array(asked), atol=1e-9)
-    told = f"{path}: transforms of '{GEL_FRAME}': {late} late, sorted in; "
-    told += f"{left_out} repeated or more than 1 s late, left out\n"
-    assert capsys.readouterr().err == (told if late or left_out else "")
+    told = capsys.readouterr().err
+    assert told.count("\n") == bool(left_out)
+    assert told.startswith(f"{path}: {left_out} transform" if left_out else "")
 
 
 def test_a_recording_refuses_what_it_does_not_give():

@@ -1,7 +1,9 @@
 """What goes in can be read by others, and a failure leaves nothing behind."""
 
+import os
 import shutil
 
+import mcap.reader
 import numpy as np
 import pytest
 from recorded import SECOND, STILL, tf, write
@@ -35,6 +37,22 @@ def test_rosbags_reads_it_with_types_and_offered_qos(tmp_path, simulated_sequenc
     rotation = optical.transform.rotation
     looking = se3.from_xyzquat(np.array([0, 0, 0, rotation.x, rotation.y, rotation.z, rotation.w]))[:3, 2]
     np.testing.assert_allclose(looking, [0, 0, -1], atol=1e-12)  # at the object
+
+
+def test_a_changed_byte_of_messages_or_summary_is_noticed(tmp_path):
+    path = write(tmp_path / "x.mcap", *(tf(SECOND + i, STILL) for i in range(3)))
+    with path.open("rb") as stream:
+        summary = mcap.reader.make_reader(stream).get_summary()
+        stream.seek(-28, os.SEEK_END)
+        start = int.from_bytes(stream.read(8), "little")
+    whole, (chunk,) = path.read_bytes(), summary.chunk_indexes
+    with path.open("rb") as stream:
+        read = mcap.reader.NonSeekingReader(stream, validate_crcs=True).iter_messages()
+        assert [message.log_time for _, _, message in read] == [SECOND, SECOND + 1, SECOND + 2]
+    for at in (chunk.chunk_start_offset + 33, whole.index(b"/tf", start), len(whole) - 9):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        with pytest.raises(InputError, match=r"x\.mcap: cannot be read as a bag \(.*(checksum|damaged)"):
+            list(bag_messages(path))
 
 
 def test_a_failure_leaves_nothing_behind(tmp_path):

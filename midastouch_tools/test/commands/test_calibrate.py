@@ -17,9 +17,6 @@ from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.simulated_digit import PressedSensor
 from midastouch_tools import cli
 
-# The camera for the guide is beside the tests of its node.
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
-
 RADIUS = 3e-3
 
 
@@ -77,8 +74,9 @@ def test_unwritable_paths_are_refused_and_nothing_is_kept(folder, tmp_path, caps
     (tmp_path / "file").touch()
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123"]
     arguments += ["--background-folder", str(tmp_path), option, str(tmp_path / "file" / "a")]
-    assert cli.main(arguments) == 2
-    assert "no file can be written there" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments)
+    assert f"argument {option}: {tmp_path / 'file' / 'a'}: no" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -102,40 +100,21 @@ def test_a_scale_tdn_would_not_use_is_refused_for_a_serial(folder, tmp_path, cap
     assert list(tmp_path.iterdir()) == []
 
 
-SPOILED = {
-    "nothing touches the gel": lambda digit: digit.background,
-    "black": lambda digit: np.zeros_like(digit.background),
-    "differs everywhere, by": lambda digit: np.roll(digit.background, 60, axis=1),
-}
-
-
-@pytest.mark.parametrize("reason", SPOILED)
-def test_presses_of_no_whole_ball_are_refused_with_the_reason(digit, tmp_path, capsys, reason):
+def test_presses_of_no_whole_ball_are_refused_with_the_reason(digit, tmp_path, capsys):
     presses = tmp_path / "presses"
     presses.mkdir()
-    write(presses / "background.png", digit.background)
-    for i in range(5):
-        write(presses / f"{i}.png", SPOILED[reason](digit))
+    for name in ("background", *range(5)):
+        write(presses / f"{name}.png", digit.background)
     arguments = ["calibrate", str(presses), "--ball-diameter", "0.006", "--serial", "D20123"]
     assert cli.main([*arguments, "--background-folder", str(tmp_path / "kept")]) == 2
     said = capsys.readouterr().err
     assert "0 of 5 presses" in said
     assert "0.png and 4 more: " in said
-    assert reason in said
+    assert "nothing touches the gel" in said
+    (presses / "4.png").unlink()
+    assert cli.main([*arguments, "--background-folder", str(tmp_path / "kept")]) == 2
+    assert f"{presses}: 4 images" in capsys.readouterr().err
     assert not (tmp_path / "kept").exists()
-
-
-def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
-    few = tmp_path / "few"
-    few.mkdir()
-    for path in [*sorted(folder.glob("[0-9]*.png"))[:4], folder / "background.png"]:
-        (few / path.name).write_bytes(path.read_bytes())
-    assert cli.main(["calibrate", str(few), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 2
-    said = capsys.readouterr().err
-    assert f"{few}: 4 images" in said
-    assert "5 to 40 presses" in said
-    assert "press the ball" in said
-    assert not (tmp_path / "a.npz").exists()
 
 
 def test_a_diameter_that_is_doubted_has_to_be_said_to_be_right(folder, tmp_path, capsys, monkeypatch):
@@ -152,7 +131,7 @@ def test_a_diameter_that_is_doubted_has_to_be_said_to_be_right(folder, tmp_path,
 def test_live_needs_the_no_contact_image_of_that_sensor(tmp_path, capsys, source):
     arguments = ["calibrate", *source, "--ball-diameter", "0.006", "--background-folder", str(tmp_path)]
     assert cli.main([*arguments, "--serial", "D20123"]) == 2
-    assert "capture_background" in capsys.readouterr().err
+    assert "capture-background" in capsys.readouterr().err
     assert cli.main([*arguments, "--out", str(tmp_path / "a.npz")]) == 2
     assert "--serial" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -33,12 +33,7 @@ def test_the_answer_is_told(graph, capsys, taken, code):
 
 def test_a_service_that_nobody_offers_is_named(graph):
     with pytest.raises(InputError, match=r"/left/capture_background.*--namespace"):
-        trigger("capture_background", "left", timeout=0.2)
-
-
-def test_a_namespace_that_is_none_is_refused():
-    with pytest.raises(InputError, match=r"--namespace a b: .*alphanumerics"):
-        trigger("capture_background", "a b", timeout=0.2)
+        trigger("capture_background", "midastouch run perception", "left", timeout=0.2)
 
 
 def test_where_ros_does_not_start_that_is_said(tmp_path):

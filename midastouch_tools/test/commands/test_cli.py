@@ -2,7 +2,9 @@
 
 import argparse
 import importlib.metadata
+import os
 import re
+import signal
 
 import pytest
 
@@ -33,17 +35,124 @@ def test_help_shows_an_example_that_parses(name, capsys):
     assert callable(args.run)
 
 
-class Explained(argparse.HelpFormatter):
-    """Refuses what has no help."""
+class Listed(argparse.HelpFormatter):
+    """Lists the options that a parser explains."""
+
+    def __init__(self, prog: str):
+        super().__init__(prog)
+        self.actions: list[argparse.Action] = []
 
     def add_argument(self, action):
-        assert action.help, action.dest
+        self.actions.append(action)
+
+
+def explained(name: str) -> list[argparse.Action]:
+    """The options and arguments of a command."""
+    formatter = Listed(name)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(COMMANDS[name], "formatter_class", lambda prog: formatter)
+        COMMANDS[name].format_help()
+    return formatter.actions
+
+
+def takes(action: argparse.Action, text: str) -> str:
+    """Why an option refuses a value; empty if it takes it."""
+    try:
+        action.type(text)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        return str(error) or "refused"
+    return ""
+
+
+def status(arguments: list[str]) -> int:
+    """The exit status of a command."""
+    try:
+        return cli.main(arguments)
+    except SystemExit as ended:
+        return int(ended.code or 0)
+
+
+NUMBERS = [
+    (name, action)
+    for name in COMMANDS
+    for action in explained(name)
+    if action.option_strings
+    and action.type
+    and not (action.choices or isinstance(action.default, str | os.PathLike))
+    and takes(action, "no number")
+]
+
+
+@pytest.mark.parametrize(("name", "action"), NUMBERS, ids=[f"{n}{a.option_strings[0]}" for n, a in NUMBERS])
+def test_every_number_has_limits_and_says_why(name, action):
+    for text in ("1e30", "9" * 30, "inf", "nan", "-1"):
+        assert re.fullmatch(rf"'{text}' is not a (whole )?number (from|above) \d+ .*\d \(.*\)", takes(action, text))
+    assert action.default is None or not takes(action, str(action.default))
+
+
+def test_all_kinds_of_numbers_are_among_them():
+    asked = {option for _, action in NUMBERS for option in action.option_strings}
+    assert asked >= {"--size", "--length", "--rate", "--seed", "--jobs", "--port", "--ball-diameter", "--domain"}
+    assert len(NUMBERS) > 60
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (["foxglove", "--out", "a.json", "--namespace"], ["a b", "2nd", "a//b", "a/2", "a__b", "\u00fc", "..", "a\n"]),
+        (["capture-background", "--namespace"], ["a b"]),
+        (["view", "--namespace"], ["a b"]),
+        (["calibrate", "--ball-diameter", "0.006", "--namespace"], ["a b"]),
+        (["calibrate", "--ball-diameter", "0.006", "--serial"], ["../../etc", "a b", ".", "D" * 65]),
+        (["export", "a.mcap", "--format", "hdf5", "--out", "a", "--image-topic"], ["a b", "/", "image-raw", "/a/"]),
+        (["time-offset", "a.mcap", "--base-frame"], ["a b", "tool\t0"]),
+        (["time-offset", "a.mcap", "--gel-frame"], ["a b"]),
+    ],
+    ids=" ".join,
+)
+def test_names_that_can_be_none_are_refused(words, names, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in names:
+        assert status([*words, name]) == 2
+        said = capsys.readouterr().err
+        shown = name.replace("\n", " ")  # an error is one line
+        assert f"argument {words[-1]}: the name '{shown}': not a " in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["/dev/null/x", "/proc/x", "file/x", "x" * 300])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "handle_tool"],
+        ["demo"],
+        ["build-codebook", "handle_tool"],
+        ["build-codebook", "handle_tool", "eyebolt"],
+        ["calibrate", "presses", "--ball-diameter", "0.006"],
+        ["export", "run.mcap", "--format", "hdf5"],
+        ["to-bag", "sequence"],
+        ["foxglove"],
+        ["import-weights", "weights.pth"],
+        ["train-tdn"],
+        ["download", "ycb-mesh", "025_mug"],
+        ["report", "result.json"],
+        ["benchmark"],
+        ["evaluate-motion"],
+    ],
+    ids=" ".join,
+)
+def test_a_place_where_nothing_can_be_written_is_found_before_the_work(words, place, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    assert status([*words, "--out", place]) == 2
+    *_, line = capsys.readouterr().err.splitlines()
+    assert re.search(rf"(error|--out): {place}\S*: no (file|folder).* can be written there \(.*\); name another", line)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_option_is_explained(name, monkeypatch):
-    monkeypatch.setattr(COMMANDS[name], "formatter_class", Explained)
-    COMMANDS[name].format_help()
+def test_every_option_is_explained(name):
+    assert [action.dest for action in explained(name) if not action.help] == []
 
 
 @pytest.mark.parametrize(
@@ -59,7 +168,7 @@ def test_every_option_is_explained(name, monkeypatch):
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
         (["to-bag", "no/such/seq", "--out", "x.mcap"], "no/such/seq"),
         (["replay", "no/such/bag"], "no/such/bag"),
-        (["time-offset", "no/such.mcap"], "error: no/such.mcap: not a bag"),
+        (["time-offset", "no/such.mcap"], "error: no/such.mcap: no such file"),
         (["report", "no/such.json", "--out", "x"], "no/such.json: "),
         (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
         (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),
@@ -82,11 +191,8 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, tmp_path, monkey
     [
         ["fly"],
         ["evaluate"],
-        ["evaluate", "seq", "--seeds", "0"],
-        ["evaluate", "seq", "--beta", "-1"],
         ["evaluate", "seq", "--init", "lucky"],
         ["evaluate", "seq", "--json", __file__ + "/out.json"],
-        ["simulate", "mesh.ply", "--out", "x", "--length", "nan"],
     ],
 )
 def test_bad_options_are_status_2(arguments, capsys):
@@ -135,10 +241,16 @@ def test_the_version_is_that_of_the_package(capsys):
             "source a ROS 2 and its workspace, or run make in a clone",
         ),
         (KeyboardInterrupt(), 130, "midastouch: interrupted"),
+        (signal.SIGINT, 130, "midastouch: interrupted"),
+        (signal.SIGTERM, 143, "midastouch: interrupted"),
+        (signal.SIGHUP, 129, "midastouch: interrupted"),
     ],
 )
+@pytest.mark.usefixtures("signals_are_heard")
 def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch, capsys):
     def fail(args):
+        if isinstance(error, signal.Signals):
+            signal.raise_signal(error)
         raise error
 
     monkeypatch.setattr(doctor, "run", fail)
@@ -152,6 +264,7 @@ def test_an_error_begins_a_line_although_a_progress_bar_is_open(monkeypatch, cap
             raise InputError("a.png: is broken")
 
     monkeypatch.setattr(doctor, "run", fail)
+    monkeypatch.setattr("midastouch_tools.progress.SOON_S", 0.0)
     assert cli.main(["doctor"]) == 2
     *bar, error, rest = capsys.readouterr().err.split("\n")
     assert any("step" in line for line in bar)

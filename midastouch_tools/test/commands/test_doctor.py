@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from midastouch_tools import cli, ros_distribution
+from midastouch_tools import cli, machine
 from midastouch_tools.commands import doctor
 
 
@@ -24,7 +24,7 @@ def test_a_complete_installation_is_ready(capsys):
 )
 def test_a_distribution_that_was_not_tested_is_said_to_be_so(monkeypatch, capsys, version, said):
     of_the_system = {"rclpy": version}
-    monkeypatch.setattr(ros_distribution, "package_version", of_the_system.get)
+    monkeypatch.setattr(machine, "package_version", of_the_system.get)
     assert cli.main(["doctor"]) == 0
     assert f"\n{said}" in capsys.readouterr().out
 

@@ -31,4 +31,4 @@ def test_a_failed_import_leaves_nothing_behind(checkpoint, tmp_path, capsys):
 def test_a_voxel_size_of_nothing_is_refused(capsys):
     with pytest.raises(SystemExit):
         cli.main(["import-weights", "tcn_weights.npz", "--voxel-size", "0"])
-    assert "'0' is not a number above 0" in capsys.readouterr().err
+    assert "'0' is not a number above 0 and up to 2" in capsys.readouterr().err

@@ -54,9 +54,9 @@ def test_a_damaged_image_is_named(tmp_path, content):
 
 
 def test_landscape_images_are_refused_with_the_turn_they_need(tmp_path):
-    with pytest.raises(InputError, match=r"0\.png.*320 x 240.*turn images"):
+    with pytest.raises(InputError, match=r"0\.png.*320 x 240.*rotate it .rotation 90"):
         PlainImages(write_images(tmp_path / "x", ["0.png"], (240, 320, 3)))
-    with pytest.raises(InputError, match=r"v\.avi.*turn images"):
+    with pytest.raises(InputError, match=r"v\.avi.*rotate it"):
         PlainImages(write_video(tmp_path / "v.avi", 2, (240, 320, 3)))
 
 

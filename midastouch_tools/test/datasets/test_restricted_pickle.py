@@ -261,6 +261,7 @@ def npy(header: str) -> bytes:
         b"",
         b"text",
         npy("{'descr': bad}"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': ((4, 4), }"),
         npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000, 4, 4)}"),
         npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 4, 4)}"),
     ],

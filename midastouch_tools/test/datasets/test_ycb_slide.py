@@ -104,7 +104,13 @@ def test_missing_image_is_named(simulated_sequence):
 
 def test_damaged_truth_is_named(simulated_sequence):
     path = simulated_sequence(n=2).path
-    (path / "penetration_truth.npz").write_bytes(b"PK")
+    truth = path / "penetration_truth.npz"
+    whole = truth.read_bytes()
+    middle = len(whole) // 2
+    truth.write_bytes(whole[:middle] + b"\xff" * 60 + whole[middle + 60 :])  # zlib has an error of its own
+    with pytest.raises(InputError, match=r"penetration_truth\.npz.*get the file again"):
+        load_sequence(path).penetration_truth(0)
+    truth.write_bytes(b"PK")
     with pytest.raises(InputError, match=r"penetration_truth\.npz.*get the file again"):
         load_sequence(path)
 

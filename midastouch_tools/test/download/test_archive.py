@@ -45,7 +45,13 @@ def test_a_link_is_refused(tmp_path):
 def test_damage_leaves_nothing(tmp_path):
     packed = zipped(tmp_path / "a.zip", ("good", b"x" * 50_000), ("more", bytes(range(256)) * 100))
     whole = packed.read_bytes()
-    for damaged in (whole[: len(whole) // 2], b"nonsense", b""):
+    listed, end = whole.index(b"PK\x01\x02"), whole.index(b"PK\x05\x06")
+    # an unknown compression, a member without a name, one that begins before the file
+    changed = [
+        whole[:at] + value + whole[at + len(value) :]
+        for at, value in ((listed + 10, b"\x63"), (listed + 28, b"\0"), (end + 16, b"\xff\xff\xff\x7f"))
+    ]
+    for damaged in (whole[: len(whole) // 2], b"nonsense", b"", *changed):
         packed.write_bytes(damaged)
         with pytest.raises(InputError, match=r"a\.zip.*download it again"):
             extract(packed, tmp_path / "out")

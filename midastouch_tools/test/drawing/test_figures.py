@@ -27,10 +27,9 @@ def test_a_run_becomes_a_picture(view, run, book, tmp_path):
 
 
 def test_the_end_of_a_run_has_a_legend_and_a_scale(view, run):
-    figure = figures.final_figure(view, run[-1])
-    (axes,) = figure.axes
+    figure = figures.final_figure(view, run[-1], np.zeros((0, 3)))
     assert "truth" in figure.get_suptitle()
-    assert [text.get_text() for text in axes.texts] == ["10 mm"]
+    assert [axes.texts[0].get_text() for axes in figure.axes] == ["10 mm", "1 mm"]
 
 
 def test_probabilities_of_objects_are_drawn_over_time(run):

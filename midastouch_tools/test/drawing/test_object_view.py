@@ -52,3 +52,25 @@ def test_paths_show_truth_and_estimates(view, run):
     truth = np.array([s.truth for s in run])
     with_estimate = view.paths(truth, [truth[::-1]]).astype(int)
     assert (np.abs(with_estimate - view.paths(truth, []).astype(int)) > 20).any()
+
+
+def test_the_close_up_shows_contact_and_half_a_millimetre_between_truth_and_estimate(view, run):
+    truth = run[-1].truth
+    estimate = truth @ se3.translation([5e-4, 0, 0])
+    touched = truth[:3, 3] + 5e-4 * truth[:3, 1] + 5e-4 * truth[:3, 0]
+    last = dataclasses.replace(run[-1], estimate=estimate)
+    picture, camera = view.close_up(last, touched[None], 10)
+    assert camera.pixel_size == view.camera.pixel_size / 10
+    bare, _ = view.close_up(dataclasses.replace(last, estimate=None), touched[None], 10)
+
+    def colour(picture, point) -> np.ndarray:
+        (column, row), _ = camera.project(point)
+        return picture[int(row), int(column)].astype(int)
+
+    beside = truth[:3, 3] - 5e-4 * truth[:3, 0]
+    assert np.argmax(colour(bare, beside)) == 1
+    red, green, blue = colour(bare, touched)
+    assert red > green > blue
+    above = estimate[:3, 3] + 2e-4 * estimate[:3, 1]  # on the estimate's line along y only
+    red, green, blue = colour(picture, above)
+    assert red > blue > green

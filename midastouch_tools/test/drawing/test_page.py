@@ -14,7 +14,8 @@ def test_text_is_escaped_and_pictures_are_relative(tmp_path):
     assert "<script>" not in content
     assert "a &lt; b" in content
     assert "<td>a&lt;b</td><td>1.0</td>" in content
-    assert 'src="run.png"' in content
+    assert '<a href="run.png"><img src="run.png"' in content
+    assert '<meta name="viewport"' in content
     assert "somewhere" not in content
     assert "&quot;hi&quot;" in content
 

@@ -1,18 +1,12 @@
 """Bags of short runs, and what reads the exported files back."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from run_results import write_run
 
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_tools.datasets import load_sequence, write_sequence
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "bags"))
-
-from run_results import write_run
 
 FRAMES = 6
 

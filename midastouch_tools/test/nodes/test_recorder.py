@@ -107,7 +107,7 @@ def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, m
     for _ in range(10):
         images.publish(Image(data=bytes(300)))
     graph.spin_until(
-        lambda: any("nobody publishes /clock" in s.message for r in reports for s in r.status), "a warning"
+        lambda: any("nothing publishes /clock" in s.message for r in reports for s in r.status), "a warning"
     )
     statuses.publish(FilterStatus(reason="x" * 1000))
     graph.spin_until(lambda: recorder.counts["/filter_status"], "the status")

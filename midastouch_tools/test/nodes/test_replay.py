@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from filter_fakes import code_msg, loader_of
 from rclpy.time import Time
+from recorded import write
 from replay_rig import play, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
@@ -17,11 +17,8 @@ from tf2_ros import Buffer
 from midastouch_common.errors import InputError
 from midastouch_common.frames import BASE_FROM_OBJECT
 from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
-from midastouch_common.ros import qos
-from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_msgs.msg import TactileCode
 from midastouch_tools.bags.messages import sequence_messages
-from midastouch_tools.bags.writer import BagWriter, write_bag
+from midastouch_tools.bags.writer import write_bag
 
 pytestmark = pytest.mark.dds
 
@@ -69,31 +66,6 @@ def test_waits_for_its_listeners(graph, simulated_sequence):
     graph.spin_until(lambda: len(first) == len(second) == 2, "both frames at both listeners")
 
 
-def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
-    """The whole way: replay, codes made of its images, the filter's own node with a filter that counts."""
-    sequence, filters = simulated_sequence(n=20), []
-    parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
-    parameters["refinement"] = False  # codes alone
-    graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
-    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
-    images = []
-
-    def feel(image):
-        images.append(image)
-        codes.publish(code_msg(stamp_ns(image.header.stamp)))
-
-    graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
-    node = replay(graph, sequence.path, loop=True, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
-    node.start()
-    graph.spin_until(lambda: len(images) >= 41, "the third round")
-    assert graph.set_parameter("replay", "loop", False).successful
-    graph.spin_until(node.finished.is_set, "the end")
-    rounds = len(images) // 20
-    assert len(images) == 20 * rounds
-    assert filters[0].starts == ["uniform"] * rounds
-    assert len(filters[0].measurements) == 20 * rounds
-
-
 def test_clock_follows_the_recording_and_jumps_back_once_a_loop(graph, simulated_sequence):
     sequence = simulated_sequence(n=3)
     node = replay(graph, sequence.path, loop=True, clock=True, rate=1.0)
@@ -118,9 +90,7 @@ def test_a_gap_in_the_recording_is_said_and_can_be_skipped(graph, tmp_path, simu
     """As of a computer whose clock was set while it recorded."""
     first, *others = (m for m in sequence_messages(simulated_sequence(n=3)) if m.topic == "/image_raw")
     years = 10**18
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in (first, *(dataclasses.replace(m, stamp_ns=m.stamp_ns + years) for m in others)):
-            bag.write(message)
+    write(tmp_path / "x.mcap", first, *(dataclasses.replace(m, stamp_ns=m.stamp_ns + years) for m in others))
     node = replay(graph, tmp_path / "x.mcap", rate=1.0)
     reports = graph.listen(DiagnosticArray, "/diagnostics")
     node.start()

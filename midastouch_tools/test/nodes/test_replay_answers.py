@@ -4,13 +4,13 @@ import dataclasses
 
 import pytest
 from rclpy.node import Node
+from recorded import write
 from replay_rig import PACED, Consumer, play, replay
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus
 from midastouch_tools.bags.messages import sequence_messages
-from midastouch_tools.bags.writer import BagWriter
 from midastouch_tools.replay import player
 
 pytestmark = pytest.mark.dds
@@ -100,9 +100,8 @@ def test_transforms_do_not_overrun_a_busy_filter(graph, tmp_path, simulated_sequ
     monkeypatch.setattr(player, "MOST_AFTER_AN_IMAGE", 5)
     static, *messages = sequence_messages(simulated_sequence(n=20))
     images = [m for m in messages if m.topic == "/image_raw"]
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in [static, images[0], *(m for m in messages if m.topic == "/tf"), images[-1]]:
-            bag.write(dataclasses.replace(message, stamp_ns=images[-1].stamp_ns))
+    chosen = [static, images[0], *(m for m in messages if m.topic == "/tf"), images[-1]]
+    write(tmp_path / "x.mcap", *(dataclasses.replace(m, stamp_ns=images[-1].stamp_ns) for m in chosen))
     consumer = Consumer(graph, answers=lambda n: n > 1)
     node = replay(graph, tmp_path / "x.mcap", **PACED)
     moving = graph.listen(TFMessage, "/tf")

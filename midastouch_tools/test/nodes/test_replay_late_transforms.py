@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 from filter_fakes import code_msg, loader_of
+from recorded import edited, write
 from replay_rig import PACED, play, replay
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
@@ -13,8 +14,7 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_tools.bags.messages import sequence_messages, typestore
-from midastouch_tools.bags.writer import BagWriter
+from midastouch_tools.bags.messages import sequence_messages
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000
@@ -48,10 +48,7 @@ class Chain:
 
 
 def written(path, messages):
-    with BagWriter(path) as bag:
-        for message in sorted(messages, key=lambda m: m.stamp_ns):
-            bag.write(message)
-    return path
+    return write(path, *sorted(messages, key=lambda m: m.stamp_ns))
 
 
 def with_late_transforms(sequence, late_ns):
@@ -102,11 +99,13 @@ def test_transforms_recorded_after_their_images(graph, tmp_path, simulated_seque
 
 def restamped(message, by_ns):
     """With the stamps of its headers moved."""
-    content = typestore().deserialize_cdr(message.data, message.type_name)
-    for header in [t.header for t in content.transforms] if message.topic == "/tf" else [content.header]:
-        stamp = header.stamp.sec * 1000 * MS + header.stamp.nanosec + by_ns
-        header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1000 * MS)
-    return dataclasses.replace(message, data=bytes(typestore().serialize_cdr(content, message.type_name)))
+
+    def move(content):
+        for header in [t.header for t in content.transforms] if message.topic == "/tf" else [content.header]:
+            stamp = header.stamp.sec * 1000 * MS + header.stamp.nanosec + by_ns
+            header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1000 * MS)
+
+    return edited(message, move)
 
 
 @pytest.mark.parametrize("ahead", ["/tf", "/image_raw"])

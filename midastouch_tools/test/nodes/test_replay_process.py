@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import foreign_bags as bags
 import pytest
 from rcl_interfaces.msg import Log
 from sensor_msgs.msg import Image
@@ -46,6 +47,23 @@ def test_the_executable_ends_with_0_and_on_bad_input_with_2(graph, simulated_seq
     out, err = damaged.communicate(timeout=120)
     assert damaged.returncode == 2
     assert err.strip().endswith("1.jpg: not a readable image; get the file again")
+
+
+@pytest.mark.slow
+def test_a_foreign_bag_is_played_as_the_pipeline_takes_it(graph, tmp_path):
+    """The command hands topics and turn on to the node."""
+    bag = bags.plain(tmp_path / "a bag", bags.images_as(bags.raw(bags.RAW, "bgr8", bags.landscape)))
+    words = ["replay", str(bag), "--remap", f"{bags.RAW}:=/image_raw", "--rotation", "90", "--loop", "--rate", "10"]
+    command = [sys.executable, "-m", "midastouch_tools.cli", *words]
+    domain = str(graph.companion.context.get_domain_id())
+    with subprocess.Popen(command, env=os.environ | {"ROS_DOMAIN_ID": domain}) as running:
+        try:
+            images = graph.listen(Image, "image_raw")
+            graph.spin_until(lambda: images, "a first frame")
+        finally:
+            running.send_signal(signal.SIGINT)
+    assert running.returncode == 0
+    assert (images[0].width, images[0].height, images[0].encoding) == (240, 320, "rgb8")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

@@ -1,10 +1,8 @@
 """A replay sends nothing before every node that its images pass through is active."""
 
-import sys
-from pathlib import Path
-
 import pytest
 from filter_fakes import loader_of
+from perception_fakes import FakeDepthStage, FakeTcn
 from rcl_interfaces.msg import Log
 from replay_rig import replay, stamps
 
@@ -15,10 +13,6 @@ from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_tools.ros.launch_file import SHARE
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
-
-from perception_fakes import FakeDepthStage, FakeTcn
 
 pytestmark = pytest.mark.dds
 RECORDING = read_parameters(SHARE / "config" / "replay.yaml")
@@ -64,5 +58,5 @@ def test_it_names_the_nodes_it_waits_for(graph, simulated_sequence):
     node = replay(graph, simulated_sequence(n=2).path, wait_for_nodes="tdn /left/tcn")
     logs = graph.listen(Log, "/rosout", latched=True)
     node.start()
-    expected = "waiting for tdn (not running), /left/tcn (not running)"
+    expected = "waiting for tdn (not found), /left/tcn (not found)"
     graph.spin_until(lambda: any(log.msg == expected for log in logs), "the log")

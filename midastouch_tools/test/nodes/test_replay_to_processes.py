@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from process_rig import SHIPPED, processes
+from recorded import write
 from replay_rig import replay, stamps
 from sensor_msgs.msg import Image
 from stalling_filter import STALL_S
@@ -19,7 +20,6 @@ from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_tools.bags.messages import sequence_messages
-from midastouch_tools.bags.writer import BagWriter
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MS = 1_000_000
@@ -49,9 +49,7 @@ def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulat
         dataclasses.replace(m, stamp_ns=m.stamp_ns + 30 * MS) if m.topic == "/tf" else m
         for m in sequence_messages(sequence)
     ]
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in sorted(recorded, key=lambda m: m.stamp_ns):
-            bag.write(message)
+    write(tmp_path / "x.mcap", *sorted(recorded, key=lambda m: m.stamp_ns))
     overrides = {
         "tdn": {"background": str(sequence.background_path)},
         "particle_filter": {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz", "transform_timeout": 1.0},

@@ -90,7 +90,8 @@ def test_everything_arrives_in_the_scene(graph, scene, view):
 
     np.testing.assert_array_equal(scene.of("image")[0][0], pixels)
     np.testing.assert_allclose(scene.of("particles")[0][0], positions)
-    np.testing.assert_allclose(scene.of("particles")[0][1], weights, atol=1e-6)
+    np.testing.assert_allclose(scene.of("particles")[0][1], poses[:, :3, 2])
+    np.testing.assert_allclose(scene.of("particles")[0][2], weights, atol=1e-6)
     np.testing.assert_allclose(scene.of("contact")[0][0], positions[:50])
     (mode_weights, mode_poses, covariances) = scene.of("modes")[0]
     assert mode_weights == [0.75]

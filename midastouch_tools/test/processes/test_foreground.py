@@ -12,7 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_tools.processes.foreground import interrupted_by_signals, woken_by_signals
+from midastouch_tools.processes.foreground import (
+    ended_by_signals,
+    exit_status,
+    handlers_kept,
+    interrupted_by_signals,
+    woken_by_signals,
+)
 
 SUPERVISE = """
 import json, os, sys
@@ -89,15 +95,6 @@ class Supervised:
         status = self.process.wait(PATIENCE)
         self._reader.join()
         return status
-
-
-@pytest.fixture
-def signals_are_heard():
-    """As in a terminal, also when the tests themselves were started with nohup or in the background of a script."""
-    former = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGQUIT)}
-    yield
-    for number, handler in former.items():
-        signal.signal(number, handler)
 
 
 @pytest.fixture
@@ -271,12 +268,29 @@ def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
         assert wait(0.0)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
     former = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in the background of a shell without job control
     try:
-        with pytest.raises(KeyboardInterrupt), interrupted_by_signals():
+        with pytest.raises(KeyboardInterrupt) as interrupt, interrupted_by_signals():
             signal.raise_signal(number)
+        assert exit_status(interrupt.value) == 128 + number
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        with pytest.raises(SystemExit, match=f"{128 + number}"), ended_by_signals():
+            signal.raise_signal(number)
     finally:
         signal.signal(signal.SIGINT, former)
+
+
+def test_handlers_of_nodes_stay_unless_there_is_more_to_do(signals_are_heard):
+    former = signal.getsignal(signal.SIGTERM)
+    try:
+        with interrupted_by_signals():
+            heard = signal.getsignal(signal.SIGTERM)
+            with handlers_kept():
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            assert signal.getsignal(signal.SIGTERM) is heard
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, former)

@@ -4,10 +4,9 @@ import weakref
 from types import SimpleNamespace
 
 import pytest
-from recorded import compressed, cut_off
+from recorded import compressed, cut_off, write
 
 from midastouch_tools.bags.messages import sequence_messages
-from midastouch_tools.bags.writer import BagWriter
 from midastouch_tools.replay.flow_control import FlowControl
 from midastouch_tools.replay.playback import Playback
 from midastouch_tools.replay.player import Player
@@ -49,9 +48,7 @@ def test_a_frame_whose_image_is_broken_is_left_out_and_counted(tmp_path, simulat
     messages = [compressed(m) if m.topic == "/image_raw" else m for m in sequence_messages(simulated_sequence(n=3))]
     broken = next(i for i, m in enumerate(messages) if m.topic.startswith("/image_raw"))
     messages[broken] = cut_off(messages[broken])
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in messages:
-            bag.write(message)
+    write(tmp_path / "x.mcap", *messages)
     done = make_player(tmp_path / "x.mcap")
     done.player.play(lambda: False)
     assert (done.player.frames_sent, done.player.frames_broken) == (2, 1)
@@ -74,11 +71,8 @@ def test_an_interrupted_playback_sends_nothing_more(simulated_sequence):
 def test_what_was_sent_is_forgotten(tmp_path, simulated_sequence):
     """A long bag with one image only must not end up in memory."""
     messages = list(sequence_messages(simulated_sequence(n=50)))
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in [next(m for m in messages if m.topic == "/image_raw")] + [
-            m for m in messages if m.topic == "/tf"
-        ]:
-            bag.write(message)
+    image = next(m for m in messages if m.topic == "/image_raw")
+    write(tmp_path / "x.mcap", image, *(m for m in messages if m.topic == "/tf"))
     sent, kept = [], []
 
     def send(message):

@@ -5,27 +5,26 @@ import re
 
 import numpy as np
 import pytest
-from recorded import compressed, cut_off, header
+from recorded import STORE, compressed, cut_off, edited, write
 
 from midastouch_common.errors import InputError
-from midastouch_tools.bags.messages import Message, sequence_messages, typestore
-from midastouch_tools.bags.writer import BagWriter, write_bag
+from midastouch_tools.bags.messages import Message, header, sequence_messages
+from midastouch_tools.bags.writer import write_bag
 from midastouch_tools.replay.source import ReplaySource
-
-STORE = typestore()
 
 
 def renamed(message: Message, *children: str) -> Message:
     """A transform message with its frames renamed."""
-    content = STORE.deserialize_cdr(message.data, message.type_name)
-    for transform, child in zip(content.transforms, children, strict=True):
-        transform.child_frame_id = child
-    return dataclasses.replace(message, data=bytes(STORE.serialize_cdr(content, message.type_name)))
+
+    def rename(content):
+        for transform, child in zip(content.transforms, children, strict=True):
+            transform.child_frame_id = child
+
+    return edited(message, rename)
 
 
 def children(message: Message) -> list[str]:
-    content = STORE.deserialize_cdr(message.data, message.type_name)
-    return [transform.child_frame_id for transform in content.transforms]
+    return [transform.child_frame_id for transform in message.content.transforms]
 
 
 def test_bag_and_sequence_send_the_same_bytes(tmp_path, simulated_sequence):
@@ -58,16 +57,8 @@ def test_frames_left_out_are_not_read(simulated_sequence):
 def test_results_in_a_bag_are_not_played(tmp_path, simulated_sequence):
     static, transforms, info, image = list(sequence_messages(simulated_sequence(n=1)))
     status = dataclasses.replace(image, topic="/tactile/penetration")
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in (
-            static,
-            renamed(transforms, "object", "tool0"),
-            renamed(transforms, "object", "object"),
-            info,
-            status,
-            image,
-        ):
-            bag.write(message)
+    moved, estimated = renamed(transforms, "object", "tool0"), renamed(transforms, "object", "object")
+    write(tmp_path / "x.mcap", static, moved, estimated, info, status, image)
     played = list(ReplaySource(tmp_path / "x.mcap").messages())
     assert [m.topic for m in played] == ["/tf_static", "/tf", "/camera_info", "/image_raw"]
     assert children(played[1]) == ["tool0"]
@@ -83,9 +74,7 @@ def test_what_is_sent_is_what_the_recording_holds_in_its_order(tmp_path, simulat
     order = rng.permutation(len(recorded))
     times = np.sort(rng.integers(first, last, size=len(recorded)))
     recorded = [dataclasses.replace(recorded[i], stamp_ns=int(t)) for i, t in zip(order, times, strict=True)]
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in recorded:
-            bag.write(message)
+    write(tmp_path / "x.mcap", *recorded)
     source = ReplaySource(tmp_path / "x.mcap")
     assert list(source.messages()) == recorded
     assert source.duration_s == pytest.approx(1e-9 * (times[-1] - times[0]))
@@ -103,9 +92,7 @@ def test_compressed_images_are_sent_once_as_raw_ones(tmp_path, simulated_sequenc
     small = [compressed(m) if m.topic == "/image_raw" else m for m in messages]
     both = [copy for m, s in zip(messages, small, strict=True) for copy in ([m] if m is s else [m, s])]
     for name, recorded in (("small", small), ("both", both)):
-        with BagWriter(tmp_path / f"{name}.mcap") as bag:
-            for message in recorded:
-                bag.write(message)
+        write(tmp_path / f"{name}.mcap", *recorded)
         source = ReplaySource(tmp_path / f"{name}.mcap")
         assert {topic.name for topic in source.topics} == {m.topic for m in messages}
         images = [m for m in source.messages() if m.topic.startswith("/image_raw")]
@@ -114,10 +101,7 @@ def test_compressed_images_are_sent_once_as_raw_ones(tmp_path, simulated_sequenc
 
 def test_transforms_that_cannot_be_read_are_bad_input(tmp_path, simulated_sequence):
     static, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        bag.write(static)
-        bag.write(dataclasses.replace(transforms, data=transforms.data[:20]))
-        bag.write(image)
+    write(tmp_path / "x.mcap", static, dataclasses.replace(transforms, data=transforms.data[:20]), image)
     with pytest.raises(InputError, match=r"x\.mcap: cannot be read as a bag"):
         list(ReplaySource(tmp_path / "x.mcap").messages())
 
@@ -133,9 +117,7 @@ def test_neither_bag_nor_sequence(tmp_path):
 def test_a_bag_without_images_is_refused_with_what_it_has(tmp_path, simulated_sequence):
     """Nobody would listen to it, as to the bag of a namespace."""
     static, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for message in (static, transforms, dataclasses.replace(image, topic="/left/image_raw")):
-            bag.write(message)
+    write(tmp_path / "x.mcap", static, transforms, dataclasses.replace(image, topic="/left/image_raw"))
     with pytest.raises(InputError, match=r"no images on /image_raw .* it has /left/image_raw, /tf, /tf_static"):
         ReplaySource(tmp_path / "x.mcap")
 
@@ -145,11 +127,8 @@ def test_estimates_are_left_out_under_any_object_frame_name(tmp_path, simulated_
     kind, made = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/"
     point, turn = STORE.types[f"{made}Point"](0.0, 0.0, 0.0), STORE.types[f"{made}Quaternion"](0.0, 0.0, 0.0, 1.0)
     pose = STORE.types[f"{made}PoseWithCovariance"](STORE.types[f"{made}Pose"](point, turn), np.zeros(36))
-    data = bytes(STORE.serialize_cdr(STORE.types[kind](header(image.stamp_ns, "mug"), pose), kind))
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        bag.write(renamed(transforms, "mug", "tool0"))
-        bag.write(dataclasses.replace(image, topic="/pose", type_name=kind, data=data))
-        bag.write(image)
+    estimate = Message.of("/pose", STORE.types[kind](header(image.stamp_ns, "mug"), pose), image.stamp_ns)
+    write(tmp_path / "x.mcap", renamed(transforms, "mug", "tool0"), estimate, image)
     played = list(ReplaySource(tmp_path / "x.mcap").messages())
     assert [m.topic for m in played] == ["/tf", "/image_raw"]
     assert children(played[0]) == ["tool0"]
@@ -162,8 +141,7 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
     assert set(of_sequence) == set(of_bag)
     assert {m.topic for m in sequence_messages(sequence)} == {topic.name for topic in of_bag}
     image = next(m for m in sequence_messages(sequence) if m.topic == "/image_raw")
-    with BagWriter(tmp_path / "other.mcap") as bag:
-        bag.write(dataclasses.replace(image, topic="/camera/color"))
+    write(tmp_path / "other.mcap", dataclasses.replace(image, topic="/camera/color"))
     with pytest.raises(InputError, match=r"other\.mcap: .*/image_raw.*/camera/color"):
         ReplaySource(tmp_path / "other.mcap")
 
@@ -182,10 +160,10 @@ def test_plain_images_are_sent_as_a_sequence_without_transforms(tmp_path, simula
 def test_a_broken_image_of_a_bag_is_left_out_and_the_rest_sent(tmp_path, simulated_sequence):
     messages = list(sequence_messages(simulated_sequence(n=3)))
     images = [i for i, m in enumerate(messages) if m.topic == "/image_raw"]
-    with BagWriter(tmp_path / "x.mcap") as bag:
-        for i, message in enumerate(messages):
-            small = compressed(message, ".jpg") if i in images else message
-            bag.write(cut_off(small) if i == images[1] else small)
+    for i in images:
+        messages[i] = compressed(messages[i], ".jpg")
+    messages[images[1]] = cut_off(messages[images[1]])
+    write(tmp_path / "x.mcap", *messages)
     reasons = []
     source = ReplaySource(tmp_path / "x.mcap", reasons.append)
     sent = [m.stamp_ns for m in source.messages() if m.topic == "/image_raw"]

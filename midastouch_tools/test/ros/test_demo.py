@@ -27,7 +27,7 @@ def small(tmp_path, monkeypatch):
 def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
     assert cli.main(["demo", "--object", "eyebolt", "--headless", "--out", "result", *DOMAIN]) == 0
     output = capsys.readouterr().out
-    for text in ("particles, final error", "closest mode, final error", "tdn", "particle_filter", "state"):
+    for text in ("particles, final error", "closest mode, final error", "image to penetration map", "state"):
         assert text in output
     out = tmp_path / "result"
     result = json.loads((out / "result.json").read_text())

@@ -66,6 +66,14 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
         assert name in (out / "index.html").read_text()
 
 
+def test_it_begins_with_a_catalogue_whose_filter_has_no_pose_before_the_first_touch(short, tmp_path):
+    assert cli.main(["build-codebook", "ball", "--size", "400"]) == 0
+    words = ["objects:=out/codebooks/ball.npz" if word == "objects:=" else word for word in short]
+    cli.main(["run", "explore", *words])
+    result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
+    assert result["slides"] + result["lifts"] > 0
+
+
 @pytest.mark.parametrize("end", ["q", "\x03"], ids=["q", "Ctrl-C"])
 def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path, end):
     run, terminal = pty.fork()
@@ -124,7 +132,7 @@ def test_a_second_ctrl_c_waits_for_no_node(short):
         until(lambda: children(run.pid) == [held], "the end of the other nodes")
         run.send_signal(signal.SIGINT)
         assert list(output)[-1] == "midastouch: interrupted\n"
-    assert run.returncode == cli.EXIT_INTERRUPTED
+    assert run.returncode == 128 + signal.SIGINT
     until(lambda: state_and_parent(held)[0] in "ZX", "the end of the filter, killed")
     assert [path.name for path in Path("out/explore").iterdir()] == [".lock"]
 

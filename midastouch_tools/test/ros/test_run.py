@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 from launch_rig import FILES
+from recorded import write
 from ros_graph import open_graph
 from tf2_msgs.msg import TFMessage
 
@@ -16,7 +18,6 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import sole_use
 from midastouch_perception.objects import bundled_objects
 from midastouch_tools.bags.messages import Message, sequence_messages
-from midastouch_tools.bags.writer import BagWriter
 from midastouch_tools.demo import preparation
 from midastouch_tools.ros import explore, launch_file, run
 from midastouch_tools.ros.launch_file import declared, manual, path_of, values
@@ -33,13 +34,19 @@ def test_arguments_go_over_the_defaults():
     [
         ("sofa", "", "sofa: nothing of that name can be started; there are .*driver, "),
         ("replay", "bag=slide", "bag=slide: write NAME:=VALUE"),
+        ("driver", "serial:=../../etc", r"serial:= '\.\./\.\./etc': not a serial number; letters"),
+        ("live_ur", "namespace:=2nd", "namespace:= '2nd': not a namespace; letters, digits"),
+        ("replay", "sensor_prefix:=left\u00a0", "sensor_prefix:= .*: not a frame; no spaces"),
         ("driver", "bag:=slide", "bag: driver takes no such argument; .* midastouch run driver --show-args"),
         ("replay", "loop:=yes", "loop:=yes: must be one of true, false"),
         ("live_ur", "arm:=finger", "arm:=finger: must be one of running, ur_driver, rtde"),
         ("filter", "params_file:=/none.yaml", "/none.yaml: no such parameter file"),
         ("explore", "namespace:=left", "namespace: midastouch run explore draws without one"),
         ("explore", "mesh:=none.stl", "mesh:=none.stl: no such file"),
+        ("live_ur", "mesh:=ball", "give the bundled object by its name, object:=ball"),
+        ("mount", "frames_file:=none.yaml", "frames_file:=none.yaml: no such file"),
         ("explore", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
+        ("live_ur", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
         ("explore", "objects:=ball,none.npz", "objects:=none.npz: no such file"),
         ("demo", "background:=none.png", "background:=none.png: no such file"),
         ("demo", "object:=sofa", "sofa: not bundled; there are"),
@@ -52,9 +59,21 @@ def test_what_cannot_be_started_is_refused_before_anything_is_made(setup, words,
     for make in ("ensure_codebook", "simulate_sequence"):
         monkeypatch.setattr(preparation, make, lambda *_args, **_options: pytest.fail("made"))
     with pytest.raises(InputError, match=reason):
-        run_setup(setup, words.split())
+        run_setup(setup, words.split(" "))
     assert carried_out == []
     assert [path.name for path in Path().iterdir()] == ["empty.ply"]
+
+
+@pytest.mark.parametrize(("setup", "books", "lines"), [("live_ur", [], 2), ("digit_sim", [], 2), ("filter", ["a"], 0)])
+def test_a_mesh_without_a_codebook_is_reported_on(setup, books, lines, carried_out, capsys):
+    box = trimesh.creation.box((0.09, 0.05, 0.03))
+    trimesh.Trimesh(box.vertices, box.faces[box.face_normals[:, 2] < 0.5]).export("box.ply")
+    Path("a").touch()
+    run_setup(setup, ["mesh:=box.ply", *(f"codebook:={book}" for book in books)])
+    said = [line for line in capsys.readouterr().err.splitlines() if "box.ply" in line]
+    assert len(said) == lines
+    assert not said or "seen from behind" in said[-1]
+    assert len(carried_out) == 1
 
 
 def test_a_parameter_file_of_another_sensor_or_a_misspelt_node_is_refused(tmp_path):
@@ -91,7 +110,7 @@ def carried_out(monkeypatch, tmp_path):
 
 def test_a_launch_file_is_carried_out_without_rviz(carried_out):
     Path("a.ply").touch()
-    assert run_setup("live_ur", ["namespace:=/left/", "mesh:=a.ply", "log_level:=warn"]) == 5
+    assert run_setup("live_ur", ["namespace:=/left/", "mesh:=a.ply", "codebook:=a.ply", "log_level:=warn"]) == 5
     ((name, given),) = carried_out
     assert name == "live_ur"
     assert {"namespace": "/left/", "mesh": "a.ply", "log_level": "warn", "use_rviz": "false"}.items() <= given.items()
@@ -211,9 +230,7 @@ def test_a_recording_without_poses_is_named_before_it_plays(carried_out, simulat
     static, moving, _, image = sequence_messages(simulated_sequence(n=1))
 
     def play(name: str, *messages: Message) -> str:
-        with BagWriter(tmp_path / f"{name}.mcap") as bag:
-            for message in messages:
-                bag.write(message)
+        write(tmp_path / f"{name}.mcap", *messages)
         run_setup("replay", [f"bag:={tmp_path / name}.mcap", "object:=ball"])
         return capsys.readouterr().out
 

@@ -7,17 +7,10 @@ every type and 20 loops of a bag), SOAK_REPORT (the JSON to write) and SOAK_MESH
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[3] / "digit_driver/test"))
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
-sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
-
 from slide import Slide, make_slide
 
 from midastouch_perception.objects import bundled_objects

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from recorded import write
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_tools.bags.messages import sequence_messages
-from midastouch_tools.bags.writer import BagWriter
 from midastouch_tools.view.finished_run import load
 
 POSES = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
@@ -76,8 +76,6 @@ def test_what_is_no_run_is_said(tmp_path, name):
 
 def test_a_bag_without_results_is_said(simulated_sequence, tmp_path):
     path = tmp_path / "inputs.mcap"
-    with BagWriter(path) as bag:
-        for message in sequence_messages(simulated_sequence(2)):
-            bag.write(message)
+    write(path, *sequence_messages(simulated_sequence(2)))
     with pytest.raises(InputError, match="has no /pose_modes"):
         load(path)

@@ -6,6 +6,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_perception.sensor_calibration.collector import REGIONS
 from midastouch_tools.view.scene import Scene, region_box
 
@@ -61,6 +62,21 @@ def test_there_are_a_legend_and_a_scale_in_millimetres(recording):
     _, (ends,), options = recording.newest["object/scale"]
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(0.02)
     assert options["labels"] == ["20 mm"]
+
+
+def test_the_eye_looks_at_the_whole_opaque_object_and_poses_are_drawn_above_it(recording):
+    scene = Scene(recording)
+    scene.mesh(np.array([[0, 0, 0], [0.2, 0.04, 0.06]]), np.array([[0, 1, 1]]), np.zeros((2, 3)))
+    _, across, _ = recording.blueprint
+    eye = across[1][2]["eye_controls"][2]
+    assert eye["look_target"] == pytest.approx([0.1, 0.02, 0.03])
+    away = eye["position"] - eye["look_target"]
+    assert 0.1 < np.linalg.norm(away) < 0.3
+    assert abs(away[0]) < abs(away[1])  # the longest side lies across
+    assert len(recording.newest["object/mesh"][2]["albedo_factor"]) == 3  # no transparency
+    pose = se3.make(np.diag([1.0, -1.0, -1.0]), np.array([0.1, 0.02, 0.001]))  # pressed in by 1 mm from below
+    scene.estimate(pose)
+    assert recording.newest["object/gel"][2]["translation"] == pytest.approx([0.1, 0.02, -0.001])
 
 
 def test_regions_cover_the_image():

@@ -1,6 +1,6 @@
 """What the view says, in words."""
 
-from midastouch_tools.view.words import guidance_text, status_text
+from midastouch_tools.view.scene import guidance_text, status_text
 
 
 def test_step_progress_and_what_was_thrown_away_are_told():
@@ -21,6 +21,7 @@ def test_at_the_start_there_is_the_step_alone():
 
 
 def test_the_state_has_its_reason_and_a_bar_for_each_object():
+    assert "normal" in status_text("searching", "no touch yet", {})
     text = status_text("searching", "two objects fit", {"mug": 0.62, "bowl": 0.3, "unknown": 0.08})
     assert text.startswith("# searching\n\ntwo objects fit")
     assert "\u25cf" * 6 + "\u25cb" * 4 + " 62% mug" in text

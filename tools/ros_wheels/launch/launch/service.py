@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterable
 
+from midastouch_common.files import temporary_folder
 from midastouch_tools.processes.foreground import await_ends, echo, woken_by_signals
 from midastouch_tools.processes.process import Program
 from midastouch_tools.processes.supervisor import BackOff, Supervisor
@@ -33,7 +33,7 @@ class LaunchService:
     def run(self, *, shutdown_when_idle: bool = True) -> int:
         """Carry it out until every process has ended or a signal comes; returns 1 after an error, otherwise 0."""
         supervisor = self._supervisor
-        with woken_by_signals() as wait, tempfile.TemporaryDirectory(prefix="launch_") as self.folder:
+        with woken_by_signals() as wait, temporary_folder("launch") as self.folder:
             try:
                 self.visit(self._included)
                 while (due := supervisor.look_after()) is not None or supervisor.busy:
@@ -41,7 +41,7 @@ class LaunchService:
                         supervisor.say("ending all")
                         break
             except Exception as error:  # of any kind: launch files are anybody's
-                supervisor.say(str(error))
+                supervisor.say(str(error.args[0] if isinstance(error, KeyError) else error))  # whose text has quotes
                 return 1
             finally:
                 self.context.is_shutdown = True
