@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -25,8 +26,8 @@ def block() -> ObjectMesh:
     return mesh_from_sdf(box((0.02, 0.015, 0.01), 0.002), np.array([0.022, 0.017, 0.012]), 1e-3, "block")
 
 
-@pytest.fixture(scope="module")
-def no_symmetry_search() -> Iterator[None]:
+@contextlib.contextmanager
+def without_symmetry_search() -> Iterator[None]:
     """Codebooks have the symmetry that they are given, or none: to search for one takes longer than they do."""
 
     def given_or_none(mesh, sensor, poses, given=None, tried=None) -> ObjectSymmetry:
@@ -34,4 +35,10 @@ def no_symmetry_search() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("midastouch_perception.codebook_build.object_symmetry", given_or_none)
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_symmetry_search() -> Iterator[None]:
+    with without_symmetry_search():
         yield

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshes import without_symmetry_search
 from stays import stays
 
 from midastouch_benchmark.speed import scaling
@@ -22,10 +23,10 @@ TIMES = {"p50", "p95", "cpu"}
 
 
 @pytest.fixture(scope="module")
-def workspace(no_symmetry_search, tmp_path_factory) -> Path:
+def workspace(tmp_path_factory) -> Path:
     """A folder with a slide over the eyebolt and its codebook, made by the commands."""
     folder = tmp_path_factory.mktemp("workspace")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, without_symmetry_search():
         patch.chdir(folder)
         assert cli.main(["simulate", "eyebolt", "--out", "eyebolt/00", "--length", "0.015", "--seed", "1"]) == 0
         assert cli.main(["build-codebook", "eyebolt", "--size", "300"]) == 0
