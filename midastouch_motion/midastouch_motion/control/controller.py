@@ -12,7 +12,7 @@ from .guard import Guard, Seen
 from .skills import BackOffSkill, Skill, SkillEnd
 from .wrench import ForceModel, Wrench
 
-_COMES_WITHIN = 1.0  # s: longest wait for the first image or an `enable`
+_COMES_WITHIN = 1.0  # s: longest wait at rest for what a motion needs
 _STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that moves no further than this stays where it is
 _FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and a gel that gives way, account for less
 
@@ -36,7 +36,7 @@ class Controller:
         self.servo, self.guard, self.wrench = servo, guard, Wrench(forces or ForceModel())
         self.skill: Skill | None = None
         self._reason: SkillEnd | None = None  # result of a motion that is over, while the gel backs off
-        self._since: float | None = None  # s, when the present motion was first asked for a twist
+        self._since: float | None = None  # s, when the present motion last moved; before that, when it began
         self._moving = False
         self._clear = True  # whether the last motion has led off whatever touched
         self._held: float | None = None  # s, since when it stands still for a force that an image may explain
@@ -58,8 +58,8 @@ class Controller:
         """Carry out one control period.
 
         `seen.depth` is replaced by the servo's prediction. A gel that is too deep, or meets something with its rim,
-        stops at once, backs off, and only then ends the motion. A motion that has not begun yet waits up to a second
-        for what it needs.
+        stops at once, backs off, and only then ends the motion. A motion that lacks something stops at once, too, and
+        goes on if it comes within a second; one that has not begun yet waits so long for all that it needs.
 
         Parameters
         ----------
@@ -80,11 +80,12 @@ class Controller:
         if self._since is None:
             self._since = now
             return self.servo.stop(now), None  # the motion accelerates from zero
-        problem = self.guard.stop(now, seen) or untared
+        stop, late = self.guard.stop(now, seen), self.guard.late(now, seen)
+        problem = stop or late or untared
         if not (problem or self.skill.leaves) and (self._must_go_back(now, seen) or self._held is not None):
             return self.servo.stop(now), None
         if problem := problem or self._too_strong(seen):
-            if not self._moving and now - self._since < _COMES_WITHIN:
+            if (not self._moving or (late and not stop)) and now - self._since < _COMES_WITHIN:
                 return self.servo.stop(now), None
             return self._end(now, self._reason or SkillEnd(False, problem))
         answer = self.skill.step(self.servo, now, seen.gel)
@@ -94,7 +95,7 @@ class Controller:
             if answer.success and (problem := outside(seen)):
                 answer = SkillEnd(False, problem)
             return self._end(now, self._reason or answer)
-        self._moving = True
+        self._moving, self._since = True, now
         twist = self.servo.command(now, answer) if answer.any() else self.servo.stop(now)
         if problem := self.guard.outside(seen, twist) or self._following.problem(now, twist, seen):
             return self._end(now, self._reason or SkillEnd(False, problem))

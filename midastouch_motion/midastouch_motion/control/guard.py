@@ -20,6 +20,8 @@ UNREAD = {
 }
 """Why an image does not show the depth, by the state of its contact; other states do."""
 
+_NOT_ENABLED = "not enabled: ~/enable has to be repeated while the arm may move"
+
 
 @dataclass
 class Seen:
@@ -71,10 +73,36 @@ class Guard:
         now : [s]
         seen
         """
-        return self.stop(now, seen) or self.too_deep(seen) or seen.unread or self.too_strong(seen) or self.outside(seen)
+        return (
+            self.stop(now, seen)
+            or self.late(now, seen)
+            or self.too_deep(seen)
+            or seen.unread
+            or self.too_strong(seen)
+            or self.outside(seen)
+        )
 
     def stop(self, now: float, seen: Seen) -> str:
-        """Return why no motion may continue, wherever it leads; empty if one may.
+        """Return why a motion must end, wherever it leads; empty if it need not.
+
+        Parameters
+        ----------
+        now : [s]
+        seen
+        """
+        if seen.enabled == -math.inf:
+            return _NOT_ENABLED
+        if seen.listeners == 0:
+            return "nothing subscribes to the twists: is the arm's controller running, and its topic remapped?"
+        if seen.commanders > 1:
+            return "another node commands twists, too; stop it"
+        for what, stamp in self._needed(seen).items():
+            if early := self.early(what, now, stamp):
+                return early
+        return seen.bad_wrench or ("the filter is lost" if seen.lost else "")
+
+    def late(self, now: float, seen: Seen) -> str:
+        """Return what has not come in time, and is waited for at rest; empty if nothing is late.
 
         Parameters
         ----------
@@ -82,20 +110,18 @@ class Guard:
         seen
         """
         if abs(now - seen.enabled) > self.hold:  # abs: if the clock was set back, the age of an `enable` is unknown
-            return "not enabled: ~/enable has to be repeated while the arm may move"
-        if seen.listeners == 0:
-            return "nothing subscribes to the twists: is the arm's controller running, and its topic remapped?"
-        if seen.commanders > 1:
-            return "another node commands twists, too; stop it"
+            return _NOT_ENABLED
+        for what, stamp in self._needed(seen).items():
+            if (age := now - stamp) > self.stale:
+                return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
+        return ""
+
+    def _needed(self, seen: Seen) -> dict[str, float]:
+        """Return the stamps of what a motion needs, by name."""
         needed = {"image": seen.image, "transform of the gel": seen.pose}
         if self.force < math.inf or seen.wrench > -math.inf:  # an arm that gave its force goes on to
             needed["force on wrench_topic"] = seen.wrench
-        for what, stamp in needed.items():
-            if (age := now - stamp) > self.stale:
-                return f"no {what} came yet" if age == math.inf else f"the newest {what} is {1e3 * age:.0f} ms old"
-            if early := self.early(what, now, stamp):
-                return early
-        return seen.bad_wrench or ("the filter is lost" if seen.lost else "")
+        return needed
 
     def early(self, what: str, now: float, stamp: float) -> str:
         """Return why a stamp is too far ahead of `now` to show how old something is; empty if it is not.

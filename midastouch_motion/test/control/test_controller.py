@@ -1,4 +1,5 @@
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -72,7 +73,9 @@ def driver_of(motion):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize(("what", "value", "reason"), [("image", -1.0, "the newest image"), ("force", 12.0, "a force")])
+@pytest.mark.parametrize(
+    ("what", "value", "reason"), [("enabled", -math.inf, "not enabled"), ("force", 12.0, "a force")]
+)
 def test_a_fault_stops_each_motion_in_the_next_period(motion, what, value, reason):
     driver = driver_of(motion)
     assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
@@ -81,6 +84,23 @@ def test_a_fault_stops_each_motion_in_the_next_period(motion, what, value, reaso
     assert not twist.any()
     assert not ended.success
     assert ended.message.startswith(reason)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("what", ["image", "pose", "enabled"])
+def test_what_is_late_stops_each_motion_until_it_comes_and_ends_it_after_a_second(motion, what):
+    driver = driver_of(motion)
+    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    driver.changes = {what: -1.0}
+    assert not np.array(driver.run(40)).any()
+    driver.changes = {}
+    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    driver.changes = {what: -1.0}
+    began = driver.now
+    ended, twist = driver.ended()
+    assert not ended.success
+    assert not twist.any()
+    assert 0.9 < driver.now - began < 1.1
 
 
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
