@@ -58,7 +58,7 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
     assert (result["path_m"] > 0) == (result["slides"] > 0)
     assert result["path_m"] > MAX_PATH or not result["reason"].startswith("still")
     assert result["path_m"] < MAX_PATH + 1.5 * MAX_MOTION
-    assert result["lifts"] >= 1
+    assert result["lifts"] >= 1, result["reason"]
     assert result["frames"] > 5
     for name in ("run.png", "final.png", "run.gif"):
         with Image.open(out / name) as picture:
