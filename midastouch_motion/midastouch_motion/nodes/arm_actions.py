@@ -19,7 +19,8 @@ from ..exploration.acts import Act, Approach, Done, Lift, Slide, Touch
 KINDS = {Touch: action.Touch, Slide: action.Slide, Lift: action.Lift, Approach: action.Approach}
 """The type of the action for each kind of act."""
 
-_FARTHEST = 2.0  # m
+_FARTHEST = 0.2  # m, of a touch or a lift
+_LONGEST = 2.0  # m, of a slide
 
 
 def goal_of(act: Act, base: str) -> Any:
@@ -43,7 +44,7 @@ def act_of(goal: Any, base: str) -> Act:
             distance, direction = length_in("distance", goal.distance, _FARTHEST), direction_in(goal.direction)
             return Touch(distance) if direction is None else Touch(distance, tuple(direction))
         case action.Slide.Goal():
-            return Slide(heading_in(goal.heading), length_in("length", goal.length, _FARTHEST))
+            return Slide(heading_in(goal.heading), length_in("length", goal.length, _LONGEST))
         case action.Lift.Goal():
             return Lift(length_in("height", goal.height, _FARTHEST))
         case _:

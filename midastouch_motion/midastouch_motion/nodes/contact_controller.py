@@ -28,8 +28,9 @@ from ..control import skills
 from ..control.contact_servo import Measured
 from ..control.guard import UNREAD, Seen
 from ..control.wrench import Sample
+from .arm_actions import KINDS
 from .contact_controller_parameters import PARAMETERS, controller_of
-from .skill_of_goal import SKILL_OF
+from .goal_skill import skill_of
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders, vectors
 
@@ -49,7 +50,7 @@ class ContactController(ManagedNode):
         self._twists = self.create_publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._servers = [
             GoalServer(self, kind, name_of(kind), partial(self._on_goal, kind=kind), self._on_cancel)
-            for kind in SKILL_OF
+            for kind in KINDS.values()
         ]
         self._seen, self._ended, self._more_zeros = Seen(), "", 0
         self._transforms: TransformSource | None = None
@@ -198,7 +199,7 @@ class ContactController(ManagedNode):
                 raise InputError(INACTIVE)
             if self._goal is not None:
                 raise InputError(f"the arm is carrying out a {name_of(self._goal[1])}; cancel it first")
-            skill = SKILL_OF[kind](goal.request, self.parameters)
+            skill = skill_of(goal.request, self.parameters)
         except InputError as error:
             self._finish(goal, kind, skills.SkillEnd(False, str(error)), 0.0)
             return
