@@ -55,7 +55,8 @@ class MeshReport:
         edges = np.sort(mesh.face_edges, axis=2)
         faces_of_edge = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)[1]
         shell_of_face = _shells(edges)
-        front, back, face = _exposure(mesh, np.random.default_rng(0))
+        points, normals, face = mesh.sample_surface(_POINTS, np.random.default_rng(0))
+        front, back = exposure(mesh, points, normals)
         shell, hidden = shell_of_face[face], (front == 0) & (back == 0)
         return cls(
             source=str(mesh.path or mesh.name),
@@ -162,15 +163,15 @@ def _shells(edges: np.ndarray) -> np.ndarray:
     return np.unique(label[edges[:, 0, 0]], return_inverse=True)[1]
 
 
-def _exposure(mesh: ObjectMesh, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return, for random surface points, the free fractions (N,) of rays from front and back, and the faces (N,)."""
-    points, normals, face = mesh.sample_surface(_POINTS, rng)
-    search = RaySearch(mesh.vertices, mesh.faces)
+def exposure(mesh: ObjectMesh, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the fractions (N,) of rays that get away from the front and from the back of surface points (N, 3) with
+    normals (N, 3); a finger gets to none of both if they are 0."""
+    search, rng = RaySearch(mesh.vertices, mesh.faces), np.random.default_rng(0)
     front, back = (_free(search, points, side * normals, _RAYS, rng) for side in (1, -1))
     unseen = np.flatnonzero((front == 0) & (back == 0))
     for seen, side in ((front, 1), (back, -1)):
         seen[unseen] = _free(search, points[unseen], side * normals[unseen], _MORE_RAYS, rng)
-    return front, back, face
+    return front, back
 
 
 def _free(

@@ -10,6 +10,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.surface_walk import MIN_PROGRESS, Ahead, carried, straight_on
+from midastouch_perception.mesh_report import exposure
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
 
@@ -37,11 +38,12 @@ def pressed_pose(
 
 
 def somewhere(mesh: ObjectMesh, reachability: Reachability, depth: float, rng: np.random.Generator) -> np.ndarray:
-    """Draw a surface point (3,) that can be touched. Raises InputError if none is found."""
+    """Draw a surface point (3,) that can be touched from outside. Raises InputError if none is found."""
     for _ in range(_TRIES):
         (start,), _, _ = mesh.sample_surface(1, rng)
         (normal,) = mesh.smooth_normals(start[None])
-        if pressed_pose(reachability, start, _turned(normal, 0.0), np.zeros(2), depth)[1]:
+        touches = pressed_pose(reachability, start, _turned(normal, 0.0), np.zeros(2), depth)[1]
+        if touches and exposure(mesh, start[None], normal[None])[0] > 0:
             return start
     raise InputError(f"{mesh.name}: no reachable point to start a slide; is the mesh closed and in metres?")
 
@@ -189,7 +191,7 @@ class _Walk:
         for k in order:
             frame = _turned(normals[k], yaws[k])
             pose, reachable = pressed_pose(self._reachability, goals[k], frame, np.zeros(2), self._grip.depth)
-            if reachable:
+            if reachable and exposure(self._mesh, goals[k : k + 1], normals[k : k + 1])[0] > 0:
                 self._position, self._frame, self._left = goals[k], frame, 0.0
                 self._grip.tilt = np.zeros(2)
                 self._frames += 1

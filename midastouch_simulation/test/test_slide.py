@@ -5,8 +5,10 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_simulation.slide import Leap, measure_poses, simulate_slide
+from midastouch_simulation.procedural import box, mesh_from_sdf
+from midastouch_simulation.slide import Leap, measure_poses, simulate_slide, somewhere
 
 
 def deepest(mesh, poses, sensor):
@@ -31,6 +33,17 @@ def test_measured_poses_have_the_stated_noise():
     poses = np.tile(np.eye(4), (4000, 1, 1))
     error = se3.log(measure_poses(poses, np.random.default_rng(0)))
     np.testing.assert_allclose(error.std(axis=0), [5e-4] * 3 + [np.radians(1)] * 3, rtol=0.06)
+
+
+def test_it_starts_outside_of_an_object_of_two_bodies(sensor):
+    """A post stands 20 mm deep in a block of 60 mm; below it, inside the block, is room for a finger."""
+    size, half = np.full(3, 0.055), np.array([0.05, 0.05, 0.03])
+    block, post = (mesh_from_sdf(box(each, 0.002), size, 2e-3, "body") for each in (tuple(half), (0.03, 0.03, 0.02)))
+    vertices = np.vstack([block.vertices, post.vertices + np.array([0, 0, 0.03])])
+    both = ObjectMesh.from_arrays(vertices, np.vstack([block.faces, post.faces + len(block.vertices)]), "both")
+    reachability, rng = Reachability(both, sensor), np.random.default_rng(0)
+    starts = np.array([somewhere(both, reachability, 5e-4, rng) for _ in range(60)])
+    assert (np.abs(starts) > half - 3e-3).any(axis=1).all()
 
 
 def test_object_out_of_reach_is_named(sensor):

@@ -13,19 +13,25 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
+DIGITS = 4
+"""Significant digits of the figures of a report."""
 
-def to_json(value: object) -> Any:
-    """`value` in JSON's own types: NumPy scalars and arrays converted, non-finite numbers become null."""
+
+def to_json(value: object, digits: int | None = None) -> Any:
+    """`value` in JSON's own types: NumPy scalars and arrays converted, non-finite numbers become null; floats with so
+    many significant digits, None: all."""
     if isinstance(value, dict):
-        return {str(key): to_json(item) for key, item in value.items()}
+        return {str(key): to_json(item, digits) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [to_json(item) for item in value]
+        return [to_json(item, digits) for item in value]
     if isinstance(value, np.ndarray):
-        return to_json(value.tolist())
+        return to_json(value.tolist(), digits)
     if isinstance(value, np.generic):
-        return to_json(value.item())
+        return to_json(value.item(), digits)
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        if not math.isfinite(value):
+            return None
+        return value if digits is None else float(f"{value:.{digits}g}")
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     return value
@@ -38,10 +44,10 @@ def write_json(path: str | os.PathLike, value: object) -> None:
 
 
 def write_compact_json(path: str | os.PathLike, value: dict) -> None:
-    """Write `value` to `path` in few bytes: one line per key, or per item of a list of objects, and floats of four
+    """Write `value` to `path` in few bytes: one line per key, or per item of a list of objects, and floats of `DIGITS`
     significant digits."""
     parts = []
-    for key, item in to_json(_rounded(value)).items():
+    for key, item in to_json(value, DIGITS).items():
         if isinstance(item, list) and item and isinstance(item[0], dict):
             text = "[\n" + ",\n".join(json.dumps(one, allow_nan=False) for one in item) + "\n]"
         else:
@@ -49,16 +55,6 @@ def write_compact_json(path: str | os.PathLike, value: dict) -> None:
         parts.append(f"{json.dumps(key)}: {text}")
     with atomic_path(path) as temporary:
         temporary.write_text("{\n" + ",\n".join(parts) + "\n}\n")
-
-
-def _rounded(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _rounded(value.tolist())
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def _finite(text: str) -> float:

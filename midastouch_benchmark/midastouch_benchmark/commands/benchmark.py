@@ -35,7 +35,8 @@ def add_parser(subparsers) -> None:
         "  other_shape  the object is not quite its mesh    small_parts  parts smaller than the gel\n"
         "  grasp        held still by a thumb and two fingers for 5 s\n"
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
-        "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
+        "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball\n"
+        "  camera_faults  16 faults of cameras, lamps and gels on those; 16 slides have one path",
     )
     parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=limits.path_length, help="of a slide, m (default: as the protocol needs)")

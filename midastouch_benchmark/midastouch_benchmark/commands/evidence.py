@@ -20,7 +20,7 @@ def add_parser(subparsers) -> None:
         "The reports are those of reports/README.md, each made by the command that is named there, in a checkout with\n"
         "../shared beside it. The same command continues where it was stopped.",
     )
-    parser.add_argument("reports", nargs="*", metavar="NAME", help="only these (default: all)")
+    parser.add_argument("reports", nargs="*", default=[], metavar="NAME", help="only these (default: all)")
     parser.add_argument("--list", action="store_true", help="show what would be made, and how long that takes")
     parser.add_argument(
         "--check",

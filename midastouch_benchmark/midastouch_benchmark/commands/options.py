@@ -123,12 +123,12 @@ def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, als
     Returns the exit status.
     """
     from midastouch_tools.machine import machine_info
-    from midastouch_tools.result_file import to_json, write_compact_json
+    from midastouch_tools.result_file import DIGITS, to_json, write_compact_json
 
     from ..tables.experiments import EXPERIMENTS
     from ..tables.table import shown
 
-    experiment, result = EXPERIMENTS[kind], to_json({"machine": machine_info()} | result)
+    experiment, result = EXPERIMENTS[kind], to_json({"machine": machine_info()} | result, DIGITS)
     if args.json:
         from ..evidence.fingerprint import today
 

@@ -30,7 +30,7 @@ def add_parser(subparsers) -> None:
         "Fresh poses, every 20 seen by another simulated sensor, through both networks; for each the smallest pose\n"
         "error among the 25 best matches, over that among 25 random ones (paper figures 4 and 14).",
     )
-    parser.add_argument("meshes", nargs="*", metavar="MESH", help="mesh files or bundled objects")
+    parser.add_argument("meshes", nargs="*", default=[], metavar="MESH", help="mesh files or bundled objects")
     parser.add_argument("--mesh", help="the same, for one object (default: what the codebook was built from)")
     parser.add_argument(
         "--codebook", metavar="FILE", help="of one object, or folder of build-codebook (default out/codebooks)"

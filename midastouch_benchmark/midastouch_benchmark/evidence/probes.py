@@ -185,7 +185,8 @@ _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.
 _FEW = 1_000
 """Particles of most probes."""
 _MOST = 16  # frames
-_UNLIKE_PLAIN = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in object or sensor
+# differ from `plain` in object or sensor
+_UNLIKE_PLAIN = "real_sensor", "real_sensor_calibrated", "camera_faults", "small_parts"
 
 
 def filter_probes(scenes: list[ProbeScene], config: FilterConfig, rng: Rng = None) -> Probes:

@@ -116,7 +116,7 @@ TABLES = {
         accuracy.paper, accuracy.localisation, accuracy.areas, accuracy.slides,
         comparisons.grasps, comparisons.variants, comparisons.front,
         figures,
-        trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes,
+        trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes, trust.camera_faults,
         exploring.identification, exploring.exploration, exploring.observing, exploring.motion, exploring.faults,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         perception.soft_gel, perception.commanded_depth, perception.single_touch, perception.single_touch_limit,

@@ -31,7 +31,7 @@ _PRESSES = (
 )
 """Real presses of a ball: name, folder, options, and whether there are labels to check."""
 _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
-_OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
+_OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated", "camera_faults")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """Condition of the slides, by the name of the protocol and of its report."""
 _PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant; another seed changes only what the belief draws
@@ -80,6 +80,7 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
+    "camera_faults": f"{_BENCHMARK} --slides 64 --seeds 1 --stride 2 --sensor digit_real --protocol camera_faults",
     "ablation": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant no_maps no_codes no_drift",
     **{
         f"ablation_{protocol}": f"{_BENCHMARK} --protocol {protocol} {_PAIRED} --variant {variants}"

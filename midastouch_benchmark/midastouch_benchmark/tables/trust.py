@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
+import numpy as np
 import pandas as pd
 
 from midastouch_filter.core.config import FilterConfig
@@ -12,6 +13,7 @@ from midastouch_filter.core.config import FilterConfig
 from ..statistics.accuracy import converged_figures, is_right, pose_right_at_end
 from ..statistics.coverage import WEIGHTS
 from ..statistics.intervals import Figures
+from ..trials.camera_faults import FAULTS
 from ..trials.other_shapes import DIFFERENCES
 from .reports import CONDITIONS, FURTHER, OPTICS, STARTS, benchmark_summary, further, report, reported, rows_of
 from .table import Form, Row, Table, fraction, is_missing, listed, text, value
@@ -85,6 +87,16 @@ _SHAPES = Table(
         "pose right at the end, in any state": fraction("pose"),
     },
 )
+_CAMERA_FAULTS = Table(
+    {
+        "fault": text("what"),
+        "trials": text("trials"),
+        "frames left, mean": text("frames", "{:.0f}"),
+        "right at the end": fraction("right"),
+        "`converged` and wrong at the end": fraction("wrong_at_end"),
+        "frames `converged` and wrong, of all": fraction("wrong", 1),
+    }
+)
 AROUND_EVENT = Table(
     {"event": text("what")},
     {
@@ -155,3 +167,28 @@ def shapes() -> pd.DataFrame:
         right = {"right": figures.fraction(list(map(is_right, some))), "said": said, "pose": pose_right_at_end(some)}
         rows.append({"what": what, "trials": len(some), "report": "] [".join(names)} | right)
     return _SHAPES.of(rows if trials else rows_of({"other_shape": "-"}), "reports")
+
+
+def camera_faults() -> pd.DataFrame:
+    """Table of slides with faults of camera, lamps and gel, by fault, and over all."""
+    if "camera_faults" not in reported():
+        return _CAMERA_FAULTS.of(rows_of({"camera_faults": "-"}), "report")
+    trials = report("camera_faults")["trials"]
+    groups = {"all": trials} | {
+        what: [trial for trial in trials if trial["slide"] % len(FAULTS) == k] for k, what in enumerate(FAULTS)
+    }
+    return _CAMERA_FAULTS.of(({"what": what} | _fault_row(some) for what, some in groups.items()), "report")
+
+
+def _fault_row(trials: list[dict]) -> dict:
+    figures = Figures.by_slide(trials)
+    sure = [trial["final"]["state"] == "converged" for trial in trials]
+    wrong = [trial["frames_converged"] - trial["frames_converged_right"] for trial in trials]
+    return {
+        "trials": len(trials),
+        "report": "camera_faults",
+        "frames": sum(trial["frames"] for trial in trials) / len(trials),
+        "right": figures.fraction(list(map(is_right, trials))),
+        "wrong_at_end": figures.fraction(np.array(sure) & ~np.array([trial["final"]["right"] for trial in trials])),
+        "wrong": figures.fraction(wrong, [trial["frames"] for trial in trials]),
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -33,10 +34,10 @@ _STAGES = ("tdn", "tcn")
 
 @dataclass(frozen=True)
 class Touches:
-    """Touches of N frames. measurements: inputs of the filter; ms: (N, 2), time of depth and code network; made_from:
-    all that they depend on."""
+    """Touches of N frames. measurements: inputs of the filter, None for frames that are lost; ms: (N, 2), time of depth
+    and code network; made_from: all that they depend on."""
 
-    measurements: list[Measurement]
+    measurements: list[Measurement | None]
     ms: np.ndarray
     made_from: dict
 
@@ -48,27 +49,34 @@ class Touches:
         return cls.of_images(images, free.image, networks, made_from(sequence, networks) | {"background": free.source})
 
     @classmethod
-    def of_images(cls, images: list[np.ndarray], background: np.ndarray, networks: Networks, origin: dict) -> Touches:
-        """Run the networks over images and a no-contact image, all (320, 240, 3) uint8; origin: as `made_from`."""
-        pipeline = networks.pipeline()
-        for image in images[:_WARM_UP_FRAMES]:
+    def of_images(
+        cls, images: Iterable[np.ndarray | None], background: np.ndarray, networks: Networks, origin: dict
+    ) -> Touches:
+        """Run the networks over images, None if lost, and a no-contact image, all (320, 240, 3) uint8; origin: as
+        `made_from`."""
+        images, pipeline = list(images), networks.pipeline()
+        for image in [each for each in images if each is not None][:_WARM_UP_FRAMES]:
             pipeline.process(image, background)
         pipeline = networks.pipeline()
-        measurements, ms = [], np.zeros((len(images), len(_STAGES)))
+        measurements: list[Measurement | None] = []
+        ms = np.zeros((len(images), len(_STAGES)))
         for image, row in zip(images, ms, strict=True):
+            if image is None:
+                measurements.append(None)
+                continue
             measurements.append(measurement_of(pipeline.process(image, background)))
             row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
         return cls(measurements, ms, origin)
 
     def save(self, path: Path) -> None:
         """Write one `.npz`."""
-        code = np.array([m.code for m in self.measurements if m.in_contact], np.float32)
-        penetration = np.array([m.penetration for m in self.measurements if m.in_contact], np.float32)
+        all_of = [Measurement(False) if m is None else m for m in self.measurements]
         content = {
-            "in_contact": np.array([m.in_contact for m in self.measurements]),
-            "area": np.array([m.contact_area for m in self.measurements]),
-            "code": code,
-            "relief": penetration,
+            "lost": np.array([m is None for m in self.measurements]),
+            "in_contact": np.array([m.in_contact for m in all_of]),
+            "area": np.array([m.contact_area for m in all_of]),
+            "code": np.array([m.code for m in all_of if m.in_contact], np.float32),
+            "relief": np.array([m.penetration for m in all_of if m.in_contact], np.float32),
             "ms": self.ms,
             "made_from": np.array(json.dumps(self.made_from)),
         }
@@ -81,30 +89,28 @@ class Touches:
         with readable(path, "not a file of touches", "remove it"):
             with np.load(path, allow_pickle=False) as data:
                 origin = json.loads(str(data["made_from"]))
-                in_contact, area, ms = data["in_contact"], data["area"], data["ms"]
+                lost, in_contact, area, ms = data["lost"], data["in_contact"], data["area"], data["ms"]
                 touching = iter(zip(data["code"], area[in_contact], data["relief"], strict=True))
-            measurements = []
-            for touched in in_contact:
+            measurements: list[Measurement | None] = []
+            for gone, touched in zip(lost, in_contact, strict=True):
                 if touched:
                     code, a, penetration = next(touching)
                     measurements.append(Measurement(True, code, float(a), origin["tcn"], penetration))
                 else:
-                    measurements.append(Measurement(False))
+                    measurements.append(None if gone else Measurement(False))
         return cls(measurements, ms, origin)
 
     def frames(self, sequence: Sequence, stride: int) -> list[TrialFrame]:
-        """Return the frames of a trial over the sequence, every `stride`-th."""
-        return [
-            TrialFrame(
-                i,
-                self.measurements[i],
-                dict(zip(_STAGES, self.ms[i].tolist(), strict=True)),
-                sequence.poses_measured[i],
-                sequence.poses_true[i],
-                FRAME_TIME * stride,
-            )
-            for i in range(0, sequence.n_frames, stride)
-        ]
+        """Return the frames of a trial over the sequence, every `stride`-th that is not lost."""
+        out, before = [], -stride
+        for i in range(0, sequence.n_frames, stride):
+            if (measurement := self.measurements[i]) is None:
+                continue
+            ms, seconds = dict(zip(_STAGES, self.ms[i].tolist(), strict=True)), FRAME_TIME * (i - before)
+            poses = sequence.poses_measured[i], sequence.poses_true[i]
+            out.append(TrialFrame(i, measurement, ms, *poses, seconds))
+            before = i
+        return out
 
 
 def made_from(sequence: Sequence, networks: Networks) -> dict:

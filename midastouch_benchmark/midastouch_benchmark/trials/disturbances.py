@@ -74,14 +74,17 @@ def tool_bias(scene: UndisturbedSlide) -> Disturbed:
 
 def late(scene: UndisturbedSlide) -> Disturbed:
     """Let clocks disagree: each image gets the arm's pose of 50 ms before."""
-    frames = scene.frames
-    measured = np.array([frame.measured for frame in frames])
-    before = np.maximum(np.arange(len(frames)) - _DELAY / FRAME_TIME, 0)
-    low = np.floor(before).astype(int)
-    high = np.minimum(low + 1, len(frames) - 1)
-    step = se3.log(se3.inverse(measured[low]) @ measured[high])
-    delayed = measured[low] @ se3.exp((before - low)[:, None] * step)
-    return Disturbed([dataclasses.replace(f, measured=pose) for f, pose in zip(frames, delayed, strict=True)])
+    return Disturbed(delayed(scene.frames, np.full(len(scene.frames), _DELAY / FRAME_TIME)))
+
+
+def delayed(frames: list[TrialFrame], by: np.ndarray) -> list[TrialFrame]:
+    """Return frames with the arm's poses of earlier moments; by: (N,) frames, negative for later ones."""
+    measured, last = np.array([frame.measured for frame in frames]), len(frames) - 1
+    when = np.clip(np.arange(len(frames)) - by, 0, last)
+    low = np.floor(when).astype(int)
+    step = se3.log(se3.inverse(measured[low]) @ measured[np.minimum(low + 1, last)])
+    poses = measured[low] @ se3.exp((when - low)[:, None] * step)
+    return [dataclasses.replace(frame, measured=pose) for frame, pose in zip(frames, poses, strict=True)]
 
 
 def jump(scene: UndisturbedSlide) -> Disturbed:

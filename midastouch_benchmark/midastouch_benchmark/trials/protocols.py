@@ -20,6 +20,7 @@ from midastouch_tools.datasets.slide_simulation import simulate_grasp_sequence
 
 from . import disturbances
 from .cache import Cache, SlideKind
+from .camera_faults import CameraFaultCache
 from .disturbances import Disturbance, Disturbed, UndisturbedSlide
 from .other_shapes import OtherShapeCache
 from .real_sensor import RealSensorCache
@@ -148,6 +149,13 @@ PROTOCOLS = {
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache, real_gel=True),
     "real_sensor_calibrated": Protocol(
         "... each calibrated", make_cache=partial(RealSensorCache, calibrated=True), real_gel=True
+    ),
+    "camera_faults": Protocol(
+        "faults of cameras, lamps and gels",
+        slides=SlideKind(0.3),
+        make_cache=CameraFaultCache,
+        codebook_size=10_000,
+        real_gel=True,
     ),
     "small_parts": Protocol(
         "parts smaller than the gel",

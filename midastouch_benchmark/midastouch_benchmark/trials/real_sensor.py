@@ -73,6 +73,10 @@ class RealSensorCache(Cache):
         return "touches_calibrated" if self.calibrated else "touches_uncalibrated"
 
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
+        return Touches.of_images(*self._seen(mesh, sequence, number), {})
+
+    def _seen(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> tuple[list[np.ndarray], np.ndarray, Networks]:
+        """Return the images of a slide, the no-contact image, all (H, W, 3) uint8 RGB, and the networks for them."""
         which, sensor = number % len(self.optics), self.networks.sensor
         camera = MeasuredSensor(self.optics[which], sensor, np.random.default_rng(number))
         calibration = self.calibration(which) if self.calibrated else None
@@ -81,7 +85,7 @@ class RealSensorCache(Cache):
         images: list[np.ndarray] = []
         for start in range(0, sequence.n_frames, _CHUNK):
             images += camera.images(renderer.render(sequence.poses_true[start : start + _CHUNK]))
-        return Touches.of_images(images, camera.background, networks, {})
+        return images, camera.background, networks
 
 
 def within_gel(depths: np.ndarray) -> np.ndarray:

@@ -80,10 +80,11 @@ def test_touches_survive_a_file(tmp_path):
         Measurement(True, rng.random(8, np.float32), 1e-4, "net", rng.random((80, 60), np.float32)),
         Measurement(False),
         Measurement(True, rng.random(8, np.float32), 2e-4, "net", rng.random((80, 60), np.float32)),
+        None,
     ]
-    Touches(measurement, rng.random((3, 2)), {"tcn": "net"}).save(tmp_path / "t.npz")
+    Touches(measurement, rng.random((4, 2)), {"tcn": "net"}).save(tmp_path / "t.npz")
     loaded = Touches.load(tmp_path / "t.npz")
-    assert [m.in_contact for m in loaded.measurements] == [True, False, True]
+    assert [m and m.in_contact for m in loaded.measurements] == [True, False, True, None]
     for one, other in ((measurement[0], loaded.measurements[0]), (measurement[2], loaded.measurements[2])):
         assert (one.code == other.code).all()
         assert (one.penetration == other.penetration).all()

@@ -28,15 +28,12 @@ from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.background import TouchedBackground
 from ..tdn.background_store import SensorBackground, store_of
-from ..tdn.colour_layout import exposure_problem
 from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
 from ..tdn.fixed_pattern import PatternCheck, rolled_problem
 from ..tdn.frame_guard import FrameGuard
 from .capture_service import CaptureService
 from .contact_message import contact_to_msg
-
-_MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
 SILENT_S = 5.0
 """Time without an image [s] after which the diagnostics warn."""
@@ -155,9 +152,6 @@ class TdnNode(ManagedNode):
         started, self._heard = time.perf_counter(), time.monotonic()
         try:
             image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
-            # the network would measure a contact in a dark or bright image; every fourth pixel is enough to check
-            if problem := exposure_problem(image[::4, ::4], _MOST_SATURATED):
-                raise InputError(f"the image is {problem}")
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return

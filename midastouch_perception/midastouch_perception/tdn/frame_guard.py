@@ -11,7 +11,10 @@ import numpy as np
 
 from midastouch_common.torn_frames import TornFrames
 
-_PIXELS = 4  # every fourth pixel is enough to see that an image has changed
+from .colour_layout import exposure_problem
+
+_PIXELS = 4  # every fourth pixel is enough to see that an image has changed, or is too dark or bright
+_MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 _REPEATS = 60  # equal images in a row that are no chance: a second of a DIGIT, longer than any camera waits
 _NOISY = 0.3  # of the values of pixels, changed by a camera's noise from each image to the next
 
@@ -39,7 +42,11 @@ class FrameGuard:
 
     def refusal(self, image: np.ndarray) -> Refusal | None:
         """Take the next image (H, W, 3) uint8 RGB, and return why not to use it; do not write into it later."""
-        torn, repeats = self._torn.torn(image), self._frozen.repeats(image[::_PIXELS, ::_PIXELS])
+        pixels = image[::_PIXELS, ::_PIXELS]
+        # the network would measure a contact in a dark or bright image
+        if problem := exposure_problem(pixels, _MOST_SATURATED):
+            return Refusal("bad_images", f"the image is {problem}")
+        torn, repeats = self._torn.torn(image), self._frozen.repeats(pixels)
         if repeats >= _REPEATS:
             return Refusal("frozen_images", f"{repeats} equal images in a row: the camera hangs; plug it in again")
         return TORN if torn else None

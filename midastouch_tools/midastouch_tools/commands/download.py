@@ -23,7 +23,9 @@ def add_parser(subparsers) -> None:
         "nothing is downloaded.",
     )
     parser.add_argument("what", choices=("ycb-mesh", "ycb-slide", "tactile-tracking"), help="which collection")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")
+    parser.add_argument(
+        "names", nargs="*", default=[], metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)"
+    )
     parser.add_argument(
         "--out", type=arguments.writable_folder, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)"
     )

@@ -21,7 +21,7 @@ def add_parser(subparsers) -> None:
         "dies; with use_respawn:=true it is started again after 2 s, after twice as long each time that it dies again.",
     )
     parser.add_argument("setup", metavar="SETUP", help="what to start")
-    parser.add_argument("arguments", nargs="*", metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
+    parser.add_argument("arguments", nargs="*", default=[], metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
     parser.add_argument(
         "--prepare", action="store_true", help="make what SETUP (demo, explore) lacks in this folder, and end"
     )
