@@ -22,7 +22,7 @@ ARGUMENTS = {
     "use_respawn": ("false", "Start a node again after it died"),
     "log_level": ("info", "What the nodes log: debug, info, warn, error or fatal"),
     "use_sim_time": ("true", "Take the time from /clock"),
-    "bag": ("", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    "bag": (None, "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
     "remap": ("", "Topics of a bag that are played on others: FROM:=TO, separated by spaces"),
     "rotation": ("0", "Turn of the images, degrees counter-clockwise; 90 for those in the camera's own order"),
     "rate": ("", "Recorded seconds per second; 0: as fast as the filter follows"),

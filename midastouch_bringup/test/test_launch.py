@@ -235,6 +235,7 @@ def test_the_force_of_the_ur_driver_is_used_and_recorded(tmp_path):
         ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
         ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
         ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),
+        ("replay", {"object": "ball"}, "bag"),
         *((name, {"params_overlay": "/none.yaml"}, "/none.yaml") for name in ("driver", "filter", "localization")),
     ],
 )
@@ -250,7 +251,7 @@ def test_nodes_exist_and_those_with_a_lifecycle_have_their_names(name, tmp_path)
     executables = set()
     for setup in ROOT.glob("*/setup.py"):
         executables |= set(re.findall(r'"(\w+) = [\w.]+:\w+"', setup.read_text()))
-    found = carried_out(name, tmp_path, log_level="warn")
+    found = carried_out(name, tmp_path, log_level="warn", **({"bag": "slide.mcap"} if name == "replay" else {}))
     for one, command in found.items():
         assert one in executables
         assert command[command.index("--log-level") + 1] == "warn"

@@ -105,10 +105,11 @@ def manual(name: str) -> str:
     lines, context = [f"{name}:"], LaunchContext()
     for key, argument in declared(name).items():
         default = argument.default_value
-        text = "" if default is None else "".join(context.perform_substitution(part) for part in default)
+        text = "".join(context.perform_substitution(part) for part in default or ())
         context.launch_configurations[key] = text
-        choices = f". One of: {', '.join(argument.choices)}" if argument.choices else ""
-        lines.append(f"  {key}:={text}\n      {argument.description}{choices}")
+        more = f". One of: {', '.join(argument.choices)}" if argument.choices else ""
+        more += "; must be given" if default is None else ""
+        lines.append(f"  {key}:={text}\n      {argument.description}{more}")
     return "\n".join(lines)
 
 
