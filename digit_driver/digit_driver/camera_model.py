@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import expanded
+from midastouch_common.files import expanded, require_file
 from midastouch_common.images import BrokenImageError, decode_image
 
 from .frames import CorruptFrameError
@@ -98,9 +98,10 @@ class CameraModel:
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
             path = expanded(name_or_path, "camera_model")
-            if path.suffix != ".yaml" or not path.is_file():
+            if path.suffix != ".yaml":
                 known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
                 raise InputError(f"camera_model: {name_or_path} is not known; use {known} or the path of a .yaml file")
+        require_file(path, "camera model")
         try:
             content = yaml.safe_load(path.read_text(encoding="utf-8"))
             return _parsed(content)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import zlib
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from midastouch_common.files import naming, temporary_beside
 
 from ..datasets import Sequence
 from .messages import Message, sequence_messages, typestore
-from .reader import BEHIND_SUMMARY, is_bag, summary_checksums
+from .reader import BEHIND_SUMMARY, summary_checksums
 
 _UNSET = QosTime(0, 0)
 _CHECKSUM = 9 + 24  # offset in a chunk's record, behind opcode, length, two times and a size
@@ -36,14 +35,13 @@ class BagWriter:
     Parameters
     ----------
     path
-        An older bag is replaced.
     metadata
         Texts by name, kept in the bag's custom data.
 
     Raises
     ------
     InputError
-        The path holds anything other than such a bag.
+        Something is at the path.
     """
 
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
@@ -51,11 +49,8 @@ class BagWriter:
         self._is_file = self._path.suffix == ".mcap"
         self._metadata = metadata or {}
         self._connections: dict[str, Connection] = {}
-        if self._path.is_symlink():
-            raise InputError(f"{self._path}: is a link; name the bag itself, or choose another name")
-        if self._path.exists() and (not is_bag(self._path) or self._path.is_dir() == self._is_file):
-            kind = "bag file" if self._is_file else "bag folder"
-            raise InputError(f"{self._path}: exists and is no {kind}; choose another name")
+        if os.path.lexists(self._path):
+            raise InputError(f"{self._path}: exists already; name another bag or remove it")
 
     def __enter__(self) -> BagWriter:
         with contextlib.ExitStack() as cleanup:
@@ -101,8 +96,6 @@ class BagWriter:
             if self._is_file:
                 file.replace(self._path)
                 return
-            if self._path.exists():
-                shutil.rmtree(self._path)
             written.replace(self._path)
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from midastouch_common.errors import InputError
-
 from . import arguments
 
 
@@ -35,8 +33,6 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..text_table import counted
 
-    if args.out.exists():
-        raise InputError(f"{args.out}: exists already; name another bag or remove it")
     sequence = load_sequence(args.sequence)
     write_bag(sequence, args.out)
     dropped = f"; {sequence.dropped_frames} whose pose is missing or jumps left out" if sequence.dropped_frames else ""

@@ -22,6 +22,7 @@ from midastouch_common.ros.spin import run
 
 from ..bags.messages import SEQUENCE_TOPICS, Message, Topic
 from ..bags.writer import BagWriter
+from ..text_table import counted
 from .message_types import live_name, message_class
 
 TOPICS = (
@@ -191,7 +192,13 @@ def main(args: list[str] | None = None) -> int:
         recorder.get_logger().info(f"recording {recorder.path} until Ctrl-C")
         return nodes
 
-    return run(make, args) or (1 if nodes and nodes[0].failure else 0)
+    status = run(make, args)
+    if not nodes or nodes[0].failure:
+        return status or len(nodes)
+    counts = nodes[0].counts
+    images = sum(count for topic, count in counts.items() if "/image_raw" in topic)
+    print(f"{nodes[0].path}: {counted(sum(counts.values()), 'message')}, {counted(images, 'image')} among them")
+    return status
 
 
 if __name__ == "__main__":

@@ -133,7 +133,8 @@ def test_damaged_images_are_left_out_and_counted(tmp_path, capsys):
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), *jpegs)
     assert [frame.stamp_ns for frame in read_bag(path)] == [SECOND, SECOND + 3]
     assert re.search(rf"{fault} \(2 of 4 images are damaged and left out\)", capsys.readouterr().err)
-    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), *jpegs[1:3])
+    path.unlink()
+    write(path, tf(SECOND, STILL), tf(2 * SECOND, STILL), *jpegs[1:3])
     with pytest.raises(InputError, match=fault):
         next(read_bag(path))
 

@@ -22,8 +22,9 @@ def bag(simulated_sequence, tmp_path):
     """Function that writes the bag of a run and returns the sequence and the bag's path."""
 
     def write(answered=range(FRAMES), **options):
-        sequence = simulated_sequence(FRAMES)
-        return sequence, write_run(sequence, tmp_path / "run.mcap", answered, **options)
+        sequence, path = simulated_sequence(FRAMES), tmp_path / "run.mcap"
+        path.unlink(missing_ok=True)
+        return sequence, write_run(sequence, path, answered, **options)
 
     return write
 

@@ -210,7 +210,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(graph, tmp_path, monkeypa
     ("parameters", "topics", "message"),
     [
         ({}, TOPICS, "'path' is empty"),
-        ({"path": "{tmp}/thesis.txt"}, TOPICS, "no bag folder; choose another name"),
+        ({"path": "{tmp}/thesis.txt"}, TOPICS, "exists already; name another bag"),
         ({"path": "{tmp}/x"}, [Topic("/a", "moon_msgs/msg/Cheese")], "install moon_msgs"),
         ({"path": "{tmp}/x"}, [Topic("/a", "cheese")], "'cheese' is not known"),
     ],
