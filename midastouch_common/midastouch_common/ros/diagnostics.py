@@ -111,6 +111,10 @@ class LastingWarnings:
         self._since: dict[str, float] = {}
         self._logged: dict[str, str] = {}
 
+    def has_logged(self, kind: str) -> bool:
+        """Return whether a warning of this kind has been logged and is not over."""
+        return kind in self._logged
+
     def observe(self, reasons: Mapping[str, str]) -> None:
         """Take note of all present reasons by their kinds, about once a second; a text may change, its kind stays."""
         now = self._now()

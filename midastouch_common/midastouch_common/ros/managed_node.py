@@ -128,6 +128,10 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         """Return, by kind, what keeps the active node from its work; it is logged if it lasts."""
         return {}
 
+    def has_warned(self, kind: str) -> bool:
+        """Return whether this kind of obstacle has been logged and is not over."""
+        return self._lasting.has_logged(kind)
+
     def destroy_node(self) -> None:
         """Disconnect, then destroy the node as rclpy does."""
         self._disconnect()

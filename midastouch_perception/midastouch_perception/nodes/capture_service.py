@@ -10,6 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from midastouch_common.ros.graph_watch import why_silent
 from midastouch_common.ros.managed_node import INACTIVE, ManagedNode
 
 from ..tdn.background import BackgroundCapture
@@ -62,12 +63,16 @@ class CaptureService:
         timeout = parameters["capture_timeout"]
         timer = self._node.create_timer(
             timeout,
-            lambda: self.refuse(
-                f"image_raw: fewer images than asked for came within {timeout:g} s; does the sensor run? If slowly, "
-                "raise capture_timeout"
-            ),
+            lambda: self._on_timeout(timeout),
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
         response.success, response.message = await self._answer
         self._node.destroy_timer(timer)
         return response
+
+    def _on_timeout(self, timeout: float) -> None:
+        if self._capture is None:
+            return
+        came = f"image_raw: {self._capture.count} of {self._capture.frames} images came within {timeout:g} s"
+        fix = "raise capture_timeout" if self._capture.count else why_silent(self._node, "image_raw")
+        self._finish(False, f"{came}; {fix}")

@@ -199,8 +199,9 @@ class TdnNode(ManagedNode):
             self._sink(header, contact)
 
     def obstacles(self) -> dict[str, str]:
-        """Return that no image has come yet, if nobody publishes any; a driver or a replay names its own trouble."""
-        if self._any_image or publishers(self, "image_raw"):
+        """Return that no image has come yet, if nobody publishes any; a driver or a replay names its own trouble, but
+        its mere start does not end the one that has been logged."""
+        if self._any_image or (publishers(self, "image_raw") and not self.has_warned("no_image")):
             return {}
         topic = self.resolve_topic_name("image_raw")
         return {"no_image": f"no image on {topic}, so no pose: no node publishes it; start a driver or a replay"}

@@ -113,7 +113,8 @@ def largest_change(images: Sequence[np.ndarray]) -> float:
 
 
 class BackgroundCapture:
-    """Capture of a background: at its end, `image` is the background, or `refusal` has the reason.
+    """Capture of a background: at its end, `image` is the background, or `refusal` has the reason; `count` is the
+    number of images that have come.
 
     Parameters
     ----------
@@ -124,15 +125,19 @@ class BackgroundCapture:
     """
 
     def __init__(self, frames: int, still_threshold: float):
-        self._frames, self._still_threshold = frames, still_threshold
+        self.frames, self._still_threshold = frames, still_threshold
         self._images: list[np.ndarray] = []
         self.image: np.ndarray | None = None
         self.refusal = ""
 
     @property
+    def count(self) -> int:
+        return len(self._images)
+
+    @property
     def done(self) -> bool:
         """True once enough images have come."""
-        return len(self._images) >= self._frames
+        return self.count >= self.frames
 
     def add(self, image: np.ndarray) -> None:
         """Take one more image (H, W, 3) uint8."""
@@ -142,7 +147,7 @@ class BackgroundCapture:
         change = largest_change(self._images)
         if change > self._still_threshold:
             self.refusal = (
-                f"the image is not still: it changed by {change:.1f} grey levels over {self._frames} frames "
+                f"the image is not still: it changed by {change:.1f} grey levels over {self.frames} frames "
                 f"(limit {self._still_threshold:.1f}); lift the finger off, hold it still and try again"
             )
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, image_msg, touched
 from rcl_interfaces.msg import Log
 from sensor_msgs.msg import Image, PointCloud2
@@ -81,9 +82,11 @@ def test_a_missing_driver_is_logged_once(graph, depth, background, monkeypatch):
     start(graph, depth, background=background)
     logs = graph.listen(Log, "/rosout", latched=True, wanted=lambda log: "no image on" in log.msg)
     graph.spin_until(lambda: logs, "the warning")
-    images = graph.publisher(Image, "image_raw")
-    graph.spin_until(lambda: len(logs) > 1, "its end")
+    images, reports = graph.publisher(Image, "image_raw"), graph.listen(DiagnosticArray, "/diagnostics")
+    graph.spin_until(lambda: len(reports) > 3, "the health with a publisher that sends nothing")
+    assert len(logs) == 1
     images.publish(image_msg(touched(60), 7))
+    graph.spin_until(lambda: len(logs) > 1, "its end")
     missing = "no image on /image_raw, so no pose: no node publishes it; start a driver or a replay"
     assert [log.msg for log in logs] == [missing, f"over: {missing}"]
 
