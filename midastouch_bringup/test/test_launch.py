@@ -235,7 +235,6 @@ def test_the_force_of_the_ur_driver_is_used_and_recorded(tmp_path):
         ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
         ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
         ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),
-        ("replay", {"object": "ball"}, "bag"),
         *((name, {"params_overlay": "/none.yaml"}, "/none.yaml") for name in ("driver", "filter", "localization")),
     ],
 )

@@ -37,10 +37,13 @@ def require_there(given: Mapping[str, str]) -> None:
     named = [(name, given.get(name, "")) for name in ("mesh", "codebook", "background", "frames_file")]
     for name, address in [*named, *(("objects", one) for one in objects if one not in bundled_objects())]:
         if address and not resolve(address, name).exists():
-            bundled = (
-                f", or give the bundled object by its name, object:={address}" if address in bundled_objects() else ""
-            )
-            raise InputError(f"{name}:={address}: no such file or folder; check the path{bundled}")
+            also = ""
+            if address in bundled_objects():
+                also = f", or give the bundled object by its name, object:={address}"
+            elif name == "codebook":
+                sensor = f" --sensor {given['sensor_model']}" if given.get("sensor_model") else ""
+                also = f", or make it: midastouch build-codebook {given.get('mesh') or 'MESH'}{sensor} --out {address}"
+            raise InputError(f"{name}:={address}: no such file or folder; check the path{also}")
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:

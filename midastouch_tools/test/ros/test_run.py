@@ -36,9 +36,10 @@ def test_arguments_go_over_the_defaults():
         ("replay", "bag=slide", "bag=slide: write NAME:=VALUE"),
         ("driver", "serial:=../../etc", r"serial:= '\.\./\.\./etc': not a serial number; letters"),
         ("live_ur", "namespace:=2nd", "namespace:= '2nd': not a namespace; letters, digits"),
-        ("replay", "sensor_prefix:=left\u00a0", "sensor_prefix:= .*: not a frame; no spaces"),
+        ("replay", "bag:=a sensor_prefix:=left\u00a0", "sensor_prefix:= .*: not a frame; no spaces"),
         ("driver", "bag:=slide", "bag: driver takes no such argument; .* midastouch run driver --show-args"),
-        ("replay", "loop:=yes", "loop:=yes: must be one of true, false"),
+        ("replay", "bag:=a loop:=yes", "loop:=yes: must be one of true, false"),
+        ("replay", "object:=ball", "bag: must be given, bag:=VALUE"),
         ("live_ur", "arm:=finger", "arm:=finger: must be one of running, ur_driver, rtde"),
         ("filter", "params_file:=/none.yaml", "/none.yaml: no such parameter file"),
         ("explore", "namespace:=left", "namespace: midastouch run explore draws without one"),
@@ -50,7 +51,7 @@ def test_arguments_go_over_the_defaults():
         ("explore", "objects:=ball,none.npz", "objects:=none.npz: no such file"),
         ("demo", "background:=none.png", "background:=none.png: no such file"),
         ("demo", "object:=sofa", "sofa: not bundled; there are"),
-        ("filter", "codebook:=none.npz", "codebook:=none.npz: no such file"),
+        ("filter", "codebook:=none.npz", r"no such file.*midastouch build-codebook MESH --out none\.npz"),
         ("filter", "mesh:=package://none/a.ply", "no package 'none' is installed"),
     ],
 )
@@ -127,7 +128,7 @@ def test_the_demo_is_prepared_and_stays_on_this_machine(carried_out, monkeypatch
     assert carried_out[0][1]["prepare"] == "false"
     assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     prepare("demo", values("demo", ["object:=ball"]))
-    prepare("replay", values("replay", []))
+    prepare("replay", values("replay", ["bag:=a"]))
     assert ([name for name, _ in prepared], len(carried_out)) == (["handle_tool", "ball"], 1)
 
 
