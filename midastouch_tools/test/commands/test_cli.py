@@ -298,3 +298,9 @@ def test_a_command_that_fails_to_import_says_so_and_others_work(module, problem,
     assert caught.value.code == 0
     cli.main(["doctor"])
     assert f"midastouch of-others: {problem}" in capsys.readouterr().out
+
+
+def test_training_on_a_gpu_that_is_not_there_ends_at_once(monkeypatch, capsys):
+    monkeypatch.setattr(pytest.importorskip("torch").cuda, "is_available", lambda: False)
+    assert cli.main(["train-tcn", "--device", "cuda"]) == cli.EXIT_BAD_INPUT
+    assert "finds no GPU" in capsys.readouterr().err
