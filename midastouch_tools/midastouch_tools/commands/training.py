@@ -92,8 +92,8 @@ def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse
 
 
 def _options(args: argparse.Namespace) -> TrainingOptions:
-    """Return the options of both commands. InputError without PyTorch or the GPU asked for, or if the
-    checkpoint to resume is missing."""
+    """Return the options of both commands. InputError without PyTorch or the GPU asked for, if the
+    checkpoint to resume is missing, or if --out holds a run that is not resumed."""
     if importlib.util.find_spec("torch") is None:
         raise InputError(f"training needs PyTorch, which is not installed; run: {install_extra('train')}")
     # before PyTorch loads: its OpenMP threads would fight the renderer's and the rendering workers for the cores
@@ -107,6 +107,8 @@ def _options(args: argparse.Namespace) -> TrainingOptions:
         raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
     if resume is not None and resume.is_file():
         resume = resume.parent
+    if resume is None and (args.out / "checkpoint.safetensors").exists():
+        raise InputError(f"{args.out}: holds an earlier run; give --resume {args.out}, or another folder")
     from midastouch_simulation.training.setting import TrainingOptions
 
     return TrainingOptions(

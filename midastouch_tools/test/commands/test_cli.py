@@ -300,7 +300,9 @@ def test_a_command_that_fails_to_import_says_so_and_others_work(module, problem,
     assert f"midastouch of-others: {problem}" in capsys.readouterr().out
 
 
-def test_training_on_a_gpu_that_is_not_there_ends_at_once(monkeypatch, capsys):
+def test_a_training_that_cannot_be_or_would_overwrite_another_is_refused_at_once(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(pytest.importorskip("torch").cuda, "is_available", lambda: False)
-    assert cli.main(["train-tcn", "--device", "cuda"]) == cli.EXIT_BAD_INPUT
-    assert "finds no GPU" in capsys.readouterr().err
+    (tmp_path / "checkpoint.safetensors").write_bytes(b"a night's work")
+    for words, reason in ((["--device", "cuda"], "finds no GPU"), (["--out", str(tmp_path)], f"--resume {tmp_path}")):
+        assert cli.main(["train-tcn", *words]) == cli.EXIT_BAD_INPUT
+        assert reason in capsys.readouterr().err
