@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from dataclasses import dataclass
@@ -133,8 +134,10 @@ def _number(node: Path) -> int:
 def main() -> int:
     """Print one line per sensor of the model that the argument names (default digit); exit code 1 without any, 2 for
     an argument that names no model."""
+    parser = argparse.ArgumentParser("python -m digit_driver.discovery", description="list the sensors on USB")
+    parser.add_argument("camera_model", nargs="?", default="digit", help="shipped model or YAML file (default digit)")
     try:
-        model = CameraModel.load(sys.argv[1] if len(sys.argv) > 1 else "digit")
+        model = CameraModel.load(parser.parse_args().camera_model)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

@@ -254,7 +254,12 @@ class Codebook:
             raise InputError(f"{path}: codes that are not of unit length; build it again")
         if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
             built_for = meta["mesh_name"]
-            raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; build it again")
+            fix = (
+                "build it again"
+                if built_for == mesh.name
+                else f"give the other mesh, or: {build_command(mesh.path or mesh.name)}"
+            )
+            raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; {fix}")
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         book = cls(se3.from_xyzquat(poses), codes / lengths, meta, derived, str(path))

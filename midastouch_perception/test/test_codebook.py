@@ -35,7 +35,7 @@ def test_survives_the_file(book, tool, tcn, tmp_path):
 def test_mismatches_are_named(book, tool, block, tmp_path):
     path = tmp_path / "tool.npz"
     book.save(path)
-    with pytest.raises(InputError, match=r"handle_tool.*block.*build it again"):
+    with pytest.raises(InputError, match=r"handle_tool.*block.*build-codebook block"):
         Codebook.load(path, mesh=block)
     with pytest.raises(InputError, match=r"tcn_fast-.*tcn_other.*build it again"):
         Codebook.load(path, mesh=tool, tcn="tcn_other")

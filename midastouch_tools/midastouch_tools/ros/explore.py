@@ -57,6 +57,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         if wait(0.0):
             raise KeyboardInterrupt
     seconds = time.monotonic() - started
+    print("\nreading the recording", flush=True)
     changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
         if changed and console.since_change_ns is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from midastouch_bringup.parameter_files import merged, read_parameters
 from midastouch_common.errors import InputError
 from midastouch_common.names import require_name
 
+from ..commands import limits
 from ..processes.process import Program
 from .parameter_tables import TABLES
 
@@ -26,6 +28,7 @@ _NAMES = {
     "serial": "serial number",
     **dict.fromkeys(("tool_frame", "tf_prefix", "sensor_prefix"), "frame"),
 }
+_NUMBERS = {"seed": limits.seed, "rate": limits.replay_rate}
 _FORMER = {"slider": "contact_controller", "finger": "simulated_finger"}
 
 
@@ -71,6 +74,11 @@ def values(name: str, words: Sequence[str]) -> dict[str, str]:
             context.launch_configurations[key] = given[key]
         if argument.choices and given[key] not in argument.choices:
             raise InputError(f"{key}:={given[key]}: must be one of {', '.join(argument.choices)}")
+        if key in _NUMBERS and given[key]:
+            try:
+                _NUMBERS[key](given[key])
+            except argparse.ArgumentTypeError as error:
+                raise InputError(f"{key}:= {error}") from None
         if key in _NAMES and given[key]:
             require_name(_NAMES[key], given[key], f"{key}:=")
     parameters(given)

@@ -38,6 +38,8 @@ def test_arguments_go_over_the_defaults():
         ("live_ur", "namespace:=2nd", "namespace:= '2nd': not a namespace; letters, digits"),
         ("replay", "bag:=a sensor_prefix:=left\u00a0", "sensor_prefix:= .*: not a frame; no spaces"),
         ("driver", "bag:=slide", "bag: driver takes no such argument; .* midastouch run driver --show-args"),
+        ("replay", "bag:=a rate:=fast", "rate:= 'fast' is not a number from 0"),
+        ("explore", "seed:=1.5", "seed:= '1.5' is not a whole number"),
         ("replay", "bag:=a loop:=yes", "loop:=yes: must be one of true, false"),
         ("replay", "object:=ball", "bag: must be given, bag:=VALUE"),
         ("live_ur", "arm:=finger", "arm:=finger: must be one of running, ur_driver, rtde"),
