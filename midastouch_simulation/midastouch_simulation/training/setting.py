@@ -142,8 +142,9 @@ class TrainingData:
         print(f"reading {options.meshes} and {options.backgrounds}; results go to {options.out}", flush=True)
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
+        backgrounds = load_backgrounds(options.backgrounds, sensor.height, sensor.width)  # first: it is quick
         return cls(
             *load_objects(options.meshes, PROCEDURAL_OBJECTS, options.seed),
-            *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
+            *backgrounds,
             RandomisationRange(wide_fraction=_FAR_SENSORS, colour_table=table, design_fraction=_OTHER_DESIGNS),
         )
