@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -20,7 +21,7 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
+from midastouch_simulation.rehearsal import Rehearsal
 from midastouch_simulation.slide import somewhere
 
 SENSOR = SensorModel.load("digit_tacto").for_maps

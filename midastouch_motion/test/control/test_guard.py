@@ -2,11 +2,11 @@ import re
 
 import numpy as np
 import pytest
+from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_motion.control.guard import Guard, Seen
-from midastouch_simulation.rehearsal import SimulatedArm
 
 GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0, cone=np.radians(60.0))
 

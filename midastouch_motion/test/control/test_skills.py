@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
 from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
 from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
-from midastouch_simulation.rehearsal import Rehearsal, SimulatedArm
+from midastouch_simulation.rehearsal import Rehearsal
 
 from ..conftest import above
 

@@ -8,6 +8,7 @@ from explorer_rig import BALL, RADIUS
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
+from simulated_arm import SimulatedArm
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -26,7 +27,6 @@ from midastouch_perception.contact import Contact
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_simulation.rehearsal import SimulatedArm
 
 pytestmark = pytest.mark.dds
 PERIOD_NS, PER_IMAGE = 10_000_000, 3  # of control; an image in so many

@@ -56,7 +56,6 @@ def _written(write, path: Path, geometry) -> None:
         raise InputError(f"{path}: could not be written; is the disk full?")
 
 
-LAYERS = ("particles", "modes", "contact", "estimate", "truth")
 _PARTICLE, _MODE, _CONTACT = (0.9, 0.45, 0.1), (0.15, 0.15, 0.15), (0.85, 0.1, 0.65)
 _ESTIMATE, _TRUTH = (0.85, 0.1, 0.2), (0.05, 0.55, 0.25)
 _AXIS = 0.012  # m

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from midastouch_tools.view.clouds import LAYERS, shapes
+from midastouch_tools.view.clouds import shapes
 
 from .conftest import MOMENTS
 
 
 def test_what_is_not_known_is_no_layer(run):
     assert list(shapes(run.moments, 0)) == ["particles", "modes", "truth"]
-    assert list(shapes(run.moments, MOMENTS - 1)) == list(LAYERS)
+    assert list(shapes(run.moments, MOMENTS - 1)) == ["particles", "modes", "contact", "estimate", "truth"]
 
 
 @pytest.mark.parametrize("index", range(MOMENTS))
