@@ -51,7 +51,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "midastouch = midastouch_tools.cli:main",
+            "midastouch = midastouch_tools.executables:midastouch",
             "recorder = midastouch_tools.executables:recorder",
             "replay = midastouch_tools.executables:replay",
         ]

@@ -9,21 +9,26 @@ import sys
 import packages
 import pytest
 
-NODES = {
+SCRIPTS = {
     script.name: script.value
     for package in packages.PYTHON
     for script in importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
-    if script.name != "midastouch"
 }
+NODES = [name for name in SCRIPTS if name != "midastouch"]
 HELD_UP = "import sys\nprint('importing', flush=True)\nsys.stdin.readline()\n"
 
 
 @pytest.mark.parametrize(
-    ("name", "number"), [*((name, signal.SIGINT) for name in NODES), (next(iter(NODES)), signal.SIGTERM)]
+    ("name", "held_up", "number", "status"),
+    [
+        *((name, "rclpy", signal.SIGINT, 0) for name in NODES),
+        (NODES[0], "rclpy", signal.SIGTERM, 0),
+        ("midastouch", "shlex", signal.SIGINT, 130),
+    ],
 )
-def test_a_signal_during_the_import_ends_it_at_once_and_well(name, number, tmp_path):
-    (tmp_path / "rclpy.py").write_text(HELD_UP)
-    module, function = NODES[name].split(":")
+def test_a_signal_during_the_import_ends_it_at_once_and_well(name, held_up, number, status, tmp_path):
+    (tmp_path / f"{held_up}.py").write_text(HELD_UP)
+    module, function = SCRIPTS[name].split(":")
     process = subprocess.Popen(
         [sys.executable, "-c", f"import sys; from {module} import {function}; sys.exit({function}())"],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
@@ -35,4 +40,4 @@ def test_a_signal_during_the_import_ends_it_at_once_and_well(name, number, tmp_p
     assert process.stdout.readline() == "importing\n"
     process.send_signal(number)
     _, errors = process.communicate()
-    assert (process.returncode, errors) == (0, "")
+    assert (process.returncode, errors) == (status, "")

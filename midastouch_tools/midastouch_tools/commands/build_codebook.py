@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import zipfile
+from pathlib import Path
 
 from midastouch_common.output_paths import codebook_path
 
@@ -74,5 +75,18 @@ def run(args: argparse.Namespace) -> int:
     out = require_place(args.out or codebook_path(meshes[0].name, args.sensor))
     if out.is_file() and not zipfile.is_zipfile(out):
         raise InputError(f"{out}: exists and is no codebook; choose another name")
+    if out.is_file() and (other := _mesh_of(out)) not in ("", meshes[0].name):
+        raise InputError(f"{out}: exists, and is the codebook of '{other}'; choose another name")
     print(build_from_files(meshes[0].path, *what, out, args.force, args.jobs, symmetry))
     return 0
+
+
+def _mesh_of(codebook: Path) -> str:
+    """Return the name of the mesh that a codebook is of; empty if it cannot be read, and is built again."""
+    from midastouch_common.errors import InputError
+    from midastouch_perception.codebook import Codebook
+
+    try:
+        return Codebook.load(codebook, first=1).meta["mesh_name"]
+    except InputError:
+        return ""

@@ -31,13 +31,17 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
+    from midastouch_common.errors import InputError
     from midastouch_common.files import atomic_path
 
     from ..ros.launch_file import SHARE
 
+    if args.out.exists():
+        raise InputError(f"{args.out}: exists already; name another file or remove it")
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
     with atomic_path(args.out) as path:
         path.write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
+    print(f"{args.out}: open it in Foxglove, menu Layouts, Import from file")
     return 0
 
 

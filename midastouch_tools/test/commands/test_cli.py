@@ -306,3 +306,17 @@ def test_a_training_that_cannot_be_or_would_overwrite_another_is_refused_at_once
     for words, reason in ((["--device", "cuda"], "finds no GPU"), (["--out", str(tmp_path)], f"--resume {tmp_path}")):
         assert cli.main(["train-tcn", *words]) == cli.EXIT_BAD_INPUT
         assert reason in capsys.readouterr().err
+
+
+def test_earlier_work_under_the_name_of_an_output_is_kept(monkeypatch, tmp_path, no_symmetry_search, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["build-codebook", "ball", "--size", "20", "--out", "book.npz"]) == 0
+    (tmp_path / "layout.json").write_text("mine")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for words in (
+        ["build-codebook", "eyebolt", "--size", "20", "--out", "book.npz"],
+        ["foxglove", "--out", "layout.json"],
+    ):
+        assert cli.main(words) == cli.EXIT_BAD_INPUT
+        assert f"{words[-1]}: exists" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
