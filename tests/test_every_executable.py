@@ -23,7 +23,7 @@ HELD_UP = "import sys\nprint('importing', flush=True)\nsys.stdin.readline()\n"
     [
         *((name, "rclpy", signal.SIGINT, 0) for name in NODES),
         (NODES[0], "rclpy", signal.SIGTERM, 0),
-        ("midastouch", "shlex", signal.SIGINT, 130),
+        ("midastouch", "yaml", signal.SIGINT, 130),
     ],
 )
 def test_a_signal_during_the_import_ends_it_at_once_and_well(name, held_up, number, status, tmp_path):

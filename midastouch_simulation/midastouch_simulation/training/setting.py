@@ -138,7 +138,12 @@ class TrainingData:
 
     @classmethod
     def load(cls, options: TrainingOptions) -> TrainingData:
-        """Read the files that the options name. Raises InputError if meshes, images or a valid table are missing."""
+        """Read the files that the options name. Raises InputError if the GPU, meshes, images or a valid table are
+        missing."""
+        import torch  # here: the benchmark, which needs none, takes its objects and images from this module
+
+        if options.device == "cuda" and not torch.cuda.is_available():
+            raise InputError("--device cuda: PyTorch finds no GPU with CUDA here; without it, training is on the CPU")
         print(f"reading {options.meshes} and {options.backgrounds}; results go to {options.out}", flush=True)
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps

@@ -92,16 +92,12 @@ def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse
 
 
 def _options(args: argparse.Namespace) -> TrainingOptions:
-    """Return the options of both commands. InputError without PyTorch or the GPU asked for, if the
-    checkpoint to resume is missing, or if --out holds a run that is not resumed."""
+    """Return the options of both commands. InputError without PyTorch, if the checkpoint to resume is
+    missing, or if --out holds a run that is not resumed."""
     if importlib.util.find_spec("torch") is None:
         raise InputError(f"training needs PyTorch, which is not installed; run: {install_extra('train')}")
     # before PyTorch loads: its OpenMP threads would fight the renderer's and the rendering workers for the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    import torch
-
-    if args.device == "cuda" and not torch.cuda.is_available():
-        raise InputError("--device cuda: PyTorch finds no GPU with CUDA here; without the option it trains on the CPU")
     resume = Path(args.resume) if args.resume else None
     if resume is not None and not resume.exists():
         raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
