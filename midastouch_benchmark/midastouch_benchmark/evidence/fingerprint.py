@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import sys
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -209,6 +210,7 @@ def _measured(seed: int | None = None) -> Fingerprint:
     path = _CACHE / f"{_sources()}{'' if seed is None else f'_{seed}'}.json"
     if path.is_file():
         return {part: Part.from_json(one) for part, one in read_json(path).items()}
+    print("measuring this code's ids for the report, once: a minute or two", file=sys.stderr, flush=True)
     found = measure(seed=seed)
     with contextlib.suppress(OSError), atomic_path(path) as temporary:  # an installed package may be read-only
         temporary.write_text(json.dumps({part: one.to_json() for part, one in found.items()}))

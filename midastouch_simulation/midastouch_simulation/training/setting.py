@@ -71,14 +71,13 @@ def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
 def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Return training and validation images (B, height, width, 3) uint8 RGB from the JPEG or PNG files of `folder`.
 
-    Raises InputError if there are fewer than 8, or one is incomplete.
+    Raises InputError if there is no such folder, it has fewer than 8, or one is incomplete.
     """
-    paths = image_files(folder)
-    if len(paths) < 8:
-        raise InputError(
-            f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and training needs at least 8; give another "
-            "folder as --backgrounds (midastouch download ycb-slide backgrounds gets some)"
-        )
+    get_some = "midastouch download ycb-slide backgrounds gets some"
+    if not Path(folder).is_dir():
+        raise InputError(f"{folder}: no such folder of no-contact images; check the path ({get_some})")
+    if len(paths := image_files(folder)) < 8:
+        raise InputError(f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and 8 are needed ({get_some})")
     images = [read_image_file(path) for path in paths]
     images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images]
     return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])
