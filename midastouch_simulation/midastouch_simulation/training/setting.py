@@ -77,7 +77,9 @@ def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.nd
     if not Path(folder).is_dir():
         raise InputError(f"{folder}: no such folder of no-contact images; check the path ({get_some})")
     if len(paths := image_files(folder)) < 8:
-        raise InputError(f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and 8 are needed ({get_some})")
+        raise InputError(
+            f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and at least 8 are needed ({get_some})"
+        )
     images = [read_image_file(path) for path in paths]
     images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images]
     return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])
@@ -139,10 +141,8 @@ class TrainingData:
     def load(cls, options: TrainingOptions) -> TrainingData:
         """Read the files that the options name. Raises InputError if the GPU, meshes, images or a valid table are
         missing."""
-        import torch  # here: the benchmark, which needs none, takes its objects and images from this module
-
-        if options.device == "cuda" and not torch.cuda.is_available():
-            raise InputError("--device cuda: PyTorch finds no GPU with CUDA here; without it, training is on the CPU")
+        if options.device == "cuda":
+            _require_cuda()
         print(f"reading {options.meshes} and {options.backgrounds}; results go to {options.out}", flush=True)
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
@@ -152,3 +152,10 @@ class TrainingData:
             *backgrounds,
             RandomisationRange(wide_fraction=_FAR_SENSORS, colour_table=table, design_fraction=_OTHER_DESIGNS),
         )
+
+
+def _require_cuda() -> None:
+    import torch  # here: what else this module has needs none
+
+    if not torch.cuda.is_available():
+        raise InputError("--device cuda: PyTorch finds no GPU with CUDA here; without it, training is on the CPU")
