@@ -45,6 +45,16 @@ def end_at_once() -> None:
 
 
 @contextlib.contextmanager
+def held() -> Iterator[None]:
+    """Hold signals to stop back until the context is left."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _NUMBERS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
 def stop_event(wake: Callable[[], object]) -> Iterator[threading.Event]:
     """Yield an event that every signal to stop sets. Use it in the main thread.
 

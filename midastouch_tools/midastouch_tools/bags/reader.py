@@ -22,7 +22,7 @@ from midastouch_common.errors import InputError
 from ..datasets.loading import is_sequence, no_whole_bag
 from ..text_table import counted
 from .messages import TF_STATIC_TOPIC, Message, Topic
-from .unfinished import UnfinishedBag, is_unfinished
+from .unfinished import UnfinishedBag, begins_as_mcap, is_unfinished
 
 _FOOTER = struct.Struct("<9xQQI8x")  # starts of the summary and of its offsets, checksum
 BEHIND_SUMMARY = 12
@@ -186,6 +186,8 @@ def readable(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
+        if path.is_file() and not begins_as_mcap(path):
+            raise InputError(f"{path}: not a bag; its content is not MCAP") from error
         said = f"{path}: cannot be read as a bag ({error})"
         if path.suffix == ".mcap" or any(path.glob("*.mcap")):
             what = path if path.is_file() else "each .mcap file in it"

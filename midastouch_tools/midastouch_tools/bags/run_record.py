@@ -69,6 +69,12 @@ def read_run(path: str | Path) -> RunRecord:
         The bag cannot be read or holds no frame with a result.
     """
     recorded = {topic.name for topic in bag_topics(path)}
+    no_results = InputError(
+        f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
+        "that with the node recorder"
+    )
+    if not recorded >= {STATUS, MODES, PARTICLES}:
+        raise no_results
     results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
     for topic in (POSE, CODE, PENETRATION, OBJECTS):
         results[topic] = dict(by_stamp(path, topic)) if topic in recorded else {}
@@ -104,10 +110,7 @@ def read_run(path: str | Path) -> RunRecord:
         n_particles.append(int(status.n_particles))
         filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
-        raise InputError(
-            f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
-            "that with the node recorder"
-        )
+        raise no_results
     return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
 
 

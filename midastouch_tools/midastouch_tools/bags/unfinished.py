@@ -19,12 +19,18 @@ _MAGIC, _DATA_END = b"\x89MCAP0\r\n", 0x0F
 _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
 
+def begins_as_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP."""
+    with path.open("rb") as stream:
+        return stream.read(len(_MAGIC)) == _MAGIC
+
+
 def is_unfinished(path: Path) -> bool:
     """Return whether a file begins as MCAP and does not end so."""
     with path.open("rb") as stream:
-        begin, size = stream.read(len(_MAGIC)), stream.seek(0, SEEK_END)
+        size = stream.seek(0, SEEK_END)
         stream.seek(max(0, size - len(_MAGIC)))
-        return begin == _MAGIC != stream.read()
+        return begins_as_mcap(path) and stream.read() != _MAGIC
 
 
 class UnfinishedBag:

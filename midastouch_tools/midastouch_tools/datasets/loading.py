@@ -51,8 +51,10 @@ def load_sequence(path: str | Path) -> Sequence:
         classes.
     """
     path = Path(path)
+    if path.is_file():
+        raise InputError(f"{path}: not the folder of a sequence; midastouch inspect-bag says what a bag is good for")
     if not path.is_dir():
-        raise InputError(f"{path}: no such sequence folder; check the path")
+        raise InputError(f"{path}: no such {'bag' if path.suffix == '.mcap' else 'sequence folder'}; check the path")
     for file, load in _LOADERS.items():
         if (path / file).is_file():
             return load(path)
