@@ -20,6 +20,7 @@ _MADE: dict[str, Callable[[Path], list[ObjectMesh]]] = {
     "small_cad": partial(write_parts, SMALL_CAD_PARTS),
 }
 """Sets made by code, by their name in `--objects`. Each writes its meshes into a folder and returns them."""
+_MESHES = ".ply", ".stl", ".obj"
 _HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
 """Ten further objects for judging, on which no setting may be chosen. The networks were trained on 008, 028 and 033;
 the other seven only validated them."""
@@ -40,9 +41,11 @@ def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> 
         available = bundled_objects()
         names = names or sorted(available)
     else:
-        if not Path(folder).is_dir():
-            raise InputError(f"{folder}: no such folder; give one with mesh files")
-        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
+        there = Path(folder).is_dir()
+        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in _MESHES] if there else []
+        if not files:
+            problem = "no mesh file in it" if there else "no such folder"
+            raise InputError(f"{folder}: {problem}; give a folder with {', '.join(_MESHES)} files")
         available = {path.stem: path for path in files}
         if names == ["all"]:
             return [ObjectMesh.load(path) for path in sorted(files)]
@@ -53,6 +56,6 @@ def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> 
 def _one(name: str, available: dict[str, Path], where: str) -> Path:
     fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
     if len(fitting) != 1:
-        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
+        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available))}"
         raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
     return available[fitting[0]]
