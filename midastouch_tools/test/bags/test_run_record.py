@@ -153,9 +153,3 @@ def test_without_any_progress_the_steps_are_even(run):
 def test_a_short_run_is_shown_whole(run):
     assert [s.frame for s in moments(run[:2], 5)] == [0, 1]
     assert moments(run[:1], 5) == run[:1]
-
-
-def test_a_bag_without_results_names_what_to_do(bag):
-    for missing in ("/pose_modes", "/filter_status"):
-        with pytest.raises(InputError, match="no results; replay it, and record that with the node recorder"):
-            read_run(bag(without={missing})[1])

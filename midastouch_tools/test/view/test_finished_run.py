@@ -77,5 +77,5 @@ def test_what_is_no_run_is_said(tmp_path, name):
 def test_a_bag_without_results_is_said(simulated_sequence, tmp_path):
     path = tmp_path / "inputs.mcap"
     write(path, *sequence_messages(simulated_sequence(2)))
-    with pytest.raises(InputError, match="has no /pose_modes"):
+    with pytest.raises(InputError, match="no results; replay it, and record that with the node recorder"):
         load(path)
