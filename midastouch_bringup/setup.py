@@ -42,7 +42,7 @@ setup(
             "digit_sim = midastouch_simulation.executables:digit_sim",
             "explorer = midastouch_motion.executables:explorer",
             "finger = midastouch_simulation.executables:simulated_finger",
-            "midastouch = midastouch_tools.executables:midastouch",
+            "midastouch = midastouch_tools.__main__:main",
             "mount_tf = midastouch_motion.executables:mount_tf",
             "recorder = midastouch_tools.executables:recorder",
             "replay = midastouch_tools.executables:replay",

@@ -51,7 +51,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "midastouch = midastouch_tools.executables:midastouch",
+            "midastouch = midastouch_tools.__main__:main",
             "recorder = midastouch_tools.executables:recorder",
             "replay = midastouch_tools.executables:replay",
         ]
