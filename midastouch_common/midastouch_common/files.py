@@ -86,6 +86,12 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
         raise InputError(f"{path}: not YAML: {error}; correct the {what} file") from error
 
 
+def require_new(path: str | os.PathLike, what: str) -> None:
+    """Raise InputError naming `what` (such as "bag") if something, also a link to nothing, has this path."""
+    if os.path.lexists(path):
+        raise InputError(f"{path}: exists already; name another {what} or remove it")
+
+
 def require_new_folder(path: str | os.PathLike) -> Path:
     """Return `path`, absolute, if it does not exist or is an empty folder; InputError otherwise."""
     path = Path(path).absolute()

@@ -41,7 +41,7 @@ def is_right_or_among_modes(trial: dict) -> bool:
 
 def wrong_converged(trials: list[dict]) -> float:
     """Return the fraction of all frames in which the filter was converged at a wrong pose."""
-    return int(_converged_wrong(trials).sum()) / max(sum(t["frames"] for t in trials), 1)
+    return int(converged_wrong_frames(trials).sum()) / max(sum(t["frames"] for t in trials), 1)
 
 
 def _alarms(trials: list[dict]) -> dict[str, float]:
@@ -188,7 +188,7 @@ def pose_right_at_end(trials: list[dict]) -> dict:
     return Figures.by_slide(trials).fraction([trial["final"]["right"] for trial in trials])
 
 
-def _converged_wrong(trials: list[dict]) -> np.ndarray:
+def converged_wrong_frames(trials: list[dict]) -> np.ndarray:
     """Return the number of frames of each trial (T,) that were converged at a wrong pose."""
     return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
 
@@ -198,7 +198,9 @@ def converged_figures(trials: list[dict]) -> dict:
     figures = Figures.by_slide(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
     return {
-        "converged_frames_wrong": figures.fraction(_converged_wrong(trials), [t["frames_converged"] for t in trials]),
+        "converged_frames_wrong": figures.fraction(
+            converged_wrong_frames(trials), [t["frames_converged"] for t in trials]
+        ),
         "ambiguous_frames_among": figures.fraction(
             *([t[name] for t in trials] for name in ("frames_ambiguous_among", "frames_ambiguous"))
         ),
@@ -208,7 +210,7 @@ def converged_figures(trials: list[dict]) -> dict:
 
 def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     """Return the figures of `trust` on states and last answers."""
-    wrong = _converged_wrong(trials)
+    wrong = converged_wrong_frames(trials)
     right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
     return {
         "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
@@ -234,7 +236,7 @@ def _regions(trials: list[dict], figures: Figures) -> dict:
 
 
 def _around_an_event(trials: list[dict], figures: Figures) -> dict:
-    wrong = _converged_wrong(trials)
+    wrong = converged_wrong_frames(trials)
     asked = [t["right_after_event"] is not None for t in trials]
     before = [bool(t["right_before_event"]) for t in trials]
     after = [bool(t["right_after_event"]) for t in trials]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
-import numpy as np
 import pandas as pd
 
+from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
 
-from ..statistics.accuracy import converged_figures, is_right, pose_right_at_end
+from ..statistics.accuracy import converged_figures, converged_wrong_frames, is_right, pose_right_at_end
 from ..statistics.coverage import WEIGHTS
 from ..statistics.intervals import Figures
 from ..trials.camera_faults import FAULTS
@@ -181,14 +181,14 @@ def camera_faults() -> pd.DataFrame:
 
 
 def _fault_row(trials: list[dict]) -> dict:
-    figures = Figures.by_slide(trials)
-    sure = [trial["final"]["state"] == "converged" for trial in trials]
-    wrong = [trial["frames_converged"] - trial["frames_converged_right"] for trial in trials]
+    figures, frames = Figures.by_slide(trials), [trial["frames"] for trial in trials]
     return {
         "trials": len(trials),
         "report": "camera_faults",
-        "frames": sum(trial["frames"] for trial in trials) / len(trials),
+        "frames": sum(frames) / len(trials),
         "right": figures.fraction(list(map(is_right, trials))),
-        "wrong_at_end": figures.fraction(np.array(sure) & ~np.array([trial["final"]["right"] for trial in trials])),
-        "wrong": figures.fraction(wrong, [trial["frames"] for trial in trials]),
+        "wrong_at_end": figures.fraction(
+            [trial["final"]["state"] == state.CONVERGED and not is_right(trial) for trial in trials]
+        ),
+        "wrong": figures.fraction(converged_wrong_frames(trials), frames),
     }

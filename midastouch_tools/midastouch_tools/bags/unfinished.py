@@ -28,9 +28,9 @@ def begins_as_mcap(path: Path) -> bool:
 def is_unfinished(path: Path) -> bool:
     """Return whether a file begins as MCAP and does not end so."""
     with path.open("rb") as stream:
-        size = stream.seek(0, SEEK_END)
+        begin, size = stream.read(len(_MAGIC)), stream.seek(0, SEEK_END)
         stream.seek(max(0, size - len(_MAGIC)))
-        return begins_as_mcap(path) and stream.read() != _MAGIC
+        return begin == _MAGIC != stream.read()
 
 
 class UnfinishedBag:

@@ -16,8 +16,7 @@ import mcap.reader
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from midastouch_common.errors import InputError
-from midastouch_common.files import naming, temporary_beside
+from midastouch_common.files import naming, require_new, temporary_beside
 
 from ..datasets import Sequence
 from .messages import Message, sequence_messages, typestore
@@ -49,8 +48,7 @@ class BagWriter:
         self._is_file = self._path.suffix == ".mcap"
         self._metadata = metadata or {}
         self._connections: dict[str, Connection] = {}
-        if os.path.lexists(self._path):
-            raise InputError(f"{self._path}: exists already; name another bag or remove it")
+        require_new(self._path, "bag")
 
     def __enter__(self) -> BagWriter:
         with contextlib.ExitStack() as cleanup:

@@ -31,13 +31,11 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
-    from midastouch_common.errors import InputError
-    from midastouch_common.files import atomic_path
+    from midastouch_common.files import atomic_path, require_new
 
     from ..ros.launch_file import SHARE
 
-    if args.out.exists():
-        raise InputError(f"{args.out}: exists already; name another file or remove it")
+    require_new(args.out, "file")
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
     with atomic_path(args.out) as path:
         path.write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")

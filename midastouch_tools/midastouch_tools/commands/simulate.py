@@ -34,15 +34,14 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_common.errors import InputError
+    from midastouch_common.files import require_new
     from midastouch_perception.mesh_report import MeshReport
     from midastouch_perception.sensor_model import SensorModel
 
     from ..datasets.slide_simulation import simulate_sequence
     from ..text_table import counted
 
-    if args.out.exists():
-        raise InputError(f"{args.out}: exists already; name another folder or remove it")
+    require_new(args.out, "folder")
     mesh, sensor = arguments.load_mesh(args.mesh), SensorModel.load(args.sensor)
     MeshReport.tell(mesh, sensor, lambda line: print(line, file=sys.stderr))
     frames = simulate_sequence(mesh, sensor, args.length, args.seed, args.out, progress=True)
