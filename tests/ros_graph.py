@@ -26,6 +26,7 @@ from midastouch_common.ros import qos
 
 # Limits only a test that fails; on a busy machine milliseconds become seconds.
 _TIMEOUT = 60.0
+_ASK_AGAIN_S = 5.0
 _BETWEEN_LOOKS = 0.005  # s; the executor does not wake when nodes discover each other
 
 
@@ -130,8 +131,17 @@ class RosGraph:
         return self.call(ChangeState, f"{node}/change_state", request).success
 
     def state_of(self, node: str) -> str:
-        """Return the state that a lifecycle node reports."""
-        return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
+        """Return the state that a lifecycle node reports. Asks again if no answer comes: Cyclone DDS drops one
+        if the server has not discovered the client's reader within 100 ms."""
+        questions: dict[float, Future] = {}
+
+        def answered() -> bool:
+            if time.monotonic() - max(questions, default=0.0) > _ASK_AGAIN_S:
+                questions[time.monotonic()] = self.request(GetState, f"{node}/get_state", GetState.Request())
+            return any(future.done() for future in questions.values())
+
+        self.spin_until(answered, f"the state of {node}")
+        return next(future.result() for future in questions.values() if future.done()).current_state.label
 
     def spin_until(self, done: Callable[[], bool], what: str = "the awaited event") -> None:
         """Spin until `done()` is true; AssertionError naming `what` if that takes too long."""
