@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -65,6 +65,31 @@ class ObjectPrior:
         return Start(T_obj_gel, spread_at_lever(self.sigma_t, self.sigma_r, lever), self.sigma_r)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Frame:
+    """Frame that was processed. stamp [ns], None if unknown; T_gripper_gel (4, 4), None without a gripper; held:
+    whether the gripper holds the object from it on."""
+
+    T_base_gel: np.ndarray
+    stamp: int | None
+    T_gripper_gel: np.ndarray | None
+    held: bool
+
+    def motion_of(self, later: _Frame) -> np.ndarray:
+        """Return the gel's motion (4, 4) relative to the object until a later frame: the object goes with the gripper
+        that holds it, and rests in the base frame otherwise."""
+        before, after = self.T_base_gel, later.T_base_gel
+        if self.held and self.T_gripper_gel is not None and later.T_gripper_gel is not None:
+            before, after = self.T_gripper_gel, later.T_gripper_gel
+        return se3.inverse(before) @ after
+
+
+def holds(held: bool, touches: Iterable[Measurement]) -> bool:
+    """Return whether a gripper holds the object: from two fingers' touches on, until none is left."""
+    count = sum(touch.in_contact for touch in touches)
+    return count > (0 if held else 1)
+
+
 class Localiser:
     """Filter on one object, with the sensor's pose at its last frame and the start that a restart uses.
 
@@ -82,8 +107,7 @@ class Localiser:
     def __init__(self, first_start: Start | None, wait: bool):
         self._start, self._wait = first_start, wait
         self._object: LoadedObject | None = None
-        self._T_base_gel: np.ndarray | None = None
-        self._stamp: int | None = None
+        self._last: _Frame | None = None
         self._prior: ObjectPrior | None = None  # overrides `_start`
         self._pending_prior: ObjectPrior | None = None  # the same, until a frame brings the sensor's pose
         self._started = False
@@ -127,7 +151,12 @@ class Localiser:
     @property
     def untouched(self) -> bool:
         """True while no frame has reached the filter since its start."""
-        return self._T_base_gel is None
+        return self._last is None
+
+    @property
+    def held(self) -> bool:
+        """True while a gripper holds the object."""
+        return self._last is not None and self._last.held
 
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on another object from scratch, because poses on the old one mean nothing there."""
@@ -151,7 +180,7 @@ class Localiser:
 
     def _begin(self, start: Start | None) -> None:
         self.estimate = None
-        self._T_base_gel = None
+        self._last = None
         self._started = self._object is not None and not (self._wait and start is None)
         if not self._started:
             return
@@ -182,9 +211,9 @@ class Localiser:
 
     def T_base_obj(self) -> np.ndarray | None:
         """Return the object's pose in the base frame (4, 4), or None unless the state is `converged`."""
-        if self._T_base_gel is None or self.estimate is None or self.estimate.status.state != "converged":
+        if self._last is None or self.estimate is None or self.estimate.status.state != "converged":
             return None
-        return self._T_base_gel @ se3.inverse(self.estimate.pose)
+        return self._last.T_base_gel @ se3.inverse(self.estimate.pose)
 
     def process(
         self,
@@ -192,6 +221,7 @@ class Localiser:
         measurement: Measurement,
         others: Mapping[str, Measurement] | None = None,
         stamp: int | None = None,
+        T_gripper_gel: np.ndarray | None = None,
     ) -> Estimate | None:
         """Process one frame.
 
@@ -202,6 +232,8 @@ class Localiser:
         others
             Measurements of further fingers, by name.
         stamp : time [ns] of the image, None if unknown
+        T_gripper_gel
+            Pose (4, 4) of the sensor in the frame of a gripper that may hold the object; None if the object rests.
 
         Returns
         -------
@@ -221,10 +253,13 @@ class Localiser:
         if self.filter is None:
             return None
         self._object.take_growth()
-        moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
-        elapsed = None if moved is None else seconds_between(self._stamp, stamp)
-        self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
-        self._T_base_gel, self._stamp = T_base_gel, stamp
+        others, last = others or {}, self._last
+        held = T_gripper_gel is not None and holds(self.held, (measurement, *others.values()))
+        frame = _Frame(T_base_gel, stamp, T_gripper_gel, held)
+        moved = None if last is None else last.motion_of(frame)
+        elapsed = None if last is None else seconds_between(last.stamp, stamp)
+        self.estimate = self.filter.step(moved, measurement, others, elapsed)
+        self._last = frame
         return self.estimate
 
     def deferred_update(self, in_time: InTime = always) -> None:

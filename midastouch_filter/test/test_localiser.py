@@ -33,6 +33,25 @@ def test_odometry_is_the_motion_since_the_last_frame():
     np.testing.assert_allclose(a @ running.odometry[1], b, atol=1e-12)
 
 
+def test_the_object_goes_with_the_gripper_from_two_touches_on_until_there_is_none():
+    subject, running = localiser()
+    rng = np.random.default_rng(0)
+    bases, grippers = (se3.make(se3.random_rotations(6, rng), rng.normal(size=(6, 3))) for _ in range(2))
+    air = Measurement(False)
+    seen = [(air, air), (TOUCH, air), (TOUCH, TOUCH), (air, TOUCH), (air, air), (TOUCH, air)]
+    held = []
+    for base, gripper, (one, other) in zip(bases, grippers, seen, strict=True):
+        subject.process(base, one, {"right": other}, None, gripper)
+        held.append(subject.held)
+    assert held == [False, False, True, True, False, False]
+    for k, moved in enumerate(running.odometry[1:]):
+        frame = grippers if held[k] else bases
+        np.testing.assert_allclose(frame[k] @ moved, frame[k + 1], atol=1e-12)
+    subject.process(bases[0], TOUCH, {"right": TOUCH}, None, grippers[0])
+    subject.restart()
+    assert not subject.held
+
+
 def test_only_a_running_filter_has_a_deferred_update():
     subject, running = localiser(wait=True)
     subject.deferred_update()

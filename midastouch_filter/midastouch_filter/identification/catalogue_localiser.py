@@ -86,8 +86,9 @@ class CatalogueLocaliser(Localiser):
         measurement: Measurement,
         others: Mapping[str, Measurement] | None = None,
         stamp: int | None = None,
+        T_gripper_gel: np.ndarray | None = None,
     ) -> Estimate | None:
-        estimate = super().process(T_base_gel, measurement, others, stamp)
+        estimate = super().process(T_base_gel, measurement, others, stamp, T_gripper_gel)
         if self._catalogue is None:
             return estimate
         if (groups := self._running.groups) is not self._groups:

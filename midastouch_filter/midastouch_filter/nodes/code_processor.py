@@ -22,7 +22,7 @@ from ..core.state import STALE, UNINITIALISED
 from ..core.touch import Measurement, measurement_from_msg
 from ..localiser import Localiser, seconds_between
 from ..timeline import Judgement, Timeline
-from .estimate_publisher import EstimatePublisher
+from .estimate_publisher import EstimatePublisher, Placed
 from .finger_topics import FingerTopics, MapSource, fingers_of
 from .node_clock import NodeClock
 from .status_report import StatusReport
@@ -53,7 +53,9 @@ class CodeProcessor:
         self._last_stamp: int | None = None
         self._silent = self._has_had_transforms = False
         self._jumps = 0
-        self._base, self._sensor = self._parameters["base_frame_id"], self._parameters["sensor_frame_id"]
+        self._base, self._sensor, self._gripper = (
+            self._parameters[f"{name}_frame_id"] for name in ("base", "sensor", "gripper")
+        )
         self._queue = TransformQueue(
             lambda stamp: self._lookup(self._base, self._sensor, stamp),
             self._is_incomplete,
@@ -71,7 +73,7 @@ class CodeProcessor:
         # last: its thread would outlive a constructor that fails after it
         self.transforms = TransformSource(
             node,
-            frames=(self._base, self._sensor, *fingers_of(self._parameters).values()),
+            frames=[self._gripper or self._base, self._base, self._sensor, *fingers_of(self._parameters).values()],
             on_update=self._process_queue,
             on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self._problem("bad_transforms", reason),
@@ -188,9 +190,14 @@ class CodeProcessor:
         if self._maps is not None and sensor is not None and measurement.in_contact:
             measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
             self.report.counts["no_map"] += measurement.penetration is None
+        T_gripper_gel = self.transforms.known(self._gripper, self._sensor, stamp) if self._gripper else None
+        if self._gripper and T_gripper_gel is None:
+            self.report.counts["transform_timeout"] += 1
+            self.report.say(stamp, STALE, f"no transform {self._gripper} -> {self._sensor}: is gripper_frame_id right?")
+            return
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
-            estimate = self._localiser.process(T_base_gel, measurement, others, stamp)
+            estimate = self._localiser.process(T_base_gel, measurement, others, stamp, T_gripper_gel)
         except InputError as error:
             self._problem("bad_codes", f"tactile/code: {error}")
             self.report.say(stamp, STALE, f"code refused: {error}")
@@ -201,7 +208,9 @@ class CodeProcessor:
         jumps, self._jumps = self._jumps, estimate.status.skipped.get("odometry_jump", 0)
         if self._jumps > jumps:  # it starts again at each
             self._problem("jumps", f"{self._base} -> {self._sensor}: {estimate.status.reason}")
-        self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
+        sure = self._localiser.T_base_obj() is not None
+        placed = Placed(T_gripper_gel if self._gripper else T_base_gel, self._localiser.held, sure)
+        self.report.estimate(stamp, estimate, self._localiser.filter, placed)
         self._on_estimate(stamp)
         self._localiser.deferred_update(in_time)
 

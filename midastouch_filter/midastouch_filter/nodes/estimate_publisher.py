@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import (
@@ -36,9 +37,20 @@ from midastouch_perception.symmetry.group import Symmetry
 from ..core.alignment import transform_covariance
 from ..core.estimate import Estimate
 from ..core.state import LOST, Status
-from ..identification.identity import UNKNOWN, CandidateObject, Identity
+from ..identification.identity import UNKNOWN, Identity
 from ..loaded_object import RunningFilter
 from . import markers
+
+
+class Placed(NamedTuple):
+    """Gel in the frame in which the object's pose is published, the base or the gripper.
+
+    pose: (4, 4), of the gel; held: whether the object is in the gripper; sure: whether the filter is sure of the pose.
+    """
+
+    pose: np.ndarray
+    held: bool
+    sure: bool
 
 
 class EstimatePublisher:
@@ -62,6 +74,9 @@ class EstimatePublisher:
         self._particles = node.create_publisher(PoseArray, "particles", stream)
         self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
         self._hypotheses = node.create_publisher(MarkerArray, "hypotheses", stream)
+        self._object_pose = node.create_publisher(PoseWithCovarianceStamped, "object_pose", latched)
+        self._object_modes = node.create_publisher(PoseModes, "object_pose_modes", stream)
+        self._parent = parameters["gripper_frame_id"] or parameters["base_frame_id"]
         self._objects = node.create_publisher(Detection3DArray, "object_hypotheses", latched)
         self._mesh = node.create_publisher(MarkerArray, "object_mesh", qos.latched())
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
@@ -77,8 +92,8 @@ class EstimatePublisher:
         """Publish a status on its own, without a processed frame."""
         self._status.publish(_status_to_msg(status, self._header(stamp)))
 
-    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
-        """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
+    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, placed: Placed) -> None:
+        """Publish the answer to the frame of `stamp` [ns]."""
         header = self._header(stamp)
         if not _finite(estimate):
             # The status still goes out: every frame gets an answer.
@@ -90,8 +105,10 @@ class EstimatePublisher:
             self._pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
         modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m.pose, m.covariance)) for m in estimate.modes]
         self._modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
-        if T_base_obj is not None and self._parameters["tf_broadcast"]:
-            self._broadcast(stamp, T_base_obj)
+        if placed.held and modes:
+            self._show_in_hand(estimate, running, placed.pose, Header(stamp=header.stamp, frame_id=self._parent))
+        if placed.sure and self._parameters["tf_broadcast"]:
+            self._broadcast(stamp, placed.pose @ se3.inverse(estimate.pose))
         self._view(header, estimate, running)
         # Last, so that everything else of this frame is out when a listener sees its status.
         self.status(stamp, estimate.status)
@@ -111,10 +128,22 @@ class EstimatePublisher:
             self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
         return self._sent_fields
 
-    def _broadcast(self, stamp: int, T_base_obj: np.ndarray) -> None:
-        ahead = stamp + round(1e9 * self._parameters["transform_tolerance"])
-        base, child = self._parameters["base_frame_id"], self._parameters["object_frame_id"]
-        self._tf.publish(TFMessage(transforms=[stamped_transform(stamp_from_ns(ahead), base, child, T_base_obj)]))
+    def _show_in_hand(
+        self, estimate: Estimate, running: RunningFilter, T_gripper_gel: np.ndarray, header: Header
+    ) -> None:
+        """Publish the poses of the object that a gripper holds."""
+        pose = _object_pose(estimate.pose, estimate.covariance, T_gripper_gel)
+        self._object_pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
+        modes = [
+            PoseMode(weight=float(mode.weight), pose=_object_pose(mode.pose, mode.covariance, T_gripper_gel))
+            for mode in estimate.modes
+        ]
+        self._object_modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
+
+    def _broadcast(self, stamp: int, T_parent_obj: np.ndarray) -> None:
+        ahead = stamp_from_ns(stamp + round(1e9 * self._parameters["transform_tolerance"]))
+        moved = stamped_transform(ahead, self._parent, self._parameters["object_frame_id"], T_parent_obj)
+        self._tf.publish(TFMessage(transforms=[moved]))
 
     def _view(self, header: Header, estimate: Estimate, running: RunningFilter) -> None:
         viewed = [p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0]
@@ -199,7 +228,7 @@ def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header
     found = [
         ObjectHypothesisWithPose(
             hypothesis=ObjectHypothesis(class_id=each.name, score=each.probability),
-            pose=_object_pose(each, T_base_gel),
+            pose=_object_pose(each.hypotheses[0].pose, each.hypotheses[0].covariance, T_base_gel),
         )
         for each in identity.objects
         if each.hypotheses
@@ -210,11 +239,10 @@ def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header
     )
 
 
-def _object_pose(hypothesis: CandidateObject, T_base_gel: np.ndarray) -> PoseWithCovariance:
-    """Return the object's pose in the base frame; the covariance is about the base's axes (REP 103)."""
-    best = hypothesis.hypotheses[0]
-    T_gel_obj = se3.inverse(best.pose)
+def _object_pose(pose: np.ndarray, covariance: np.ndarray, T_base_gel: np.ndarray) -> PoseWithCovariance:
+    """Return the object's pose in the frame in which the gel is at T_base_gel, of a pose T_obj_gel (4, 4) and its
+    covariance (6, 6); the result's is about that frame's axes (REP 103)."""
+    T_gel_obj = se3.inverse(pose)
     T_base_obj = T_base_gel @ T_gel_obj
     turn = se3.turn(T_base_obj[:3, :3])
-    covariance = turn @ transform_covariance(best.covariance, T_gel_obj) @ turn.T
-    return PoseWithCovariance(pose=pose_to_msg(T_base_obj), covariance=covariance.ravel().tolist())
+    return _pose_to_msg(T_base_obj, turn @ transform_covariance(covariance, T_gel_obj) @ turn.T)

@@ -69,7 +69,13 @@ _NODE = (
         minimum=0.0,
         maximum=1.0,
     ),
-    Parameter("tf_broadcast", True, "Broadcast base -> object while converged", read_only=False),
+    Parameter(
+        "gripper_frame_id",
+        "",
+        "Frame of a gripper with sensor and fingers: while two of them touch, the object goes with it, and its pose is "
+        "published in this frame; empty: the object rests",
+    ),
+    Parameter("tf_broadcast", True, "Broadcast base or gripper -> object while converged", read_only=False),
     Parameter(
         "transform_tolerance",
         0.1,

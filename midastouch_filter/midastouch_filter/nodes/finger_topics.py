@@ -34,7 +34,8 @@ _KEPT_CLOUDS = 256
 
 
 def fingers_of(parameters: Parameters) -> dict[str, str]:
-    """Return the gel frame of each further finger by namespace; raises InputError on a malformed `fingers`."""
+    """Return the gel frame of each further finger by namespace; raises InputError on a malformed `fingers`, and if a
+    gripper has none."""
     given = parameters["fingers"]
     found: dict[str, str] = {}
     for part in given.split(",") if given.strip() else []:
@@ -47,6 +48,8 @@ def fingers_of(parameters: Parameters) -> dict[str, str]:
         if namespace in found or frame in (*found.values(), parameters["sensor_frame_id"]):
             raise InputError(f"parameter 'fingers': '{part.strip()}' is there twice, or is the filter's own sensor")
         found[namespace] = frame
+    if parameters["gripper_frame_id"] and not found:
+        raise InputError("parameter 'gripper_frame_id': a gripper has two sensors or more; name the others in fingers")
     return found
 
 

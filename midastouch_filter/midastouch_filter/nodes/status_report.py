@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
-import numpy as np
-
 from midastouch_common.ros import diagnostics
 
 from ..core.estimate import Estimate
 from ..core.state import LOST, STALE, UNINITIALISED, WAITING, Status
 from ..loaded_object import RunningFilter
-from .estimate_publisher import EstimatePublisher
+from .estimate_publisher import EstimatePublisher, Placed
 from .finger_topics import FingerTopics
 
 
@@ -47,11 +45,11 @@ class StatusReport:
         """Publish that the answer to `stamp` [ns] is still to come; the state stays what it was."""
         self._out.status(stamp, self._complete(dataclasses.replace(self._last, state=WAITING, reason=reason, ms={})))
 
-    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, T_base_obj: np.ndarray | None) -> None:
+    def estimate(self, stamp: int, estimate: Estimate, running: RunningFilter, placed: Placed) -> None:
         """Publish the answer of a step; arguments as for `EstimatePublisher.estimate`."""
         self._last = estimate.status
         complete = dataclasses.replace(estimate, status=self._complete(estimate.status))
-        self._out.estimate(stamp, complete, running, T_base_obj)
+        self._out.estimate(stamp, complete, running, placed)
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""

@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 from filter_bench import OBJECT, Bench, skipped
 from filter_fakes import cloud_msg, code_msg, loader_of
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
 from tf_messages import tf_msg, translation
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.message_arrays import SECOND, stamp_ns
+from midastouch_common.message_arrays import SECOND, pose_from_msg, stamp_ns, transform_from_msg
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.loaded_object import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 
 pytestmark = pytest.mark.dds
 T_GEL_RIGHT = se3.exp(np.array([0.01, 0, -0.05, np.pi, 0, 0]))
@@ -177,6 +180,48 @@ def test_time_that_runs_back_forgets_what_fingers_measured(graph):
             hand.frame(k * SECOND)
         assert hand.filter.starts == ["uniform"] * (loop + 1)
     assert [list(others) for others in hand.filter.others] == [["/right"]] * 6
+
+
+def test_what_a_gripper_holds_goes_with_it_and_is_published_in_its_frame(graph):
+    hand = Hand(graph, refinement=False, gripper_frame_id="gripper")
+    hand.filters[0].state = CONVERGED
+    poses = graph.listen(PoseWithCovarianceStamped, "object_pose", latched=True)
+    modes = graph.listen(PoseModes, "object_pose_modes")
+    placed = graph.listen(TFMessage, "/tf", wanted=lambda msg: msg.transforms[0].child_frame_id == "object")
+    T_gripper_gel = se3.exp(np.array([0.02, 0.0, 0.1, 0.3, -0.2, 0.1]))
+    for k, touching in enumerate([False, True, True, False], 1):
+        hand.tf.publish(tf_msg(k * SECOND, translation(0.1 * k), child="gripper"))
+        hand.tf.publish(tf_msg(k * SECOND, T_gripper_gel, "gripper"))
+        hand.tf.publish(tf_msg(k * SECOND, T_gripper_gel @ T_GEL_RIGHT, "gripper", "right_gel"))
+        for touches in reversed(hand.touches):
+            touches.publish(code_msg(k * SECOND, in_contact=touching))
+        hand.answer(k * SECOND)
+    carried = [se3.log(odometry)[:3] for odometry in hand.filter.odometry[1:]]
+    np.testing.assert_allclose(np.linalg.norm(carried, axis=1), [0.1, 0.0, 0.0], atol=1e-9)
+    graph.spin_until(lambda: len(poses) == len(modes) == 2 and len(placed) == 4, "what is in the gripper")
+    believed = T_gripper_gel @ se3.inverse(se3.translation(T_gripper_gel[:3, :3].T @ [0.1, 0.0, 0.0]))
+    for message in (poses[0], modes[0]):
+        assert (stamp_ns(message.header.stamp), message.header.frame_id) == (2 * SECOND, "gripper")
+    for pose in (poses[0].pose, modes[0].modes[0].pose):
+        np.testing.assert_allclose(pose_from_msg(pose.pose), believed, atol=1e-9)
+    lever = np.linalg.norm(believed[:3, 3] - T_gripper_gel[:3, 3])
+    spread = np.trace(np.reshape(poses[0].pose.covariance, (6, 6))[:3, :3])
+    assert 6e-6 + 3e-4 * lever**2 < spread < 6e-6 + 5e-4 * lever**2
+    assert placed[0].transforms[0].header.frame_id == "gripper"
+    np.testing.assert_allclose(transform_from_msg(placed[1].transforms[0].transform), believed, atol=1e-9)
+
+
+def test_a_gripper_whose_frame_is_missing_is_said(graph):
+    hand = Hand(graph, refinement=False, gripper_frame_id="nowhere")
+    status = hand.frame(SECOND)
+    assert status.state == "stale"
+    assert "nowhere -> digit_gel_frame: is gripper_frame_id right?" in status.reason
+    assert not hand.filter.measurements
+
+
+def test_a_gripper_has_several_sensors(graph):
+    with pytest.raises(InputError, match=r"'gripper_frame_id': .*fingers"):
+        graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), {"gripper_frame_id": "tool0"})
 
 
 @pytest.mark.parametrize(
