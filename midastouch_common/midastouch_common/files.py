@@ -55,11 +55,21 @@ def require_file(path: str | os.PathLike, what: str) -> Path:
     """Return `path` as a `Path` if it is a file; InputError naming `what` (such as "mesh") otherwise."""
     path = Path(path)
     try:
-        found = path.is_file()
+        found, folder = path.is_file(), path.is_dir()
     except OSError as error:  # below a folder that may not be entered, a name too long
         raise InputError(f"{path}: {error.strerror}; check the path of the {what} file") from error
     if not found:
-        raise InputError(f"{path}: no such {what} file; check the path")
+        fault = f"is a folder; give the {what} file" if folder else f"no such {what} file; check the path"
+        raise InputError(f"{path}: {fault}")
+    return path
+
+
+def require_folder(path: str | os.PathLike, what: str) -> Path:
+    """Return `path` as a `Path` if it is a folder; InputError naming `what` (such as "of meshes") otherwise."""
+    path = Path(path)
+    if not path.is_dir():
+        fault = "is a file, not a folder" if path.exists() else "no such folder"
+        raise InputError(f"{path}: {fault}; give a folder {what}")
     return path
 
 
@@ -95,7 +105,7 @@ def require_new(path: str | os.PathLike, what: str) -> None:
 def require_new_folder(path: str | os.PathLike) -> Path:
     """Return `path`, absolute, if it does not exist or is an empty folder; InputError otherwise."""
     path = Path(path).absolute()
-    if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
+    if path.is_symlink() or not _holds_nothing(path):
         raise InputError(f"{path}: exists already; name another folder, or remove it")
     return path
 
@@ -108,12 +118,7 @@ def next_new_folder(path: str | os.PathLike) -> Path:
 
 
 def _holds_nothing(folder: Path) -> bool:
-    try:
-        return not any(folder.iterdir())
-    except FileNotFoundError:
-        return True
-    except NotADirectoryError:
-        return False
+    return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
 
 
 def require_place(path: str | os.PathLike, what: str = "file") -> Path:

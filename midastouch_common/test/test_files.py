@@ -15,6 +15,7 @@ from midastouch_common.files import (
     next_new_folder,
     read_yaml,
     require_file,
+    require_folder,
     require_new_folder,
     require_place,
     sha256,
@@ -153,9 +154,15 @@ def test_yaml_that_is_none_is_bad_input(tmp_path, content):
         read_yaml(path, "parameter")
 
 
-def test_require_file_names_what_is_missing(tmp_path):
+def test_a_path_of_nothing_or_of_another_kind_is_named(tmp_path):
+    (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"gone\.ply.*mesh.*check the path"):
         require_file(tmp_path / "gone.ply", "mesh")
+    with pytest.raises(InputError, match=f"{tmp_path}: is a folder; give the mesh file"):
+        require_file(tmp_path, "mesh")
+    for name, fault in (("gone", "no such folder"), ("file", "is a file, not a folder")):
+        with pytest.raises(InputError, match=f"{name}: {fault}; give a folder of meshes"):
+            require_folder(tmp_path / name, "of meshes")
 
 
 def test_a_full_disk_names_the_file(tmp_path):

@@ -95,7 +95,7 @@ def test_an_archive_is_read_and_what_is_none_refused(tmp_path):
         ("objects.npz", r"objects.npz: "),
         ("page.pth.tar", "page.pth.tar: .*<!DOCTYPE.*download it again"),
         ("missing.pth", "no such weight file"),
-        (".", "no such weight file"),
+        (".", "is a folder; give the weight file"),
     ):
         with pytest.raises(InputError, match=said):
             read_checkpoint(tmp_path / name)

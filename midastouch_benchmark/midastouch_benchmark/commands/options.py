@@ -89,6 +89,7 @@ def load_object(
     from midastouch_perception.codebook import Codebook
     from midastouch_perception.objects import bundled_objects
 
+    loaded = arguments.load_mesh(mesh) if mesh else None
     # a trial's mesh seldom has the trial's name: it is that object in the recording's frame
     names = [Path(mesh).stem, object_name] if mesh else [object_name]
     default = [codebook_path(name, networks.sensor.name) for name in names]
@@ -97,11 +98,11 @@ def load_object(
         built_from = mesh or (object_name if object_name in bundled_objects() else "MESH")
         command = how_to_build(built_from, sensor or networks.sensor.name, tcn, str(path))
         raise InputError(f"{path}: no codebook of {names[0]}; build it: {command}")
-    if mesh is None:
+    if loaded is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():
             raise InputError(f"{path}: its mesh '{mesh}' is not there any more; give it with --mesh")
-    loaded = arguments.load_mesh(mesh)
+        loaded = arguments.load_mesh(mesh)
     book = Codebook.load(path, mesh=loaded, tcn=networks.tcn.network_id)
     if book.meta["sensor_id"] != networks.sensor.content_id:
         raise InputError(

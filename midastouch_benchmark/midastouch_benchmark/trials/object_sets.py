@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from midastouch_common.errors import InputError
+from midastouch_common.files import require_folder
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_simulation.training.setting import TEST_OBJECTS
@@ -41,11 +42,10 @@ def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> 
         available = bundled_objects()
         names = names or sorted(available)
     else:
-        there = Path(folder).is_dir()
-        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in _MESHES] if there else []
+        what = f"with {', '.join(_MESHES)} files"
+        files = [path for path in require_folder(folder, what).iterdir() if path.suffix.lower() in _MESHES]
         if not files:
-            problem = "no mesh file in it" if there else "no such folder"
-            raise InputError(f"{folder}: {problem}; give a folder with {', '.join(_MESHES)} files")
+            raise InputError(f"{folder}: no mesh file in it; give a folder {what}")
         available = {path.stem: path for path in files}
         if names == ["all"]:
             return [ObjectMesh.load(path) for path in sorted(files)]

@@ -71,6 +71,9 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
 def test_the_command_names_sensor_and_network_as_they_were_given(box):
     sensor = SimpleNamespace(content_id="id-1", name="my_touch")
     networks = SimpleNamespace(tcn=NETWORKS.tcn, sensor=sensor)
+    with pytest.raises(InputError, match=r"my cup\.ply: no such mesh file"):
+        options.load_object("cup", "my cup.ply", None, networks)
+    box.save("my cup.ply")
     with pytest.raises(InputError) as error:
         options.load_object("cup", "my cup.ply", None, networks, "gels/my_touch.yaml", "out/tcn.onnx")
     words = shlex.split(str(error.value).partition("build it: ")[2])

@@ -59,8 +59,8 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
 
 
 def _read_image(path: Path, height: int, width: int) -> np.ndarray:
-    if not path.is_file():
-        raise InputError(f"{path}: no such background image; leave the parameter empty to estimate one")
+    if not path.exists():
+        raise InputError(f"{path}: no such image, nor a folder of images; leave the parameter empty to estimate one")
     image = read_image_file(path)
     if image.shape[:2] != (height, width):
         raise InputError(f"{path}: {image.shape[1]} x {image.shape[0]} pixels, the sensor model has {width} x {height}")

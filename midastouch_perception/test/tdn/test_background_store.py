@@ -81,7 +81,7 @@ def test_unusable_backgrounds_are_named(tmp_path):
         frame[100:200] += np.uint8(10 * i)
         cv2.imwrite(str(tmp_path / "still" / f"{i:03d}.png"), frame)
     for name, complaint in (
-        ("none.png", "no such"),
+        ("none", "no such image, nor a folder of images"),
         ("text.png", "not a readable image"),
         ("small.png", "240 x 100"),
         ("empty", "no PNG or JPEG"),

@@ -118,6 +118,6 @@ def load_mesh(name_or_path: str) -> ObjectMesh:
     bundled = bundled_objects()
     if not Path(name_or_path).is_file() and name_or_path in bundled:
         return ObjectMesh.load(bundled[name_or_path])
-    if not Path(name_or_path).is_file() and not Path(name_or_path).suffix:
+    if not Path(name_or_path).exists() and not Path(name_or_path).suffix:
         raise InputError(f"{name_or_path}: no such mesh file, nor a bundled object ({', '.join(sorted(bundled))})")
     return ObjectMesh.load(name_or_path)

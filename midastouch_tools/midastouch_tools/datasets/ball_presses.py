@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_common.files import require_folder
 from midastouch_common.images import image_files
 from midastouch_perception.tdn import estimate_background
 
@@ -84,9 +85,7 @@ def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None
     Raises InputError if there is no such folder, no image (PNG or JPEG) except `background.png`, an unreadable image,
     or a no-contact image of another name.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name a folder of images of presses")
-    paths = image_files(folder)
+    paths = image_files(require_folder(folder, "of images of presses"))
     for path in paths:
         if path.stem.lower() == Path(BACKGROUND).stem and path.name != BACKGROUND:
             raise InputError(f"{path}: save the no-contact image as {BACKGROUND} (PNG, as JPEG changes colours)")
