@@ -17,9 +17,10 @@ import yaml
 from rosbags.interfaces import Connection, QosDurability
 from rosbags.rosbag2 import Reader
 
+from midastouch_common import files
 from midastouch_common.errors import InputError
 
-from ..datasets.loading import is_sequence, no_whole_bag
+from ..datasets.loading import is_bag, is_sequence, no_whole_bag
 from ..text_table import counted
 from .messages import TF_STATIC_TOPIC, Message, Topic
 from .unfinished import UnfinishedBag, begins_as_mcap, is_unfinished
@@ -27,12 +28,6 @@ from .unfinished import UnfinishedBag, begins_as_mcap, is_unfinished
 _FOOTER = struct.Struct("<9xQQI8x")  # starts of the summary and of its offsets, checksum
 BEHIND_SUMMARY = 12
 """Bytes behind the summary of an MCAP file: its checksum and the end of the file."""
-
-
-def is_bag(path: str | Path) -> bool:
-    """Return whether `path` looks like a bag: an .mcap file, or a folder with `metadata.yaml`."""
-    path = Path(path)
-    return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix == ".mcap")
 
 
 def bag_metadata(path: str | Path) -> dict[str, str]:
@@ -157,7 +152,9 @@ def _unpacked(path: Path, _changed_ns: int) -> Reader:
 
 
 def _information(path: Path) -> dict[str, Any]:
-    return yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    file = path / "metadata.yaml"
+    with files.readable(file, "not the metadata of a bag", f"write it again: ros2 bag reindex {path}"):
+        return dict(yaml.safe_load(file.read_text())["rosbag2_bagfile_information"])
 
 
 def _was_latched(connection: Connection) -> bool:

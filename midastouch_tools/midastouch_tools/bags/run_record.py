@@ -71,7 +71,7 @@ def read_run(path: str | Path) -> RunRecord:
     recorded = {topic.name for topic in bag_topics(path)}
     no_results = InputError(
         f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
-        "that with the node recorder"
+        f"that with the node recorder (how to play it: midastouch inspect-bag {path})"
     )
     if not recorded >= {STATUS, MODES, PARTICLES}:
         raise no_results

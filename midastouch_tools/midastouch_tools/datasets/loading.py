@@ -13,6 +13,12 @@ from .ycb_slide import REAL_FILE, SIMULATED_FILE, load_real, load_simulated
 _LOADERS = {SIMULATED_FILE: load_simulated, REAL_FILE: load_real, POSE_FILE: load_trial}
 
 
+def is_bag(path: str | Path) -> bool:
+    """Return whether `path` looks like a bag: an .mcap file, or a folder with `metadata.yaml`."""
+    path = Path(path)
+    return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix == ".mcap")
+
+
 def is_sequence(path: str | Path) -> bool:
     """Return whether `path` is a folder with the file that identifies one of the layouts."""
     return any((Path(path) / file).is_file() for file in _LOADERS)
@@ -51,13 +57,13 @@ def load_sequence(path: str | Path) -> Sequence:
         classes.
     """
     path = Path(path)
-    if path.is_file():
-        raise InputError(f"{path}: not the folder of a sequence; midastouch inspect-bag says what a bag is good for")
-    if not path.is_dir():
-        raise InputError(f"{path}: no such {'bag' if path.suffix == '.mcap' else 'sequence folder'}; check the path")
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; check the path")
     for file, load in _LOADERS.items():
         if (path / file).is_file():
             return load(path)
+    if is_bag(path):
+        raise InputError(f"{path}: a bag, not a sequence; how to play it: midastouch inspect-bag {path}")
     if problem := no_whole_bag(path):
         raise InputError(problem)
     raise InputError(

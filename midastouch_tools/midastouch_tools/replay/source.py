@@ -28,8 +28,8 @@ from ..bags.messages import (
     plain_image_messages,
     sequence_messages,
 )
-from ..bags.reader import bag_duration, bag_messages, bag_topics, content_of, is_bag, readable
-from ..datasets.loading import is_sequence, load_sequence, no_whole_bag
+from ..bags.reader import bag_duration, bag_messages, bag_topics, content_of, readable
+from ..datasets.loading import is_bag, is_sequence, load_sequence, no_whole_bag
 from ..datasets.plain_images import PlainImages
 from ..datasets.sequence import IMAGE_SHAPE
 

@@ -12,8 +12,9 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
-from ..bags.reader import bag_metadata, is_bag
+from ..bags.reader import bag_metadata
 from ..bags.run_record import RecordedMode, Snapshot, read_run
+from ..datasets.loading import is_bag
 from ..drawing.object_view import measured_contact
 from ..result_file import read_json
 from .scene import Scene

@@ -15,6 +15,8 @@ def test_a_sequence_becomes_a_bag_and_lost_poses_are_counted(real_sequence_folde
     assert "1 whose pose is missing or jumps left out" in said
     images = [each for each in ReplaySource(tmp_path / "x.mcap").messages() if each.topic.endswith("image_raw")]
     assert len(images) == 10
+    assert main(["to-bag", str(tmp_path / "x.mcap"), "--out", str(tmp_path / "y.mcap")]) == 2
+    assert "x.mcap: a bag, not a sequence; how to play it: midastouch inspect-bag " in capsys.readouterr().err
 
 
 def test_a_bag_that_is_there_is_kept(real_sequence_folder, tmp_path, capsys):

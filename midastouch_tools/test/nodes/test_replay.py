@@ -113,7 +113,7 @@ def test_a_damaged_image_ends_the_replay_with_its_name(graph, simulated_sequence
 
 
 @pytest.mark.parametrize(
-    ("source", "message"), [("", "'source' is empty"), ("/nowhere/slide", "no such sequence folder")]
+    ("source", "message"), [("", "'source' is empty"), ("/nowhere/slide", "no such file or folder")]
 )
 def test_bad_sources_are_refused_at_the_start(graph, source, message):
     with pytest.raises(InputError, match=message):

@@ -134,6 +134,11 @@ def test_a_bag_without_its_end_is_played_up_to_there(inspected):
     [
         (bags.damaged, "bag.mcap", "mcap recover"),
         (bags.without_metadata, "bag", "ros2 bag reindex"),
+        (
+            lambda path: (bags.plain(path) / "metadata.yaml").write_text("[") and path,
+            "bag",
+            "write it again: ros2 bag reindex",
+        ),
         (bags.part_of_one, "bag.db3", "give its folder"),
         (bags.with_a_part_missing, "bag", "bag_1.mcap"),
         (bags.listed_otherwise, "bag", "ros2 bag reindex"),
