@@ -148,6 +148,9 @@ def build_from_files(
     what = ObjectMesh.load(mesh), load_tcn(tcn, model), model, size, seed
     if not force and _is_up_to_date(path, *what, symmetry):
         return f"{path}: is up to date; --force builds it again"
+    former = ""
+    with contextlib.suppress(InputError):  # none yet, or one that cannot be read
+        former = f"; in place of one of {len(Codebook.load(path).poses)} poses"
     book, seconds = build_and_save(*what, path, jobs, symmetry)
     poses, mebibytes = f"{len(book.poses)} poses of {book.meta['mesh_name']}", path.stat().st_size / 2**20
-    return f"{path}: {poses}, {mebibytes:.1f} MiB, {seconds:.1f} s; symmetry: {book.symmetry.describe()}"
+    return f"{path}: {poses}, {mebibytes:.1f} MiB, {seconds:.1f} s; symmetry: {book.symmetry.describe()}{former}"

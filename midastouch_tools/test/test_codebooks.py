@@ -225,7 +225,9 @@ def test_a_codebook_is_built_again_after_changes_or_by_force(tmp_path, capsys):
         before = out.stat().st_mtime_ns if out.exists() else None
         assert cli.main(["build-codebook", "ball", "--size", "20", "--jobs", "1", "--out", str(out), *options]) == 0
         built.append(out.stat().st_mtime_ns != before)
-        assert ("is up to date" in capsys.readouterr().out) != built[-1]
+        said = capsys.readouterr().out
+        assert ("is up to date" in said) != built[-1]
+        assert ("in place of one of 20 poses" in said) == (built[-1] and before is not None)
     assert built == [True, False, True, False, True, True]
 
 

@@ -76,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.sequence_trials import PAPER_REAL, PAPER_REAL_BETA, TrialPlan, mesh_doubt, require_real, run_sequence
     from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
 
+    if args.objects and (args.mesh or args.codebook):
+        raise InputError("--objects: stands in place of --mesh and --codebook; leave these out")
     config = load_filter_config(args.config, args.preset)
     beta = args.beta or (PAPER_REAL_BETA if args.real else 1.0)
     plan = TrialPlan(args.init, beta, args.seeds, args.stride, args.max_frames)
@@ -140,6 +142,8 @@ def _identify(
     sensor = args.sensor or networks.sensor.name
 
     def build(path: Path):
+        if not path.exists():
+            raise InputError(f"{path}: no such codebook or folder of codebooks; check the path")
         command = options.how_to_build(str(path), sensor, args.tcn)
         raise InputError(f"{path}: not a codebook; build it: {command}")
 

@@ -34,7 +34,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_common.files import require_new
+    from midastouch_common.files import atomic_path, require_new
     from midastouch_perception.mesh_report import MeshReport
     from midastouch_perception.sensor_model import SensorModel
 
@@ -44,6 +44,8 @@ def run(args: argparse.Namespace) -> int:
     require_new(args.out, "folder")
     mesh, sensor = arguments.load_mesh(args.mesh), SensorModel.load(args.sensor)
     MeshReport.tell(mesh, sensor, lambda line: print(line, file=sys.stderr))
-    frames = simulate_sequence(mesh, sensor, args.length, args.seed, args.out, progress=True)
+    with atomic_path(args.out) as folder:
+        frames = simulate_sequence(mesh, sensor, args.length, args.seed, folder, progress=True)
+        require_new(args.out, "folder")  # another call may have made it meanwhile
     print(f"{args.out}: {counted(frames, 'frame')} of {mesh.name}")
     return 0

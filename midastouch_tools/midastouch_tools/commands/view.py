@@ -73,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
     with contextlib.ExitStack() as stack:
         if args.save:
             recording.save(stack.enter_context(atomic_path(args.save)))
+            print(f"{args.save}: once this has ended, open it with: rerun {args.save}", flush=True)
         else:
             memory = args.memory or (500 if finished else 30)  # live, a browser reads all history before any news
             server = stack.enter_context(ViewServer(args.host, args.port, args.web_port, memory))

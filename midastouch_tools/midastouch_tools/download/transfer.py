@@ -44,7 +44,6 @@ def fetch(
     if not re.match(r"https?://", url):
         raise InputError(f"{url}: not an http or https address")
     part = _Part(path, url)
-    path.parent.mkdir(parents=True, exist_ok=True)
     for attempt in range(attempts):
         try:
             _receive(url, part, progress)

@@ -77,8 +77,7 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
     program = gdown or shutil.which("gdown", path=str(Path(sys.executable).parent)) or shutil.which("gdown")
     if program is None:
         raise InputError(f"YCB-Slide lies on a shared drive that only gdown can list: {pip_install('gdown')}")
-    target = folder / part
-    target.mkdir(parents=True, exist_ok=True)
+    target = folder / part  # gdown makes it
     command = [program, "--folder", FOLDERS[part], "--continue", "--output", str(target)]
     try:
         subprocess.run(command, check=True)

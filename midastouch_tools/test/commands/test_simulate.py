@@ -22,9 +22,9 @@ def with_hole() -> trimesh.Trimesh:
 
 @pytest.fixture
 def simulated(monkeypatch) -> list:
-    calls: list = []
-    monkeypatch.setattr(slide_simulation, "simulate_sequence", lambda *args, **_: calls.append(args) or 0)
-    return calls
+    made: list = []
+    monkeypatch.setattr(slide_simulation, "simulate_sequence", lambda *args, **_: made.append(args[-1].mkdir()) or 0)
+    return made
 
 
 @pytest.mark.parametrize(
@@ -55,3 +55,13 @@ def test_an_unusable_mesh_is_not_simulated(tmp_path, capsys, simulated):
     assert cli.main(["simulate", str(path), "--out", str(tmp_path / "slide")]) == 2
     assert "lies inside the object" in capsys.readouterr().err
     assert simulated == []
+
+
+def test_a_slide_that_another_call_wrote_meanwhile_is_kept(tmp_path, capsys, monkeypatch):
+    other = tmp_path / "slide" / "of another call"
+    monkeypatch.setattr(
+        slide_simulation, "simulate_sequence", lambda *args, **_: args[-1].mkdir() or other.mkdir(parents=True)
+    )
+    assert cli.main(["simulate", "ball", "--out", str(tmp_path / "slide")]) == 2
+    assert "slide: exists already; name another folder" in capsys.readouterr().err
+    assert list(tmp_path.rglob("*")) == [tmp_path / "slide", other]

@@ -116,7 +116,7 @@ def gdown(folder, archives: dict[str, dict[str, bytes]], status: int = 0) -> str
                 out.writestr(path, content)
     program = folder / "gdown"
     program.write_text(
-        f'#!/bin/sh\necho "$@" > {folder}/called\n[ {status} = 0 ] || exit {status}\ncp -p {store}/* "$5"\n'
+        f'#!/bin/sh\necho "$@" > {folder}/called\n[ {status} = 0 ] && mkdir -p "$5" && cp -p {store}/* "$5"\n'
     )
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     return str(program)
@@ -155,6 +155,7 @@ def test_an_archive_that_would_escape_is_refused(tmp_path):
 def test_a_failing_gdown_and_none_at_all_are_said(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"gdown.*call again"):
         download_part("sim", tmp_path / "slides", gdown(tmp_path, {}, status=1))
+    assert not (tmp_path / "slides").exists()
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with pytest.raises(InputError, match="pip install gdown"):
         download_part("sim", tmp_path / "slides")

@@ -78,10 +78,11 @@ def test_the_command_exports(open3d, result, tmp_path, capsys):
     assert f"{exported}: 7 files" in capsys.readouterr().out
 
 
-def test_the_command_draws_every_trial_on_a_timeline(result, tmp_path):
+def test_the_command_draws_every_trial_on_a_timeline(result, tmp_path, capsys):
     rerun_cli = pytest.importorskip("rerun_cli", reason="the view extra (rerun-sdk) is not installed")
     out = tmp_path / "run.rrd"
     assert cli.main(["view", str(result), "--save", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}: once this has ended, open it with: rerun {out}\n"
     command = [Path(rerun_cli.__file__).parent / "rerun", "rrd", "print", "-vv", out]
     printed = subprocess.run(command, capture_output=True, text=True).stdout
     for entity in ("object/mesh", "object/truth/here", "object/estimate/here", "object/estimate_2/here"):
