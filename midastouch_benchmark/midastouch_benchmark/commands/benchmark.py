@@ -71,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.variants import VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
+    meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     also = ("real_gel",) if protocol.real_gel else ()
     folder, slides = options.campaign_folder(args, *also), protocol.slides.of_length(args.length)
@@ -86,7 +87,6 @@ def run(args: argparse.Namespace) -> int:
         args.stride,
         args.protocol,
     )
-    meshes = chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
     trials, result = options.run_campaign(args, plan, "trial", meshes)
     result |= {
         "objects": [
