@@ -94,7 +94,7 @@ def load_object(
     names = [Path(mesh).stem, object_name] if mesh else [object_name]
     default = [codebook_path(name, networks.sensor.name) for name in names]
     path = Path(codebook) if codebook else next((each for each in default if each.is_file()), default[0])
-    if not path.is_file():
+    if not path.exists():
         built_from = mesh or (object_name if object_name in bundled_objects() else "MESH")
         command = how_to_build(built_from, sensor or networks.sensor.name, tcn, str(path))
         raise InputError(f"{path}: no codebook of {names[0]}; build it: {command}")

@@ -241,6 +241,7 @@ def test_a_campaign_has_the_same_results_on_two_workers(run, workspace):
         (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "build-codebook eyebolt --sensor digit_real --out"),
         (["evaluate", "eyebolt/00", "--real"], "eyebolt/00: not a real slide of YCB-Slide"),
         (["evaluate", "eyebolt/00", "--config", "out"], "out: is a folder; give the configuration file"),
+        (["evaluate", "eyebolt/00", "--codebook", "out"], "out: is a folder; give the codebook file"),
         (["evaluate", "eyebolt/00", "--objects", "a", "--mesh", "ball"], "in place of --mesh and --codebook; leave"),
         (["evaluate", "eyebolt/00", "--objects", "none"], "none: no such codebook or folder of codebooks"),
         (["download", "ycb-mesh"], "name what to download"),
