@@ -44,6 +44,7 @@ setup(
             "finger = midastouch_simulation.executables:simulated_finger",
             "mujoco_arm = midastouch_simulation.executables:mujoco_arm",
             "simulated_finger = midastouch_simulation.executables:simulated_finger",
+            "simulated_gripper = midastouch_simulation.executables:simulated_gripper",
         ]
     },
 )

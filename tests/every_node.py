@@ -34,6 +34,7 @@ _NODES = {
     "digit_sim": (f"{_SIMULATION}.digit_sim", "DigitSim", {}),
     "explorer": (f"{_MOTION}.explorer", "Explorer", {}),
     "simulated_finger": (f"{_SIMULATION}.simulated_finger", "SimulatedFingerNode", {}),
+    "simulated_gripper": (f"{_SIMULATION}.simulated_gripper", "SimulatedGripperNode", {}),
     "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
     "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
     "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
@@ -63,8 +64,8 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
-    if name in ("digit_sim", "simulated_finger", "mujoco_arm"):
-        return {"mesh": str(bundled_objects()["ball"])}
+    if name in ("digit_sim", "simulated_finger", "simulated_gripper", "mujoco_arm"):
+        return {"mesh": str(bundled_objects()["handle_tool" if name == "simulated_gripper" else "ball"])}
     if name in ("ur_speed", "ur_tf"):
         return {"robot_ip": "the.arm"}
     if name == "recorder":

@@ -28,7 +28,8 @@ _SECOND_SOURCE_S = 0.5
 # Live the next image comes within some 30 ms; a slower finger does not hold up the frame.
 CODE_TIMEOUT = 0.25
 """Longest wait [s] for the parts of one frame, if messages may be lost."""
-_CODE_TIMEOUT_NS = round(1e9 * CODE_TIMEOUT)
+RELIABLE_TIMEOUT = 5.0
+"""The same if none is lost: only a busy machine can delay one."""
 _KEPT_CODES = 100
 
 
@@ -172,6 +173,8 @@ class FingerMemory:
     now : clock [s] that measures silence
     on_foreign
         Called with a reason if a code is of another network than the codebook.
+    timeout : [s]
+        Longest wait for a code or its transform.
     """
 
     def __init__(
@@ -181,7 +184,9 @@ class FingerMemory:
         maps: Maps | None,
         now: Callable[[], float],
         on_foreign: Callable[[str], None],
+        timeout: float,
     ):
+        self._timeout, self._timeout_ns = timeout, round(1e9 * timeout)
         self._pose_at, self._tolerance, self._maps = pose_at, tolerance, maps
         self._now, self._on_foreign = now, on_foreign
         self._heard: float | None = None  # time of its last code, or of the first frame that asked for one
@@ -222,7 +227,7 @@ class FingerMemory:
         if self._newest is not None and stamp <= self._newest:
             return False
         self._newest = stamp
-        self._given_up &= stamp < self._asked - _CODE_TIMEOUT_NS
+        self._given_up &= stamp < self._asked - self._timeout_ns
         self._codes[stamp] = measurement
         while len(self._codes) > _KEPT_CODES:
             self._codes.popitem(last=False)
@@ -231,7 +236,7 @@ class FingerMemory:
     def awaited(self, stamp: int, waited: float) -> bool:
         """Return whether a frame should wait on for this finger.
 
-        It waits for its code or transform at most `CODE_TIMEOUT`, for its map as long as `maps` waits. After a code did
+        It waits for its code or transform at most its timeout, for its map as long as `maps` waits. After a code did
         not come in time, further frames do not wait for this finger until it has caught up.
 
         Parameters
@@ -240,8 +245,8 @@ class FingerMemory:
         waited : [s]
         """
         self._asked = stamp
-        in_time = waited < CODE_TIMEOUT
-        if self._newest is None or stamp - self._newest > _CODE_TIMEOUT_NS:
+        in_time = waited < self._timeout
+        if self._newest is None or stamp - self._newest > self._timeout_ns:
             return False
         if self._newest < stamp:
             self._given_up |= not in_time
@@ -256,8 +261,8 @@ class FingerMemory:
         if self._unplaced is not None and isinstance(self._pose_at(self._unplaced), Wait):
             return False
         lacks = isinstance(self._pose_at(found), Wait)
-        self._unplaced = found if lacks and waited >= CODE_TIMEOUT else None
-        return lacks and waited < CODE_TIMEOUT
+        self._unplaced = found if lacks and waited >= self._timeout else None
+        return lacks and waited < self._timeout
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
         """Return its measurement near a frame, or one word for what is missing. Each code is returned once.

@@ -1,4 +1,4 @@
-"""Simulated grasps: poses of the gels of a hand that closes on an object, a thumb against two fingers."""
+"""Simulated grasps: poses of the gels of a hand that closes on an object, a thumb against one finger or two."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ _BODY, _CLEAR = 0.015, 0.01  # m: distance of a finger's middle behind its gel, 
 _TRIES, _STEPS, _MET = 10_000, 40, 1e-4
 
 
-def simulate_grasp(mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Draw the gel poses T_obj_gel (CONTACTS, 4, 4) of a grasp.
+def simulate_grasp(
+    mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, contacts: int = CONTACTS
+) -> np.ndarray:
+    """Draw the gel poses T_obj_gel (contacts, 4, 4) of a grasp; with two contacts it is a pinch.
 
     The hand closes in a random direction about a random point of the surface. Each finger stops where it meets the
     surface, flat or sharp, turns to it as a soft pad does, and is pressed in. No finger slips, and none is inside the
@@ -32,18 +34,20 @@ def simulate_grasp(mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generat
     """
     reachability = Reachability(mesh, sensor)
     for _ in range(_TRIES):
-        if (poses := _closed(mesh, reachability, rng)) is not None:
+        if (poses := _closed(mesh, reachability, rng, contacts)) is not None:
             return poses
-    raise InputError(f"{mesh.name}: no room for {CONTACTS} fingers at once; is the object too small for a hand?")
+    raise InputError(f"{mesh.name}: no room for {contacts} fingers at once; is the object too small for a hand?")
 
 
-def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generator) -> np.ndarray | None:
-    """Close one hand: return poses (CONTACTS, 4, 4) of its gels; None if it gets no hold."""
+def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generator, contacts: int) -> np.ndarray | None:
+    """Close one hand: return poses (contacts, 4, 4) of its gels; None if it gets no hold."""
     (about,), _, _ = mesh.sample_surface(1, rng)
     hand = se3.frame_from_normal(_directions(rng), rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
-    frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * 2])
+    frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * (contacts - 1)])
     middle = about + rng.uniform(-0.5, 0.5) * _OPENING * hand[:, 2]
-    aside = rng.uniform(*_APART) * np.array([0.0, -0.5, 0.5])
+    aside = rng.uniform(*_APART) * np.array(
+        [0.0, *np.linspace(-0.5, 0.5, contacts - 1)] if contacts > 2 else [0.0, 0.0]
+    )
     points = middle + aside[:, None] * hand[:, 0] + 0.5 * _OPENING * frames[:, :, 2]
     for _ in range(_STEPS):
         _, distance, _ = mesh.closest_points(points)
@@ -55,9 +59,9 @@ def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generat
         return None
     if ((points[0] - points[1:]) @ hand[:, 2]).min() < 0:
         return None
-    tilts = np.pad(rng.normal(0, _TILT, (CONTACTS, 2)), ((0, 0), (3, 1)))
+    tilts = np.pad(rng.normal(0, _TILT, (contacts, 2)), ((0, 0), (3, 1)))
     turned = np.stack([carried(*each) for each in zip(frames, normals, strict=True)]) @ se3.exp(tilts)[:, :3, :3]
-    poses, touching = reachability.pressed(se3.make(turned, points), rng.uniform(*_PRESS, CONTACTS))
+    poses, touching = reachability.pressed(se3.make(turned, points), rng.uniform(*_PRESS, contacts))
     return poses if touching.all() and _free(mesh, poses) else None
 
 

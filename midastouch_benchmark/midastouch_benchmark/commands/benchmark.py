@@ -34,6 +34,7 @@ def add_parser(subparsers) -> None:
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
         "  other_shape  the object is not quite its mesh    small_parts  parts smaller than the gel\n"
         "  grasp        held still by a thumb and two fingers for 5 s\n"
+        "  pinch        pinched three times for 2 s by two fingers\n"
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball\n"
         "  camera_faults  16 faults of cameras, lamps and gels on those; 16 slides have one path",

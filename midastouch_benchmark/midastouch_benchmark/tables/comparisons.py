@@ -9,7 +9,7 @@ import pandas as pd
 from ..statistics.accuracy import counted_anew, pose_right_at_end
 from ..statistics.comparison import pareto_front, verdict
 from ..statistics.intervals import ENOUGH
-from ..trials.protocols import HOLDS
+from ..trials.grasps import HOLDS, PINCHED
 from ..trials.variants import DEFAULT, PRESET
 from .reports import ABLATIONS, report, reported, rows_of
 from .table import Form, Row, Table, between, fraction, is_missing, percent, pose, text, value
@@ -47,6 +47,7 @@ _BELIEF: dict[str, Form] = {
     "converged wrong": fraction("converged_wrong"),
 }
 _CONTACTS: dict[str, Form] = {"contacts": text("what"), "held": text("seconds", "{} s")}
+_PINCHES: dict[str, Form] = {"pinches": text("what")}
 
 
 def compared(content: dict) -> list[dict]:
@@ -74,7 +75,7 @@ def methods_table(content: dict, init: str) -> pd.DataFrame:
 
 
 def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
-    """Table of the belief while grasps are held; grasps: by label, a summary for each time of `HOLDS`."""
+    """Table of the belief in grasps; grasps: by label, a summary for each time of `HOLDS`, or of `PINCHED`."""
     return Table(_CONTACTS, _BELIEF).of(_held(grasps))
 
 
@@ -82,7 +83,7 @@ def _held(grasps: Mapping[int, list[dict]] | Mapping[str, list[dict]]) -> list[d
     return [
         {"what": what, "seconds": after} | one
         for what, each in grasps.items()
-        for after, one in zip(HOLDS, each, strict=True)
+        for after, one in zip(HOLDS if len(each) == len(HOLDS) else PINCHED, each, strict=True)
     ]
 
 
@@ -110,6 +111,18 @@ def grasps() -> pd.DataFrame:
     names = [name for name in objects if name in reported()] or ["grasp"]
     found = rows_of(dict.fromkeys(names, "-"), rows)
     return Table({"objects": lambda row: objects[row["report"]]} | _CONTACTS, _BELIEF).of(found, "report")
+
+
+def pinches() -> pd.DataFrame:
+    """Table of pinches by two fingers, by their number."""
+
+    def rows(name: str) -> list[dict]:
+        (summary,) = report(name)["summary"][DEFAULT].values()
+        return [{"what": k} | one for k, one in enumerate(summary["held"], 1)]
+
+    objects = {"pinch": "the ten", "pinch_cad": "CAD parts"}
+    found = rows_of(dict.fromkeys(objects, "-"), rows)
+    return Table({"objects": lambda row: objects[row["report"]]} | _PINCHES, _BELIEF).of(found, "report")
 
 
 def variants() -> pd.DataFrame:

@@ -114,7 +114,7 @@ TABLES = {
     table.__name__: table
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.areas, accuracy.slides,
-        comparisons.grasps, comparisons.variants, comparisons.front,
+        comparisons.grasps, comparisons.pinches, comparisons.variants, comparisons.front,
         figures,
         trust.converged, trust.weights, trust.regions, trust.events, trust.foreign, trust.shapes, trust.camera_faults,
         exploring.identification, exploring.exploration, exploring.observing, exploring.motion, exploring.faults,

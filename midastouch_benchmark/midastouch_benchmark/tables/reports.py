@@ -31,7 +31,7 @@ _PRESSES = (
 )
 """Real presses of a ball: name, folder, options, and whether there are labels to check."""
 _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
-_OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated", "camera_faults")
+_OTHER_TABLES = ("plain", "uniform", "grasp", "pinch", "real_sensor", "real_sensor_calibrated", "camera_faults")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """Condition of the slides, by the name of the protocol and of its report."""
 _PAIRED = "--slides 10 --seeds 1"  # 100 trials of each variant; another seed changes only what the belief draws
@@ -77,6 +77,8 @@ COMMANDS = {
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts {_PAIRED}",
     "grasp_cad": f"{_BENCHMARK} --objects cad --protocol grasp --variant contacts --slides 4 --seeds 1 "
     "--codebook-size 10000",
+    "pinch": f"{_BENCHMARK} --protocol pinch {_PAIRED}",
+    "pinch_cad": f"{_BENCHMARK} --objects cad --protocol pinch --slides 4 --seeds 1 --codebook-size 10000",
     "real_plain": f"{_BENCHMARK} {_PLAIN}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",

@@ -125,12 +125,12 @@ LIGHT = "additive"  # of the slides: TACTO's
 
 @dataclass(frozen=True)
 class SlideKind:
-    """Kind of slides. length [m]; leap: on the way; grasp: in place of a slide; first [m]: the part that is followed
-    (None: all), so that protocols that need less share the slides of those that need more."""
+    """Kind of slides. length [m]; leap: on the way; grasp: name of what is done in place of a slide; first [m]: part
+    that is followed (None: all), so that protocols that need less share the slides of those that need more."""
 
     length: float = 0.5
     leap: Leap | None = None
-    grasp: bool = False
+    grasp: str = ""
     first: float | None = None
 
     @property
@@ -151,7 +151,7 @@ class SlideKind:
     def folder(self) -> str:
         """Name for folders, the same for slides that are made alike."""
         if self.grasp:
-            return "grasp"
+            return self.grasp
         parts = [f"{1e3 * self.length:.0f}mm"]
         if self.leap is not None:
             parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")

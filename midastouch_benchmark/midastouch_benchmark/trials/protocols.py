@@ -2,85 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.state import CONVERGED
 from midastouch_simulation.slide import Leap
-from midastouch_tools.datasets.slide_simulation import simulate_grasp_sequence
 
 from . import disturbances
 from .cache import Cache, SlideKind
 from .camera_faults import CameraFaultCache
-from .disturbances import Disturbance, Disturbed, UndisturbedSlide
+from .disturbances import Disturbance
+from .grasps import HOLDS, PINCHED, GraspCache, GraspRecord, PinchCache, grasp, pinch
 from .other_shapes import OtherShapeCache
 from .real_sensor import RealSensorCache
-from .trial import FRAME_TIME, AnyFilter, TrialFrame
 from .yardstick import Yardstick
-
-HOLDS = 0.5, 5.0
-"""Times [s] at which the filter's belief about a grasp is judged; the grasp is held until the last of them."""
-
-
-@dataclasses.dataclass(frozen=True)
-class GraspCache(Cache):
-    """A cache whose sequences are grasps."""
-
-    def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        simulate_grasp_sequence(mesh, self.networks.sensor, number, path, True)
-
-
-def grasp(scene: UndisturbedSlide) -> Disturbed:
-    """Hold the hand still: poses and codes differ by the noise of joints and camera only.
-
-    The pose of each further finger relative to the first one has a constant error.
-    """
-    first, *others = scene.frames
-    back = se3.inverse(first.truth)
-    fingers = {
-        f"finger_{k}": dataclasses.replace(other.measurement, T_gel_finger=back @ other.measured)
-        for k, other in enumerate(others, 2)
-    }
-    held = dataclasses.replace(first, others=fingers)
-    return Disturbed([disturbances.at_rest(held, scene.rng) for _ in range(round(HOLDS[-1] / FRAME_TIME))])
-
-
-class GraspRecord:
-    """Record of the filter's belief about a grasp at each of the times `HOLDS`; an `Observer` of a trial."""
-
-    def __init__(self, yardstick: Yardstick):
-        self._yardstick, self._frames = yardstick, 0
-        self._rows: list[dict] = []
-
-    def __call__(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> None:
-        self._frames += 1
-        if self._frames not in [round(seconds / FRAME_TIME) for seconds in HOLDS]:
-            return
-        truth, right = frame.truth, self._yardstick.right
-        modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
-        self._rows.append(
-            {
-                "found": bool(right(modes, truth).any()),
-                "share": float(particle_filter.weights[right(particle_filter.poses, truth)].sum()),
-                "right": bool(right(estimate.pose[None], truth)[0]),
-                "converged": estimate.status.state == CONVERGED,
-            }
-        )
-
-    def result(self) -> dict:
-        """Return `held` for the trial: at each time, whether a right mode is `found`, the `share` of the belief that is
-        right, whether the published pose is `right`, and whether the state is `converged`."""
-        return {"held": self._rows}
-
 
 NEXT = "next"
 """Value of `Protocol.foreign`: foreign touches are those of the next object of the campaign."""
@@ -166,10 +104,18 @@ PROTOCOLS = {
     "grasp": Protocol(
         "held still by a thumb and two fingers",
         grasp,
-        SlideKind(grasp=True),
+        SlideKind(grasp="grasp"),
         (UNIFORM,),
         make_cache=GraspCache,
-        record=GraspRecord,
+        record=partial(GraspRecord, times=HOLDS),
+    ),
+    "pinch": Protocol(
+        "pinched three times by two fingers",
+        pinch,
+        SlideKind(grasp="pinch"),
+        (UNIFORM,),
+        make_cache=PinchCache,
+        record=partial(GraspRecord, times=PINCHED),
     ),
 }
 

@@ -1,9 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from midastouch_benchmark.statistics.accuracy import grasp_summary
 from midastouch_benchmark.trials.disturbances import UndisturbedSlide
-from midastouch_benchmark.trials.protocols import PROTOCOLS, GraspRecord, chosen_protocol, grasp
+from midastouch_benchmark.trials.grasps import HOLDS, PINCHED, GraspRecord, grasp, pinch
+from midastouch_benchmark.trials.protocols import PROTOCOLS, chosen_protocol
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import DEFAULT, SETS, VARIANTS
 from midastouch_benchmark.trials.yardstick import Yardstick
@@ -62,6 +65,21 @@ def test_a_grasp_is_held_still_for_five_seconds(frames, contacts):
     assert len({frame.measurement.code.tobytes() for frame in frames}) == len(frames)
 
 
+def test_pinches_are_held_still_and_opened_between_without_touching(contacts):
+    others = {"finger_2": dataclasses.replace(contacts[2].measurement, T_gel_finger=se3.translation([0, 0, -0.05]))}
+    hand = [dataclasses.replace(frame, others=others) for frame in contacts]
+    frames = pinch(UndisturbedSlide(hand, np.random.default_rng(0))).frames
+    touching = np.array([frame.measurement.in_contact for frame in frames])
+    assert (touching == [frame.others["finger_2"].in_contact for frame in frames]).all()
+    ends = [round(time / 0.05) for time in PINCHED]
+    assert np.flatnonzero(np.diff([*touching, False]) & touching).tolist() == [end - 1 for end in ends]
+    for end, contact in zip(ends, contacts, strict=True):
+        np.testing.assert_allclose(frames[end - 1].truth, contact.truth)
+    air = frames[ends[0] + 4]
+    assert np.linalg.norm(air.measured[:3, 3] - contacts[0].measured[:3, 3]) == pytest.approx(0.03)
+    assert air.others["finger_2"].T_gel_finger[2, 3] == pytest.approx(-0.05)
+
+
 def test_further_fingers_are_known_relative_to_the_first(frames, contacts):
     for k, name in enumerate(("finger_2", "finger_3"), 1):
         touch = frames[12].others[name]
@@ -86,7 +104,7 @@ def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, code
     for name in ("contact_1", DEFAULT):
         particle_filter.reset(0)
         particle_filter.initialise_uniform()
-        record = GraspRecord(Yardstick())
+        record = GraspRecord(Yardstick(), HOLDS)
         run_trial([VARIANTS[name].frame(f) for f in frames], particle_filter, record, series=False)
         _, row = record.result()["held"]
         shares.append(row["share"])

@@ -22,13 +22,12 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..core.touch import Measurement, measurement_from_msg, reduced_penetration
 from ..loaded_object import LoadedObject
-from ..timeline import CODE_TIMEOUT, FingerMemory
+from ..timeline import CODE_TIMEOUT, RELIABLE_TIMEOUT, FingerMemory
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # The code is made from the cloud, so the cloud comes first or, if it is overtaken, at once; otherwise it was lost.
 CLOUD_TIMEOUT = CODE_TIMEOUT
 """Longest wait [s] for a cloud, if messages may be lost."""
-_RELIABLE_CLOUD_TIMEOUT = 5.0  # s; if none is lost, only a busy machine can delay one
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
 _KEPT_CLOUDS = 256
 
@@ -102,7 +101,8 @@ class FingerTopics:
             self._on_bad("bad_codes", f"{name}/tactile/code: {reason}")
 
         tolerance = round(1e9 * self._parameters["finger_tolerance"])
-        memory = FingerMemory(pose_at, tolerance, maps, self._now, on_foreign)
+        timeout = RELIABLE_TIMEOUT if reliable else CODE_TIMEOUT
+        memory = FingerMemory(pose_at, tolerance, maps, self._now, on_foreign, timeout)
 
         def on_code(msg: TactileCode) -> None:
             if memory.add(stamp_ns(msg.header.stamp), measurement_from_msg(msg)):
@@ -167,7 +167,7 @@ class MapSource:
         topic: str = "tactile/points",
     ):
         self._topic = topic
-        self._timeout = _RELIABLE_CLOUD_TIMEOUT if reliable else CLOUD_TIMEOUT
+        self._timeout = RELIABLE_TIMEOUT if reliable else CLOUD_TIMEOUT
         self._undiscovered = reliable  # codes can come before a publisher of clouds, and its latched clouds, are known
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()

@@ -29,8 +29,8 @@ MS = 1_000_000
 
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch):
-    """A busy machine may read a transform or the other finger's code later than a frame waits for it live."""
-    monkeypatch.setattr("midastouch_filter.timeline.CODE_TIMEOUT", 2.0)
+    """A finger is waited for no longer than tests take."""
+    monkeypatch.setattr("midastouch_filter.nodes.finger_topics.RELIABLE_TIMEOUT", 2.0)
 
 
 class Hand(Bench):

@@ -11,9 +11,9 @@ import pytest
 def hasty(monkeypatch):
     """A finger at rest goes on, and diagnostics are published, ten times as often: the tests wait for both."""
     from midastouch_common.ros import diagnostics
-    from midastouch_simulation.nodes import simulated_finger
+    from midastouch_simulation.nodes import pace
 
-    monkeypatch.setattr(simulated_finger, "AT_REST_S", 0.1)
+    monkeypatch.setattr(pace, "AT_REST_S", 0.1)
     monkeypatch.setattr(diagnostics, "PERIOD_S", 0.1)
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,17 +12,14 @@ from typing import Any
 import numpy as np
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
-from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
 from midastouch_common.frames import TRUTH_GEL_FRAME
-from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import load_mesh
-from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose, stamped_transform
+from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
 from midastouch_common.ros.goals import GoalServer, end_goal, name_of
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
@@ -35,48 +31,9 @@ from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
 
 from ..world import World
+from .pace import Pace
 from .simulated_finger_parameters import PARAMETERS
 
-
-class FingerTf:
-    """TF of the finger, with a time of its own that advances by one image, 1 / `fps` s, with each `publish`.
-
-    Attributes: stamp [ns]: of the newest image; awaited: stamps without an answer, in order; moved_at [s]: time of the
-    last `publish` on the monotonic clock.
-    Args: frames: names of `base`, `object` and `sensor`.
-    """
-
-    def __init__(self, node: Node, world: World, fps: float, frames: Mapping[str, str]):
-        self._publisher = node.create_publisher(TFMessage, "/tf", qos.TF)
-        self._world, self._frames, self._period = world, frames, round(SECOND / fps)
-        self.stamp, self.moved_at = time.time_ns(), time.monotonic()
-        self.awaited: deque[int] = deque()
-
-    def publish(self) -> None:
-        """Publish finger and object as they are now, with the stamp of the next image."""
-        self.stamp += self._period
-        self.moved_at = time.monotonic()
-        self.awaited.append(self.stamp)
-        world, frames = self._world, self._frames
-        poses = (
-            (frames["base"], frames["object"], world.base_from_object),
-            (frames["base"], frames["sensor"], world.base_from_gel),
-            (frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
-        )
-        stamp = stamp_from_ns(self.stamp)
-        self._publisher.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
-
-    def answered(self, stamp: int) -> bool:
-        """Return whether the image of a stamp [ns] was awaited; it and those before it, now lost, no longer are."""
-        if stamp not in self.awaited:
-            return False
-        while self.awaited and self.awaited[0] <= stamp:
-            self.awaited.popleft()
-        return True
-
-
-_IN_FLIGHT = 3  # most images without an answer; digit_sim leaves some out when more are due at once
-AT_REST_S = 1.0  # between images while nothing moves: the last may be lost, and the filter would turn stale
 _UNTOUCHED = (FilterStatus.STATE_NO_CONTACT, FilterStatus.STATE_UNINITIALISED)
 
 
@@ -109,7 +66,7 @@ class SimulatedFingerNode(PipelineNode):
         self._motions: deque[_Motion] = deque()
         self._untouched, self._ended = 0, ""
         frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
-        self._frames, self._tf = frames, FingerTf(self, self._world, settings["fps"], frames)
+        self._frames, self._pace = frames, Pace(self, settings["fps"])
         diagnostics.Diagnostics(self, self._describe)
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
         offer(self, Trigger, "~/push", self._on_push)
@@ -133,18 +90,29 @@ class SimulatedFingerNode(PipelineNode):
 
     def _describe(self) -> tuple[bytes, str, dict]:
         going = next((name_of(one.kind) for one in self._motions if one.kind), "none")
-        values = {"motion": going, "last_motion": self._ended, "awaited": len(self._tf.awaited)}
+        values = {"motion": going, "last_motion": self._ended, "awaited": len(self._pace.awaited)}
         return diagnostics.OK, "" if self._ready else "it waits for images of the untouched sensor", values
 
     # --- images
 
     def _look(self) -> None:
         """Publish another image while nothing moves, so that a lost answer is not awaited for ever."""
-        if not self._ready or time.monotonic() - self._tf.moved_at > AT_REST_S:
-            self._tf.publish()
+        if not self._ready or self._pace.at_rest:
+            self._publish()
+
+    def _publish(self) -> None:
+        """Publish finger and object as they are now."""
+        world, frames = self._world, self._frames
+        self._pace.publish(
+            (
+                (frames["base"], frames["object"], world.base_from_object),
+                (frames["base"], frames["sensor"], world.base_from_gel),
+                (frames["object"], TRUTH_GEL_FRAME, world.finger.pose),
+            )
+        )
 
     def _on_filter(self, status: FilterStatus) -> None:
-        if status.state == FilterStatus.STATE_WAITING or not self._tf.answered(stamp_ns(status.header.stamp)):
+        if not self._pace.answered(status):
             return
         # a filter that does not know the object yet does not report contact, which counts as untouched
         self._untouched += not self._ready and status.state in _UNTOUCHED
@@ -154,9 +122,9 @@ class SimulatedFingerNode(PipelineNode):
         """Publish the next poses as far as the filter has followed; after the last one begin the next motion."""
         while self._ready and self._motions:
             motion = self._motions[0]
-            while not motion.over and len(self._tf.awaited) < _IN_FLIGHT:
+            while not motion.over and self._pace.free:
                 self._step(motion)
-            if not motion.over or self._tf.awaited:
+            if not motion.over or self._pace.awaited:
                 return
             self._motions.popleft()
             if motion.goal is not None:
@@ -169,10 +137,10 @@ class SimulatedFingerNode(PipelineNode):
         except StopIteration as end:
             motion.over, motion.done = True, end.value
             return
-        self._tf.publish()
+        self._publish()
         motion.path += float(np.linalg.norm(pose[:3, 3] - before))
         if motion.goal is not None:
-            header = Header(stamp=stamp_from_ns(self._tf.stamp), frame_id=self._frames["sensor"])
+            header = Header(stamp=stamp_from_ns(self._pace.stamp), frame_id=self._frames["sensor"])
             depth = self._world.finger.depth
             motion.goal.publish_feedback(motion.kind.Feedback(header=header, path=motion.path, depth=depth))
 
@@ -203,7 +171,7 @@ class SimulatedFingerNode(PipelineNode):
         end_goal(goal, done.success, self._result(kind, done))
 
     def _result(self, kind: type[Any], done: Done) -> Any:
-        pose = stamped_pose(self._frames["base"], done.pose, stamp_from_ns(self._tf.stamp))
+        pose = stamped_pose(self._frames["base"], done.pose, stamp_from_ns(self._pace.stamp))
         depth = self._world.finger.depth
         return kind.Result(success=done.success, message=done.message, path=done.path, depth=depth, pose=pose)
 

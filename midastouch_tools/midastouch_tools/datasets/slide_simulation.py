@@ -53,6 +53,16 @@ def simulate_grasp_sequence(mesh: ObjectMesh, sensor: SensorModel, seed: int, ou
     _write(mesh, sensor, simulate_grasp(mesh, sensor, rng), rng, out, progress)
 
 
+def simulate_pinches(mesh: ObjectMesh, sensor: SensorModel, seed: int, finger: int, count: int, out: Path) -> None:
+    """Simulate pinches by two fingers and write to `out` what one of them, 0 or 1, feels: a frame for each pinch.
+
+    One seed fixes the pinches; each finger has a sensor of its own.
+    """
+    rng = np.random.default_rng(seed)
+    poses = np.stack([simulate_grasp(mesh, sensor, rng, contacts=2)[finger] for _ in range(count)])
+    _write(mesh, sensor, poses, rng.spawn(2)[finger], out, True)
+
+
 def _write(
     mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, rng: np.random.Generator, out: Path, progress: bool
 ) -> None:

@@ -19,6 +19,7 @@ from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 from midastouch_simulation.nodes.digit_sim import PARAMETERS as DIGIT_SIM
 from midastouch_simulation.nodes.mujoco_arm import PARAMETERS as MUJOCO_ARM
 from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS as SIMULATED_FINGER
+from midastouch_simulation.nodes.simulated_gripper import PARAMETERS as SIMULATED_GRIPPER
 
 from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay import PARAMETERS as REPLAY
@@ -32,6 +33,7 @@ TABLES = {
     "particle_filter": PARTICLE_FILTER,
     "explorer": EXPLORER,
     "simulated_finger": SIMULATED_FINGER,
+    "simulated_gripper": SIMULATED_GRIPPER,
     "contact_controller": CONTACT_CONTROLLER,
     "mujoco_arm": MUJOCO_ARM,
     "ur_speed": UR_SPEED,

@@ -45,12 +45,13 @@ class Node(Action):
         words += ["--ros-args", *(perform(context, word) for word in self._ros_arguments)]
         if self._name is not None:
             words += ["-r", f"__node:={perform(context, self._name)}"]
-        if namespace := perform(context, self._namespace).strip("/"):
-            words += ["-r", f"__ns:=/{namespace}"]
+        namespace = perform(context, self._namespace).strip("/")
+        words += ["-r", f"__ns:=/{namespace}"] if namespace else []
+        own = "_".join([*namespace.split("/"), self.executable])  # the same program may run in several namespaces
         for number, parameters in enumerate(self._parameters):
             if isinstance(parameters, dict):
                 values = {name: _value(context, value) for name, value in parameters.items()}
-                file = folder / f"{self.executable}_{number}.yaml"
+                file = folder / f"{own}_{number}.yaml"
                 file.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
             else:
                 file = Path(perform(context, parameters))
