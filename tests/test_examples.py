@@ -1,14 +1,22 @@
 """The examples, run as their readers run them."""
 
 import re
+import runpy
 import signal
 import subprocess
 import sys
+import types
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from ros_graph import open_graph
+from std_msgs.msg import Header
 
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception import ObjectMesh, bundled_objects
 from midastouch_tools.cli import main
 from midastouch_tools.processes.process import find_executable
 
@@ -116,8 +124,70 @@ def test_an_engine_without_nodes_says_which_to_start(name, tmp_path):
     assert "\nmidastouch run localization object:=handle_tool\n" in done.stderr
 
 
+def stand_in(name, fields, made):
+    """A class of messages that takes the fields of a fact only, each of its type; `made`: those there are."""
+
+    def check(kind, value):
+        item, array, count = kind.partition("[")
+        if array:
+            assert isinstance(value, list)
+            assert count == "]" or len(value) == int(count[:-1])
+            return all(check(item, each) for each in value)
+        types = {"string": str, "byte": bytes, "float64": float, "uint32": int, **made}
+        return isinstance(value, types[item]) if item in types else type(value).__name__ == item
+
+    def start(self, **given):
+        for key, value in given.items():
+            assert check(fields[key], value), (name, key)
+        vars(self).update(given)
+
+    constants = {key: bytes([value]) for key, value in fields.items() if isinstance(value, int)}
+    return type(name, (), {"__init__": start, **constants})
+
+
+@pytest.mark.dds
+def test_moveit_is_told_what_the_gripper_holds(monkeypatch, graph):
+    facts, made = yaml.safe_load((EXAMPLES.parent / "tests/facts/moveit_msgs.yaml").read_text()), {}
+    for package in ("moveit_msgs", "shape_msgs"):
+        made |= {name: stand_in(name, fields, made) for name, fields in facts[package].items()}
+        monkeypatch.setitem(sys.modules, package, types.ModuleType(package))
+        monkeypatch.setitem(sys.modules, f"{package}.msg", types.SimpleNamespace(**made))
+    Attacher, sent, heard = runpy.run_path(str(EXAMPLES / "attach_to_moveit.py"))["Attacher"], [], []
+
+    class Watched(Attacher):
+        def create_publisher(self, kind, topic, *options, **more):
+            if kind is made["AttachedCollisionObject"]:
+                assert topic == "attached_collision_object"
+                return types.SimpleNamespace(publish=sent.append)
+            return super().create_publisher(kind, topic, *options, **more)
+
+        def on_pose(self, message):
+            super().on_pose(message)
+            heard.append(message)
+
+    mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
+    node = graph.add(lambda: Watched(mesh, ["left_finger"]))
+    states = graph.publisher(FilterStatus, "left/filter_status", latched=True)
+    poses = graph.publisher(PoseWithCovarianceStamped, "left/object_pose", latched=True)
+    pose = PoseWithCovarianceStamped(header=Header(frame_id="tool0"))
+    pose.pose.pose.position.x = 0.25
+    for number, state in enumerate(("ambiguous", "converged", "converged", "no_contact", "converged"), 1):
+        states.publish(FilterStatus(state=state))
+        graph.spin_until(lambda state=state: node.state == state, state)
+        poses.publish(pose)
+        graph.spin_until(lambda number=number: len(heard) == number, "the pose")
+    assert [one.object.operation for one in sent] == [b"\0", b"\1", b"\0"]
+    assert {(one.link_name, one.object.id, *one.touch_links) for one in sent} == {("tool0", "eyebolt", "left_finger")}
+    assert (sent[0].object.pose, sent[0].object.header.frame_id) == (pose.pose.pose, "tool0")
+    (shape,) = sent[0].object.meshes
+    corners = np.array(
+        [[[shape.vertices[k].x, shape.vertices[k].y] for k in t.vertex_indices] for t in shape.triangles]
+    )
+    np.testing.assert_allclose(corners, mesh.vertices[mesh.faces][..., :2])
+
+
 def test_every_example_is_run():
-    assert {*ARGUMENTS, *ENGINES} == {path.stem for path in EXAMPLES.glob("*.py")}
+    assert {*ARGUMENTS, *ENGINES, "attach_to_moveit"} == {path.stem for path in EXAMPLES.glob("*.py")}
 
 
 @pytest.mark.parametrize("words", [["--help"], ["a", "b", "c", "d"]])

@@ -31,6 +31,7 @@ def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
     elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"} | {
         "simulated_finger",
+        "simulated_gripper",
         "contact_controller",
         "mujoco_arm",
         "ur_speed",

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from launch.on_wheels import commands
-from launch_rig import FILES, carried_out, started
+from launch_rig import FILES, carried_out, parameters, started
 
 from midastouch_perception.objects import bundled_objects
 from midastouch_tools.cli import build_parser
@@ -205,6 +205,30 @@ def test_an_arm_that_explores_has_a_box_and_waits_for_a_person(tmp_path):
         assert found[node]["sensor_frame_id"] == "b_digit_gel_frame"
 
 
+@pytest.mark.parametrize("given", [{}, {"hand": "running", "left_serial": "D1", "right_serial": "D2"}], ids=str)
+def test_a_gripper_has_two_sensors_and_one_filter(given, tmp_path):
+    found = started("inhand", tmp_path, object="ball", gripper_frame="tool0", **given)
+    source = "digit_driver" if given else "digit_sim"
+    assert found.keys() == {source, "tdn", "tcn", "particle_filter"} | (set() if given else {"simulated_gripper"})
+    of_filter = found["particle_filter"]
+    assert (of_filter["gripper_frame_id"], of_filter["base_frame_id"]) == ("tool0", "base_link")
+    assert of_filter["fingers"] == "/right:right_digit_gel_frame"
+    assert of_filter["reliable"] is not given, "what is simulated loses nothing"
+    for number, side in enumerate(("left", "right"), 1):
+        of_side = {}
+        for node in (source, "tdn"):
+            paths = sorted(tmp_path.glob(f"{side}_{node}_*.yaml"))  # which this node alone reads
+            of_side[node] = parameters([word for path in paths for word in ("--params-file", str(path))], node)
+        assert of_side["tdn"]["sensor_frame_id"] == f"{side}_digit_gel_frame"
+        assert of_side["tdn"]["sensor_model"] == of_filter["sensor_model"] == ("digit_real" if given else "digit_tacto")
+        assert of_side[source]["frame_id"] == f"{side}_digit_optical_frame"
+        if given:
+            assert of_side[source]["serial"] == of_side["tdn"]["serial"] == f"D{number}"
+        else:
+            assert of_side[source]["sensor_frame_id"] == f"{side}_digit_gel_frame"
+            assert of_side[source]["seed"] == number - 1
+
+
 @pytest.fixture
 def ur_driver(tmp_path, monkeypatch):
     """A package `ur_robot_driver` whose launch file starts nothing."""
@@ -235,6 +259,7 @@ def test_the_force_of_the_ur_driver_is_used_and_recorded(tmp_path):
         ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
         ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
         ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),
+        ("inhand", {"hand": "running", "left_serial": "D1"}, "hand:=running: .* right_serial:=SERIAL"),
         *((name, {"params_overlay": "/none.yaml"}, "/none.yaml") for name in ("driver", "filter", "localization")),
     ],
 )

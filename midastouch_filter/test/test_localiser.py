@@ -33,7 +33,7 @@ def test_odometry_is_the_motion_since_the_last_frame():
     np.testing.assert_allclose(a @ running.odometry[1], b, atol=1e-12)
 
 
-def test_the_object_goes_with_the_gripper_from_two_touches_on_until_there_is_none():
+def test_the_object_goes_with_a_gripper_until_nothing_touches():
     subject, running = localiser()
     rng = np.random.default_rng(0)
     bases, grippers = (se3.make(se3.random_rotations(6, rng), rng.normal(size=(6, 3))) for _ in range(2))

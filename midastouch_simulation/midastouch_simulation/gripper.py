@@ -32,7 +32,16 @@ class Gripped(NamedTuple):
 class SimulatedGripper:
     """Gripper whose two fingers move along its z axis, without limits. It starts open over its first pinch.
 
-    Attribute: now: the last pose that was yielded. Raises InputError if the object is too small for two fingers.
+    Attribute: now: the last pose that was yielded.
+
+    Parameters
+    ----------
+    mesh, sensor, rng
+
+    Raises
+    ------
+    InputError
+        The object is too small for two fingers.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator):
@@ -43,8 +52,8 @@ class SimulatedGripper:
 
     def pinch(self) -> Iterator[Gripped]:
         """Close, hold still, and carry the object to another place. Yields poses, one per image."""
-        for share in np.linspace(1.0, 0.0, _CLOSES):
-            yield self._seen(fingers=self._fingers(share))
+        for fraction in np.linspace(1.0, 0.0, _CLOSES):
+            yield self._seen(fingers=self._fingers(fraction))
         for _ in range(_HOLDS):
             yield self.now
         begin, up = self.now.base_from_gripper, se3.translation([0.0, 0.0, _LIFTED])
@@ -52,20 +61,20 @@ class SimulatedGripper:
         way = [begin, up @ begin, up @ place @ begin, place @ begin]
         gripper_from_object = se3.inverse(self._object_from_gripper)
         for start, end in pairwise(way):
-            for share in np.linspace(1 / _CARRIES, 1.0, _CARRIES):
-                gripper = _between(start, end, share)
+            for fraction in np.linspace(1 / _CARRIES, 1.0, _CARRIES):
+                gripper = _between(start, end, fraction)
                 yield self._seen(gripper, gripper @ gripper_from_object)
 
     def release(self) -> Iterator[Gripped]:
         """Open, and turn about the object to the next pinch. Yields poses, one per image."""
-        for share in np.linspace(0.0, 1.0, _CLOSES):
-            yield self._seen(fingers=self._fingers(share))
+        for fraction in np.linspace(0.0, 1.0, _CLOSES):
+            yield self._seen(fingers=self._fingers(fraction))
         gripper, fingers = self.now.base_from_gripper, self.now.gripper_from_gels
         self._next()
         goal = self.now.base_from_object @ self._object_from_gripper
-        for share in np.linspace(1 / _TURNS, 1.0, _TURNS):
-            moved = [_between(*pair, share) for pair in zip(fingers, self._fingers(1.0), strict=True)]
-            yield self._seen(_between(gripper, goal, share), fingers=np.stack(moved))
+        for fraction in np.linspace(1 / _TURNS, 1.0, _TURNS):
+            moved = [_between(*pair, fraction) for pair in zip(fingers, self._fingers(1.0), strict=True)]
+            yield self._seen(_between(gripper, goal, fraction), fingers=np.stack(moved))
 
     def _next(self) -> None:
         """Choose a pinch: the gripper's z axis leads from the second gel to the first, its origin is between them."""
@@ -76,9 +85,9 @@ class SimulatedGripper:
         self._object_from_gripper = se3.make(frame, 0.5 * (first + second))
         self._closed = se3.inverse(self._object_from_gripper) @ gels
 
-    def _fingers(self, share: float) -> np.ndarray:
-        """Return the gels (2, 4, 4) in the gripper's frame, open by a share of the way."""
-        z = share * self._opening
+    def _fingers(self, fraction: float) -> np.ndarray:
+        """Return the gels (2, 4, 4) in the gripper's frame, open by a fraction of the way."""
+        z = fraction * self._opening
         return np.stack([se3.translation([0.0, 0.0, z]), se3.translation([0.0, 0.0, -z])]) @ self._closed
 
     def _elsewhere(self) -> np.ndarray:
@@ -97,8 +106,8 @@ class SimulatedGripper:
         return self.now
 
 
-def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
-    """Return the pose (4, 4) at a share of the way; the origin moves straight, while the axes turn."""
+def _between(start: np.ndarray, end: np.ndarray, fraction: float) -> np.ndarray:
+    """Return the pose (4, 4) at a fraction of the way; the origin moves straight, while the axes turn."""
     turn = se3.log(se3.make(start[:3, :3].T @ end[:3, :3], np.zeros(3)))
-    rotation = start[:3, :3] @ se3.exp(share * turn)[:3, :3]
-    return se3.make(rotation, (1 - share) * start[:3, 3] + share * end[:3, 3])
+    rotation = start[:3, :3] @ se3.exp(fraction * turn)[:3, :3]
+    return se3.make(rotation, (1 - fraction) * start[:3, 3] + fraction * end[:3, 3])

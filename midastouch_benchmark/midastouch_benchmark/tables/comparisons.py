@@ -47,7 +47,9 @@ _BELIEF: dict[str, Form] = {
     "converged wrong": fraction("converged_wrong"),
 }
 _CONTACTS: dict[str, Form] = {"contacts": text("what"), "held": text("seconds", "{} s")}
+_AT_END = pose("estimate", "median", "trust.estimate_trans_mm.median.interval")
 _PINCHES: dict[str, Form] = {"pinches": text("what")}
+_POSE: dict[str, Form] = {"published pose, median": lambda row: _AT_END(row) if row["what"] == len(PINCHED) else "-"}
 
 
 def compared(content: dict) -> list[dict]:
@@ -118,11 +120,12 @@ def pinches() -> pd.DataFrame:
 
     def rows(name: str) -> list[dict]:
         (summary,) = report(name)["summary"][DEFAULT].values()
-        return [{"what": k} | one for k, one in enumerate(summary["held"], 1)]
+        at_end = {key: summary[key] for key in ("trust", "estimate_trans_mm", "estimate_rot_deg")}
+        return [{"what": k} | at_end | one for k, one in enumerate(summary["held"], 1)]
 
     objects = {"pinch": "the ten", "pinch_cad": "CAD parts"}
     found = rows_of(dict.fromkeys(objects, "-"), rows)
-    return Table({"objects": lambda row: objects[row["report"]]} | _PINCHES, _BELIEF).of(found, "report")
+    return Table({"objects": lambda row: objects[row["report"]]} | _PINCHES, _BELIEF | _POSE).of(found, "report")
 
 
 def variants() -> pd.DataFrame:

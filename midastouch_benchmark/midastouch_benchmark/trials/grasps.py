@@ -21,9 +21,9 @@ from .yardstick import Yardstick
 
 HOLDS = 0.5, 5.0
 """Times [s] at which the filter's belief about a grasp is judged; the grasp is held until the last of them."""
-_PINCHES, _HELD, _AWAY = 3, 40, 10  # number; frames of each, and between two of them
+_PINCHES, _LASTS, _AWAY = 3, 40, 10  # number; frames of each, and between two of them
 _OPENED = 0.03  # m that each finger moves away
-PINCHED = tuple(FRAME_TIME * (k * (_HELD + _AWAY) + _HELD) for k in range(_PINCHES))
+PINCHED = tuple(FRAME_TIME * (k * (_LASTS + _AWAY) + _LASTS) for k in range(_PINCHES))
 """Times [s] at which pinches end, and are judged."""
 
 
@@ -73,15 +73,15 @@ def pinch(scene: UndisturbedSlide) -> Disturbed:
     frames: list[TrialFrame] = []
     for k, pinched in enumerate(scene.frames):
         if k:
-            opening = [_opened(scene.frames[k - 1], share) for share in np.linspace(0.2, 1.0, _AWAY // 2)]
-            frames += opening + [_opened(pinched, share) for share in np.linspace(1.0, 0.2, _AWAY // 2)]
-        frames += [at_rest(pinched, scene.rng) for _ in range(_HELD)]
+            opening = [_opened(scene.frames[k - 1], part) for part in np.linspace(0.2, 1.0, _AWAY // 2)]
+            frames += opening + [_opened(pinched, part) for part in np.linspace(1.0, 0.2, _AWAY // 2)]
+        frames += [at_rest(pinched, scene.rng) for _ in range(_LASTS)]
     return Disturbed([dataclasses.replace(frame, index=k, seconds=FRAME_TIME) for k, frame in enumerate(frames)])
 
 
-def _opened(pinched: TrialFrame, share: float) -> TrialFrame:
-    """Return a frame whose fingers have moved away by this share of their way."""
-    away = se3.translation([0.0, 0.0, share * _OPENED])
+def _opened(pinched: TrialFrame, fraction: float) -> TrialFrame:
+    """Return a frame whose fingers have moved away by this fraction of their way."""
+    away = se3.translation([0.0, 0.0, fraction * _OPENED])
     others = {
         name: Measurement(False, T_gel_finger=se3.inverse(away) @ each.T_gel_finger @ away)
         for name, each in pinched.others.items()
