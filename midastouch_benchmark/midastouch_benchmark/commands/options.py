@@ -136,7 +136,7 @@ def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, als
         made = "+".join(today()[part] for part in (*experiment.parts, *also))
         write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     left = [
-        f"{result[key]} {unit}s are left; the same command continues with them"
+        f"{unit}s left: {result[key]}; the same command continues with them"
         for key, unit in (("missing_trials", "trial"), ("missing_slides", "slide"))
         if result.get(key)
     ]

@@ -15,6 +15,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.files import require_folder
 from midastouch_common.images import image_files, read_image_file
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.onnx_network import network_path
@@ -74,9 +75,7 @@ def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.nd
     Raises InputError if there is no such folder, it has fewer than 8, or one is incomplete.
     """
     get_some = "midastouch download ycb-slide backgrounds gets some"
-    if not Path(folder).is_dir():
-        raise InputError(f"{folder}: no such folder of no-contact images; check the path ({get_some})")
-    if len(paths := image_files(folder)) < 8:
+    if len(paths := image_files(require_folder(folder, f"of no-contact images ({get_some})"))) < 8:
         raise InputError(
             f"{folder}: {len(paths)} no-contact images (PNG or JPEG), and at least 8 are needed ({get_some})"
         )

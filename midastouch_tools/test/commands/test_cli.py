@@ -162,7 +162,7 @@ def test_every_option_is_explained(name):
         (["evaluate-gel", "--objects", "no_such_object"], "no_such_object"),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
         (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: "),
-        (["evaluate-checks", "no/such/folder"], "no/such/folder: no such folder of no-contact images"),
+        (["evaluate-checks", "no/such/folder"], "no/such/folder: no such folder; give a folder of no-contact images"),
         (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: "),
         (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
