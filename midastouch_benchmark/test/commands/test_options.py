@@ -137,7 +137,7 @@ def test_without_json_nothing_is_written(tmp_path, capsys, monkeypatch):
     start = {"trials": 1, "objects": 1, "first_pose_s": {"value": 1.0, "max": 2.0}}
     result = {"start": start, "missing_trials": 3}
     assert options.conclude(argparse.Namespace(json=None), "evaluate-start", result) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("3 trials are left")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("trials left: 3")
     assert list(tmp_path.iterdir()) == []
 
 
