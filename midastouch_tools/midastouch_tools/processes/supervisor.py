@@ -108,7 +108,8 @@ class Supervisor:
         process, child.process = child.process, None
         name, words = child.program.name, _in_words(status)
         if child.on_exit is not None:
-            child.on_exit(process.pid, status)  # raises if that ends the others
+            if child.on_exit(process.pid, status):  # ends the others; raises if that is an error
+                return
         elif (status and (child.program.ends or status == EXIT_BAD_INPUT)) or not (
             child.program.ends or child.back_off
         ):

@@ -28,7 +28,7 @@ _NAMES = {
     "serial": "serial number",
     **dict.fromkeys(("tool_frame", "tf_prefix", "sensor_prefix"), "frame"),
 }
-_NUMBERS = {"seed": limits.seed, "rate": limits.replay_rate}
+_NUMBERS = {"seed": limits.seed, "rate": limits.replay_rate, "pinches": limits.count}
 _FORMER = {"slider": "contact_controller", "finger": "simulated_finger"}
 
 

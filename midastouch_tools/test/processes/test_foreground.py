@@ -24,6 +24,7 @@ SUPERVISE = """
 import json, os, sys
 from pathlib import Path
 from launch import LaunchDescription, LaunchService
+from launch.actions import Shutdown
 from launch_ros.actions import Node
 from midastouch_tools.processes import process
 
@@ -46,6 +47,7 @@ def ended(event, context):  # as in our launch files
 def played(event, context):
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+    return Shutdown() if event.process_name == "last" else None
 
 
 def node(name, line):
@@ -127,6 +129,14 @@ def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
     assert said == ["[a] one", "[a] two"]
     assert "[b] no newline" in run.lines
     assert run.lines.index("[a] two") < run.lines.index("[midastouch] a has finished; Ctrl-C ends the others")
+
+
+def test_what_shuts_the_launch_down_ends_the_others_well(supervise, tmp_path):
+    os.mkfifo(tmp_path / "ready")
+    other = f"trap 'echo bye; exit 0' INT; echo ready > {tmp_path}/ready; {FOR_EVER}"
+    run = supervise({"last": f"read -r _ < {tmp_path}/ready", "other": other}, ends=["last"])
+    assert run.status() == 0
+    assert run.lines == ["[midastouch] ending all", "[other] bye"]
 
 
 @pytest.mark.parametrize(("end", "code"), [("exit 3", 3), ("exit 0", 0), ("kill -9 $$", -9)])

@@ -40,6 +40,7 @@ def test_arguments_go_over_the_defaults():
         ("driver", "bag:=slide", "bag: driver takes no such argument; .* midastouch run driver --show-args"),
         ("replay", "bag:=a rate:=fast", "rate:= 'fast' is not a number from 0"),
         ("explore", "seed:=1.5", "seed:= '1.5' is not a whole number"),
+        ("inhand", "pinches:=few", "pinches:= 'few' is not a whole number"),
         ("replay", "bag:=a loop:=yes", "loop:=yes: must be one of true, false"),
         ("replay", "object:=ball", "bag: must be given, bag:=VALUE"),
         ("live_ur", "arm:=finger", "arm:=finger: must be one of running, ur_driver, rtde"),

@@ -56,9 +56,10 @@ class LaunchService:
     def start(self, action, name: str, command: list[str]) -> None:
         """Start the process of an action, which has `on_exit`, `respawn` and `respawn_delay`."""
 
-        def ended(pid: int, status: int) -> None:
+        def ended(pid: int, status: int) -> bool:
             handler = action.on_exit
             self.visit(handler(ProcessExited(name, pid, status), self.context) if callable(handler) else handler)
+            return self.context.is_shutdown
 
         back_off = BackOff(first=action.respawn_delay) if action.respawn else None
         self._supervisor.start(Program(name, tuple(command)), back_off, ended)
