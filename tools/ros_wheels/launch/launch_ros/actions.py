@@ -47,7 +47,7 @@ class Node(Action):
             words += ["-r", f"__node:={perform(context, self._name)}"]
         namespace = perform(context, self._namespace).strip("/")
         words += ["-r", f"__ns:=/{namespace}"] if namespace else []
-        own = "_".join([*namespace.split("/"), self.executable])  # the same program may run in several namespaces
+        own = f"{namespace}/{self.executable}".lstrip("/").replace("/", "_")  # a program may run twice
         for number, parameters in enumerate(self._parameters):
             if isinstance(parameters, dict):
                 values = {name: _value(context, value) for name, value in parameters.items()}
