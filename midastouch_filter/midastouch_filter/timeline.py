@@ -31,6 +31,8 @@ CODE_TIMEOUT = 0.25
 RELIABLE_TIMEOUT = 5.0
 """The same if none is lost: only a busy machine can delay one."""
 _KEPT_CODES = 100
+# Most that the stamps of a frame and a further finger's code may differ: one and a half images at 30 Hz.
+_TOLERANCE_NS = 50_000_000
 
 
 class Judgement(NamedTuple):
@@ -166,8 +168,6 @@ class FingerMemory:
     ----------
     pose_at
         Returns T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come.
-    tolerance : [ns]
-        Most that the stamps of a code and a frame may differ.
     maps
         None if they are not wanted.
     now : clock [s] that measures silence
@@ -180,14 +180,13 @@ class FingerMemory:
     def __init__(
         self,
         pose_at: Callable[[int], np.ndarray | Wait | None],
-        tolerance: int,
         maps: Maps | None,
         now: Callable[[], float],
         on_foreign: Callable[[str], None],
         timeout: float,
     ):
         self._timeout, self._timeout_ns = timeout, round(1e9 * timeout)
-        self._pose_at, self._tolerance, self._maps = pose_at, tolerance, maps
+        self._pose_at, self._maps = pose_at, maps
         self._now, self._on_foreign = now, on_foreign
         self._heard: float | None = None  # time of its last code, or of the first frame that asked for one
         self._codes: OrderedDict[int, Measurement] = OrderedDict()
@@ -295,4 +294,4 @@ class FingerMemory:
     def _nearest(self, stamp: int) -> int | None:
         """Return the stamp of the code nearest to `stamp`, if it lies within the tolerance."""
         nearest = min(self._codes, key=lambda each: abs(each - stamp), default=None)
-        return nearest if nearest is not None and abs(nearest - stamp) <= self._tolerance else None
+        return nearest if nearest is not None and abs(nearest - stamp) <= _TOLERANCE_NS else None

@@ -62,14 +62,6 @@ _NODE = (
         "topics in the namespace (relative to this node's, or absolute), their poses from TF",
     ),
     Parameter(
-        "finger_tolerance",
-        0.05,
-        "Largest difference in time between this sensor's code and the nearest one of a further finger",
-        unit="s",
-        minimum=0.0,
-        maximum=1.0,
-    ),
-    Parameter(
         "gripper_frame_id",
         "",
         "Frame of a gripper with sensor and fingers: while two of them touch, the object goes with it, and its pose is "
@@ -179,6 +171,7 @@ GONE = {
         if field.metadata["former"] and name not in _SETTINGS
     },
     **config.GONE,
+    "finger_tolerance": "codes of two fingers belong together if their stamps are within 50 ms",
     "suggestion_length": "the request of suggest_motion has max_length",
     "suggestion_count": "the request of suggest_motion has count",
     **{

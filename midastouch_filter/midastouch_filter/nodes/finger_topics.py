@@ -100,9 +100,8 @@ class FingerTopics:
         def on_foreign(reason: str) -> None:
             self._on_bad("bad_codes", f"{name}/tactile/code: {reason}")
 
-        tolerance = round(1e9 * self._parameters["finger_tolerance"])
         timeout = RELIABLE_TIMEOUT if reliable else CODE_TIMEOUT
-        memory = FingerMemory(pose_at, tolerance, maps, self._now, on_foreign, timeout)
+        memory = FingerMemory(pose_at, maps, self._now, on_foreign, timeout)
 
         def on_code(msg: TactileCode) -> None:
             if memory.add(stamp_ns(msg.header.stamp), measurement_from_msg(msg)):

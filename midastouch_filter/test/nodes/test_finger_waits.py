@@ -17,7 +17,6 @@ PARAMETERS = {
     "base_frame_id": "base_link",
     "sensor_frame_id": "digit_gel_frame",
     "gripper_frame_id": "",
-    "finger_tolerance": 0.05,
     "queue_depth": 1,
     "reliable": False,
     "input_timeout": 2.0,
