@@ -14,7 +14,7 @@ from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_msgs.action import Approach, Lift, Slide, Touch
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.nodes import tdn
-from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS
+from midastouch_simulation.nodes.simulated_finger import PARAMETERS
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 

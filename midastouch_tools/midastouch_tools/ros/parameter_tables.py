@@ -18,7 +18,7 @@ from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 from midastouch_simulation.nodes.digit_sim import PARAMETERS as DIGIT_SIM
 from midastouch_simulation.nodes.mujoco_arm import PARAMETERS as MUJOCO_ARM
-from midastouch_simulation.nodes.simulated_finger_parameters import PARAMETERS as SIMULATED_FINGER
+from midastouch_simulation.nodes.simulated_finger import PARAMETERS as SIMULATED_FINGER
 from midastouch_simulation.nodes.simulated_gripper import PARAMETERS as SIMULATED_GRIPPER
 
 from ..nodes.recorder import PARAMETERS as RECORDER
