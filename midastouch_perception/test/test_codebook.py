@@ -210,6 +210,7 @@ def test_yaw_is_even(poses):
         np.testing.assert_allclose(np.diff(np.sort(turns)), 2 * np.pi / YAWS, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_object_out_of_reach_is_said(sensor):
     """A one-sided plate, approached from behind: nothing to touch."""
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])

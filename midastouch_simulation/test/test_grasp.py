@@ -39,6 +39,7 @@ def test_clear_fingers_side_by_side_oppose_the_thumb(grasps, tool):
     assert np.median((z[:, 1] * z[:, 2]).sum(axis=1)) > 0.7
 
 
+@pytest.mark.slow
 def test_a_box_is_held_by_faces_and_a_pebble_not_at_all(sensor):
     box = trimesh.creation.box(sides := np.array([0.12, 0.06, 0.04]))
     mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")

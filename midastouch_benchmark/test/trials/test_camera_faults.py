@@ -33,6 +33,7 @@ def test_each_fault_changes_a_stream_that_stays_in_step(fault, images):
     assert all(map(np.array_equal, seen, images)) == (fault == OF_STAMPS)
 
 
+@pytest.mark.slow
 def test_faults_have_one_path_and_only_frames_that_are_left(tool, tmp_path):
     cache, sound = CameraFaultCache(tmp_path, **SETTINGS), RealSensorCache(tmp_path, **SETTINGS, calibrated=True)
     plain = sound.frames(tool, 0)

@@ -76,6 +76,7 @@ def bad_pose(rng: np.random.Generator) -> PoseWithCovarianceStamped:
     return msg
 
 
+@pytest.mark.slow
 def test_every_code_is_answered_and_all_published_is_finite(graph):
     rng = np.random.default_rng(7)
     node = graph.add(

@@ -42,6 +42,7 @@ def test_a_slide_keeps_its_depth(world, image_delay, arm_latency, fps):
         assert max(run.depths) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_over_an_edge_a_slide_ends_with_a_reason_and_never_deep(world):
     there = world("handle_tool")
     rng = np.random.default_rng(3)
@@ -162,6 +163,7 @@ def test_a_touch_that_comes_and_goes_ends():
     assert there.now == pytest.approx(approach + turn + 3.0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_what_a_slide_goes_up_and_down_is_no_way_along():
     there, arm = rehearsed(lambda pose: 1.1e-3 if pose[2, 3] < 0 else 0.0, Limits(depth=1.4e-3))
     there.carry_out(TouchSkill(DEPTH, 0.02), 3.0)

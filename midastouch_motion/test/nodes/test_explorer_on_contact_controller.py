@@ -115,6 +115,7 @@ def _link(stamp, child, pose):
     )
 
 
+@pytest.mark.slow
 def test_it_slides_and_leaps_over_the_object_with_the_arm(graph):
     rig = Rig(graph)
     rig.suggestions = [Suggestion(heading=0.5, length=0.02, information=0.5, reason="a slide")]
@@ -128,6 +129,7 @@ def test_it_slides_and_leaps_over_the_object_with_the_arm(graph):
     assert not rig.explorer.gave_up
 
 
+@pytest.mark.slow
 def test_what_is_in_the_arms_way_is_the_reason_for_the_end(graph):
     rig = Rig(graph)
     rig.until(lambda status: status.state == "exploring", "the beginning")

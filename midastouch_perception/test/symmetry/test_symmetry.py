@@ -53,6 +53,7 @@ def turn(*rotvec: float) -> np.ndarray:
     return se3.make(Rotation.from_rotvec(rotvec).as_matrix(), np.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_box_has_four_symmetries_a_ball_all():
     found = measured_symmetry(moved_mesh(trimesh.creation.box((0.08, 0.05, 0.03)))).near
     assert (found.free, len(found.transforms)) == ("none", 4)

@@ -66,6 +66,7 @@ def with_height(sensor, monkeypatch):
 IMAGE = np.random.default_rng(0).integers(20, 180, (320, 240, 3), dtype=np.uint8)
 
 
+@pytest.mark.slow
 def test_names_shapes_and_output_are_the_official_ones(shared):
     reference = shared / "reference" / "fcrn"
     official = json.loads((reference / "state_dict_shapes.json").read_text())

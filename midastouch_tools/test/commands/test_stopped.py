@@ -6,6 +6,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 
 def simulation(folder: Path) -> tuple[subprocess.Popen, Path]:
     """A simulation that has begun to write, and its temporary folder."""
@@ -20,6 +22,7 @@ def simulation(folder: Path) -> tuple[subprocess.Popen, Path]:
     return process, new.pop()
 
 
+@pytest.mark.slow
 def test_a_stopped_command_leaves_nothing_not_even_of_one_that_was_killed(tmp_path):
     process, left = simulation(tmp_path)
     with process:

@@ -97,6 +97,7 @@ def scene_sender(graph):
     return send
 
 
+@pytest.mark.slow
 @pytest.mark.dds
 def test_a_recording_holds_what_the_nodes_published(rerun, graph, start, tmp_path):
     out = tmp_path / "run.rrd"
@@ -112,6 +113,7 @@ def test_a_recording_holds_what_the_nodes_published(rerun, graph, start, tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"]
 
 
+@pytest.mark.slow
 @pytest.mark.dds
 def test_a_client_gets_the_scene_from_the_server(rerun, graph, start, tmp_path):
     port, web_port, own_port = free_ports(3)

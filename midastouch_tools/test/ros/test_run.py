@@ -186,6 +186,7 @@ def test_codebooks_that_are_missing_are_built_for_an_exploration(explored, words
     assert sorted(Path(mesh).name for mesh in explored["built"].values()) == built
 
 
+@pytest.mark.slow
 @pytest.mark.dds
 @pytest.mark.parametrize("copied", [False, True])
 def test_a_real_node_runs_until_ctrl_c(copied, tmp_path):
