@@ -22,7 +22,7 @@ ARGUMENTS = {
     "gripper_frame": ("gripper", "Frame in which the object rests while the gripper holds it, e.g. tool0"),
     "left_serial": ("", "Serial number of the left DIGIT"),
     "right_serial": ("", "Serial number of the right DIGIT"),
-    "pinches": ("3", "A simulated gripper ends after so many"),
+    "pinches": ("6", "A simulated gripper ends once the filter is sure in one, or after so many"),
     "seed": ("0", "Seed of the filter and of the simulation"),
     "use_rviz": ("true", "Start RViz"),
 }
@@ -69,6 +69,8 @@ def start(context):
             return None
         if event.returncode == 0 and "simulated_gripper" in event.process_name:
             return Shutdown(reason="the gripper has ended")
+        if event.returncode == 1 and "simulated_gripper" in event.process_name:
+            raise RuntimeError("after its last pinch the filter is not sure of the right pose: ending all")
         raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
 
     words = {"parameters": files, "ros_arguments": ["--log-level", given["log_level"]], "output": "screen"}

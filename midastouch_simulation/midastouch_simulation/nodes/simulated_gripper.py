@@ -33,7 +33,9 @@ PARAMETERS = (
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensors, as of digit_sim"),
     Parameter("seed", 0, "Of where it pinches, and where it puts the object down", minimum=0, maximum=2**31 - 1),
     Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
-    Parameter("pinches", 3, "It ends after so many, while it holds the object", minimum=1, maximum=1000),
+    Parameter(
+        "pinches", 6, "It ends once the filter is sure in one, at the latest in the last", minimum=1, maximum=1000
+    ),
     Parameter(
         "untouched_frames",
         32,
@@ -51,7 +53,7 @@ _NEAR_MM = 5.0  # of the truth: right
 
 class SimulatedGripperNode(PipelineNode):
     """Node that moves gripper and object on TF at the pace of the filter, and compares `object_pose_modes` with the
-    truth after each pinch. After the last one `on_end` is called; `gave_up` is True if the filter was not right."""
+    truth after each pinch. After the last one `on_end` is called; `gave_up` is True unless the filter is sure and right."""
 
     def __init__(self, on_end: Callable[[], object] = lambda: None, **node_options) -> None:
         super().__init__("simulated_gripper", **node_options)
@@ -60,7 +62,7 @@ class SimulatedGripperNode(PipelineNode):
         self._gripper = SimulatedGripper(load_mesh(settings["mesh"]), sensor, rng)
         self._pace, self._untouched = Pace(self, settings["fps"]), Counter[str]()
         self._state, self._modes, self._on_end, self.gave_up = "", PoseModes(), on_end, False
-        self._pinched, self._way = 0, self._gripper.pinch()
+        self._pinched, self._over, self._way = 0, False, self._gripper.pinch()
         diagnostics.Diagnostics(self, self._describe)
         for side in SIDES:
             self.create_subscription(
@@ -94,7 +96,7 @@ class SimulatedGripperNode(PipelineNode):
         if not self._pace.answered(status):
             return
         self._state = status.state
-        while self._ready and self._pace.free and self._pinched < self._settings["pinches"]:
+        while self._ready and self._pace.free and not self._over:
             if (pose := next(self._way, None)) is not None:
                 self._publish(pose)
             elif self._pace.awaited:
@@ -106,10 +108,12 @@ class SimulatedGripperNode(PipelineNode):
         """Say how far the filter is off after a pinch, and begin the next one."""
         self._pinched += 1
         millimetres, degrees = self._error()
-        number, state = f"pinch {self._pinched} of {self._settings['pinches']}", self._state
-        self.get_logger().info(f"{number}: {state}, the pose {millimetres:.1f} mm, {degrees:.1f} deg from the truth")
-        if self._pinched == self._settings["pinches"]:
-            self.gave_up = not (state == FilterStatus.STATE_CONVERGED and millimetres < _NEAR_MM)
+        off = f"{millimetres:.1f} mm, {degrees:.1f} deg from the truth"
+        self.get_logger().info(f"pinch {self._pinched}: {self._state}, the pose {off}")
+        sure = self._state == FilterStatus.STATE_CONVERGED
+        self._over = sure or self._pinched == self._settings["pinches"]
+        if self._over:
+            self.gave_up = not (sure and millimetres < _NEAR_MM)
             self._on_end()
         self._way = chain(self._gripper.release(), self._gripper.pinch())
 

@@ -23,8 +23,8 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 class Rig:
     """A gripper; each image is answered, if the filter's pose is the true one followed by `off`."""
 
-    def __init__(self, graph, off, symmetries):
-        self.off, self.symmetries, self.ended, self.seen = off, symmetries, [], []
+    def __init__(self, graph, state, off, symmetries):
+        self.state, self.off, self.symmetries, self.ended, self.seen = state, off, symmetries, [], []
         me = graph.companion
         self.contacts = [
             me.create_publisher(TactileContact, f"{side}/tactile/contact", 10) for side in ("left", "right")
@@ -46,18 +46,24 @@ class Rig:
         pose.pose.pose = pose_to_msg(se3.inverse(frames["gripper"]) @ frames[TRUTH_FRAME] @ self.off)
         alike = [transform_to_msg(each) for each in self.symmetries]
         self.modes.publish(PoseModes(header=header, modes=[pose], symmetries=alike, symmetry_free="none"))
-        self.statuses.publish(FilterStatus(header=header, state="converged"))
+        self.statuses.publish(FilterStatus(header=header, state=self.state))
 
 
 @pytest.mark.parametrize(
-    ("off", "symmetries", "gave_up"),
-    [(np.eye(4), [np.eye(4)], False), (HALF_TURN, [np.eye(4)], True), (HALF_TURN, [np.eye(4), HALF_TURN], False)],
-    ids=["right", "half a turn off", "alike"],
+    ("state", "off", "symmetries", "pinches", "gave_up"),
+    [
+        ("converged", np.eye(4), [np.eye(4)], 1, False),
+        ("converged", HALF_TURN, [np.eye(4)], 1, True),
+        ("converged", HALF_TURN, [np.eye(4), HALF_TURN], 1, False),
+        ("ambiguous", np.eye(4), [np.eye(4)], 2, True),
+    ],
+    ids=["right", "half a turn off", "alike", "never sure"],
 )
-def test_it_ends_after_its_pinches_and_judges_the_filter(graph, off, symmetries, gave_up):
-    rig = Rig(graph, off, symmetries)
+def test_it_ends_once_the_filter_is_sure_and_judges_it(graph, state, off, symmetries, pinches, gave_up):
+    rig = Rig(graph, state, off, symmetries)
     assert rig.node.gave_up is gave_up
-    places = {tuple(np.round(frames[TRUTH_FRAME][:2, 3], 6)) for frames in rig.seen}
-    assert len(places) > 10, "it carries the object"
+    heights = np.array([frames[TRUTH_FRAME][2, 3] for frames in rig.seen])
+    lifted = heights > heights[0] + 0.07
+    assert np.count_nonzero(np.diff(lifted.astype(int)) == 1) == pinches
     first = [frames["left_digit_gel_frame"] for frames in rig.seen[:3]]
     assert np.ptp(first, axis=0).max() == 0, "it waits for the background"
