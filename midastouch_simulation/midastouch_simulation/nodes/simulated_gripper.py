@@ -53,7 +53,7 @@ _NEAR_MM = 5.0  # of the truth: right
 
 class SimulatedGripperNode(PipelineNode):
     """Node that moves gripper and object on TF at the pace of the filter, and compares `object_pose_modes` with the
-    truth after each pinch. After the last one `on_end` is called; `gave_up` is True unless the filter is sure and right."""
+    truth after each pinch. After the last one `on_end` is called; `gave_up`: the filter is not sure, or not right."""
 
     def __init__(self, on_end: Callable[[], object] = lambda: None, **node_options) -> None:
         super().__init__("simulated_gripper", **node_options)
