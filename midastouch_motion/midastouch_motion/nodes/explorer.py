@@ -157,6 +157,8 @@ class Explorer(PipelineNode):
             self._moved_until = stamp_ns(result.pose.header.stamp)
         if not done.success:
             self._report.problem("unfinished_motions", done.message)
+            if self._report.state == ExplorerStatus.STATE_PAUSED:  # the person who asked for it waits for it
+                self._report.say(ExplorerStatus.STATE_PAUSED, done.message)
         self._advance(done)
 
     def _go_on(self) -> None:

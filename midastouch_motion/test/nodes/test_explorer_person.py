@@ -9,6 +9,7 @@ from midastouch_common.ros import qos
 from midastouch_motion.nodes import explorer_services
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SuggestMotion
+from midastouch_simulation.finger import SimulatedFinger
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
@@ -95,3 +96,16 @@ def test_a_person_takes_the_finger_pushes_and_gives_it_back(rig):
     assert rig.call("resume").success
     rig.until("known")
     assert not rig.call("lift").success
+
+
+def test_a_person_hears_that_a_slide_ended_early(rig, monkeypatch):
+    def stuck(self, *_):
+        yield from ()
+        return False
+
+    rig.until("exploring", "somewhere")
+    rig.graph.spin_until(lambda: rig.statuses[-1].lifts == 1, "the first touch")
+    assert rig.call("pause").success
+    monkeypatch.setattr(SimulatedFinger, "slide", stuck)
+    rig.graph.publisher(Suggestion, "explorer/move", qos.COMMAND).publish(Suggestion(heading=0.0, length=0.01))
+    rig.until("paused", "it could not move on after 0 mm")

@@ -32,7 +32,7 @@ from ..progress import progress_bar
 _OF_A_FINGER = "p: push the object; o: another object; "
 _NUDGE = 0.01  # m
 _LIKELY = 0.9  # probability of an object
-_LONGEST_NAME = 28  # with it, a line has at most 100 columns
+_LONGEST_NAME, _LONGEST_REASON = 28, 36  # with them, a line has at most 100 columns
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
 _OF_NO_FRAME = (FilterStatus.STATE_UNINITIALISED, FilterStatus.STATE_STALE)  # stamped by another clock than images
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
@@ -168,8 +168,10 @@ class Console(Node):
             self.ended = ExplorationEnd.of(status)
 
     def _show(self) -> None:
-        answer, seconds = object_answer(self._objects, self._given), time.monotonic() - self._started
-        explorer, known = self._explorer, self._filter
+        explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started
+        answer = object_answer(self._objects, self._given)
+        if self._paused:
+            answer = _shortened(explorer.reason, _LONGEST_REASON)
         line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
         self._bar.set_description_str(line, refresh=False)
 
@@ -191,7 +193,7 @@ def progress_line(
     """Return a line of at most 100 columns: the explorer's state, its path [m], seconds since the start, which object
     it is, the filter's state and the probability of its best pose [0 to 1].
 
-    answer: from `object_answer`.
+    answer: from `object_answer`, or what became of a person's order.
     """
     done = f"{state}, {1e3 * path_length:.0f} mm, {seconds:.0f} s"
     return f"{done} | {answer} | {filter_state}, best pose {mode_mass:.0%}"
@@ -208,5 +210,5 @@ def object_answer(objects: Mapping[str, float], given: str) -> str:
     return f"{'' if objects[name] > _LIKELY else 'perhaps '}{_shortened(name)}"
 
 
-def _shortened(name: str) -> str:
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 3]}..."
+def _shortened(text: str, most: int = _LONGEST_NAME) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."
