@@ -193,7 +193,9 @@ class CodeProcessor:
         T_gripper_gel = self.transforms.known(self._gripper, self._sensor, stamp) if self._gripper else None
         if self._gripper and T_gripper_gel is None:
             self.report.counts["transform_timeout"] += 1
-            self.report.say(stamp, STALE, f"no transform {self._gripper} -> {self._sensor}: is gripper_frame_id right?")
+            reason = f"no transform {self._gripper} -> {self._sensor}: is gripper_frame_id right?"
+            self._problem("no_gripper", reason)
+            self.report.say(stamp, STALE, reason)
             return
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)

@@ -217,6 +217,7 @@ def test_a_gripper_whose_frame_is_missing_is_said(graph):
     assert status.state == "stale"
     assert "nowhere -> digit_gel_frame: is gripper_frame_id right?" in status.reason
     assert not hand.filter.measurements
+    assert hand.node.diagnostics.counts["no_gripper"] == 1
 
 
 def test_a_gripper_has_several_sensors(graph):
