@@ -57,7 +57,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         if wait(0.0):
             raise KeyboardInterrupt
     seconds = time.monotonic() - started
-    print("\nreading the recording", flush=True)
+    print(f"\nreading the recording, {bag.stat().st_size / 1e6:.0f} MB", flush=True)
     changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
         if changed and console.since_change_ns is None:
@@ -76,6 +76,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
+    print("drawing the pictures", flush=True)
     write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
     return 0 if result["right"] or console.ended.by_hand else 1
 
