@@ -80,14 +80,14 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path,
     if run == 0:  # in a terminal of its own, 150 columns wide
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
         os.execv(sys.executable, [sys.executable, "-m", "midastouch_tools.cli", "run", "explore", *short[:3]])
-    shown, keys = "", [("exploring", "p"), ("paused", end)]
+    shown, keys = "", [("exploring", "eyebolt", "p"), ("paused", "a person has pushed the object", end)]
     while True:
         try:
             shown += os.read(terminal, 4096).decode(errors="replace")
         except OSError:  # the run has ended
             break
-        if keys and re.search(rf"{keys[0][0]}, \d+ mm, \d+ s \| eyebolt \| .*best pose", shown):
-            os.write(terminal, keys.pop(0)[1].encode())
+        if keys and re.search(rf"{keys[0][0]}, \d+ mm, \d+ s \| {keys[0][1]} \| .*best pose", shown):
+            os.write(terminal, keys.pop(0)[2].encode())
     assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0, shown
     assert "p: push the object" in shown
     result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
