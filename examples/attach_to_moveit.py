@@ -10,15 +10,19 @@ import sys
 
 import rclpy
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
-from moveit_msgs.msg import AttachedCollisionObject, CollisionObject
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from shape_msgs.msg import Mesh, MeshTriangle
 
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception import ObjectMesh
 from midastouch_tools.processes.foreground import ended_by_signals
+
+try:
+    from moveit_msgs.msg import AttachedCollisionObject, CollisionObject
+    from shape_msgs.msg import Mesh, MeshTriangle
+except ModuleNotFoundError as error:
+    raise SystemExit(f"{error}: it comes with MoveIt, on a system ROS") from error
 
 SURE = FilterStatus.STATE_CONVERGED
 OPEN = FilterStatus.STATE_NO_CONTACT
