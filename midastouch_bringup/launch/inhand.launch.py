@@ -46,23 +46,18 @@ def included(name, **arguments):
 def start(context):
     """Start everything. The filter runs in the namespace `left`, and its poses are those of the left gel."""
     given = context.launch_configurations
-    simulated, package = given["hand"] == "simulated", "package://midastouch_perception/midastouch_perception"
+    simulated = given["hand"] == "simulated"
     if not simulated and not (given["left_serial"] and given["right_serial"]):
         raise RuntimeError("hand:=running: which sensor is where? Give left_serial:=SERIAL and right_serial:=SERIAL")
     if simulated and not given["setup_file"]:
         given["setup_file"] = f"{SHARE}/config/explore_finger.yaml"
-    given["mesh"] = given["mesh"] or f"{package}/objects/{given['object']}.ply"
+    bundled = f"package://midastouch_perception/midastouch_perception/objects/{given['object']}.ply"
+    given["mesh"] = given["mesh"] or bundled
     given["sensor_model"] = given["sensor_model"] or ("digit_tacto" if simulated else "digit_real")
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]
     common = {"sensor_model": given["sensor_model"], "mesh": given["mesh"], "seed": int(given["seed"])}
-    filter_parameters = common | {
-        "codebook": given["codebook"],
-        "fingers": "/right:right_digit_gel_frame",
-        "base_frame_id": given["base_frame"],
-        "gripper_frame_id": given["gripper_frame"],
-        "sensor_frame_id": "left_digit_gel_frame",
-    }
-    frames = {f"{name}_frame_id": given[f"{name}_frame"] for name in ("base", "gripper")}
+    common |= {f"{name}_frame_id": given[f"{name}_frame"] for name in ("base", "gripper")}
+    fingers = {"sensor_frame_id": "left_digit_gel_frame", "fingers": "/right:right_digit_gel_frame"}
 
     def ended(event, context):
         if context.is_shutdown:
@@ -73,26 +68,26 @@ def start(context):
             raise RuntimeError("after its last pinch the filter is not sure of the right pose: ending all")
         raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
 
-    words = {"parameters": files, "ros_arguments": ["--log-level", given["log_level"]], "output": "screen"}
+    words = {"ros_arguments": ["--log-level", given["log_level"]], "output": "screen", "on_exit": ended}
     actions = []
     for number, side in enumerate(("left", "right")):
         here = {"namespace": side, "sensor_prefix": f"{side}_", "serial": given[f"{side}_serial"], "object": ""}
         own = {"seed": str(int(given["seed"]) + number)} if simulated else {}
         actions += [included(name, **here, **own) for name in ("digit_sim" if simulated else "driver", "perception")]
-    words |= {"on_exit": ended}
     actions.append(
         LifecycleNode(
             package="midastouch_filter",
             executable="particle_filter",
             name="particle_filter",
             namespace="left",
-            **words | {"parameters": [*files, filter_parameters]},
+            parameters=[*files, common | fingers | {"codebook": given["codebook"]}],
+            **words,
         )
     )
     if simulated:
-        gripper = common | frames | {"pinches": int(given["pinches"])}
-        words["parameters"] = [*files, gripper]
-        actions.append(Node(package="midastouch_simulation", executable="simulated_gripper", **words))
+        parameters = [*files, common | {"pinches": int(given["pinches"])}]
+        package, executable = "midastouch_simulation", "simulated_gripper"
+        actions.append(Node(package=package, executable=executable, parameters=parameters, **words))
     if given["use_rviz"] == "true":
         actions.append(included("rviz", namespace="left"))
     return actions

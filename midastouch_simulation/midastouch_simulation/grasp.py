@@ -45,9 +45,7 @@ def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generat
     hand = se3.frame_from_normal(_directions(rng), rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
     frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * (contacts - 1)])
     middle = about + rng.uniform(-0.5, 0.5) * _OPENING * hand[:, 2]
-    aside = rng.uniform(*_APART) * np.array(
-        [0.0, *np.linspace(-0.5, 0.5, contacts - 1)] if contacts > 2 else [0.0, 0.0]
-    )
+    aside = rng.uniform(*_APART) * np.array([0.0, *(np.arange(contacts - 1) - (contacts - 2) / 2)])
     points = middle + aside[:, None] * hand[:, 0] + 0.5 * _OPENING * frames[:, :, 2]
     for _ in range(_STEPS):
         _, distance, _ = mesh.closest_points(points)

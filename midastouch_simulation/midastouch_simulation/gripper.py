@@ -53,7 +53,7 @@ class SimulatedGripper:
     def pinch(self) -> Iterator[Gripped]:
         """Close, hold still, and carry the object to another place. Yields poses, one per image."""
         for fraction in np.linspace(1.0, 0.0, _CLOSES):
-            yield self._seen(fingers=self._fingers(fraction))
+            yield self._moved(gripper_from_gels=self._fingers(fraction))
         for _ in range(_HOLDS):
             yield self.now
         begin, up = self.now.base_from_gripper, se3.translation([0.0, 0.0, _LIFTED])
@@ -63,18 +63,18 @@ class SimulatedGripper:
         for start, end in pairwise(way):
             for fraction in np.linspace(1 / _CARRIES, 1.0, _CARRIES):
                 gripper = _between(start, end, fraction)
-                yield self._seen(gripper, gripper @ gripper_from_object)
+                yield self._moved(base_from_gripper=gripper, base_from_object=gripper @ gripper_from_object)
 
     def release(self) -> Iterator[Gripped]:
         """Open, and turn about the object to the next pinch. Yields poses, one per image."""
         for fraction in np.linspace(0.0, 1.0, _CLOSES):
-            yield self._seen(fingers=self._fingers(fraction))
+            yield self._moved(gripper_from_gels=self._fingers(fraction))
         gripper, fingers = self.now.base_from_gripper, self.now.gripper_from_gels
         self._next()
         goal = self.now.base_from_object @ self._object_from_gripper
         for fraction in np.linspace(1 / _TURNS, 1.0, _TURNS):
-            moved = [_between(*pair, fraction) for pair in zip(fingers, self._fingers(1.0), strict=True)]
-            yield self._seen(_between(gripper, goal, fraction), fingers=np.stack(moved))
+            gels = [_between(*pair, fraction) for pair in zip(fingers, self._fingers(1.0), strict=True)]
+            yield self._moved(base_from_gripper=_between(gripper, goal, fraction), gripper_from_gels=np.stack(gels))
 
     def _next(self) -> None:
         """Choose a pinch: the gripper's z axis leads from the second gel to the first, its origin is between them."""
@@ -97,12 +97,9 @@ class SimulatedGripper:
         moved = se3.translation([x, y, 0.0]) @ about @ se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.0, turn]))
         return moved @ se3.inverse(about)
 
-    def _seen(
-        self, gripper: np.ndarray | None = None, placed: np.ndarray | None = None, fingers: np.ndarray | None = None
-    ) -> Gripped:
-        """Return what is now, with what has changed."""
-        new = zip(self.now, (gripper, placed, fingers), strict=True)
-        self.now = Gripped(*(old if each is None else each for old, each in new))
+    def _moved(self, **poses: np.ndarray) -> Gripped:
+        """Move what is named to these poses; return all."""
+        self.now = self.now._replace(**poses)
         return self.now
 
 

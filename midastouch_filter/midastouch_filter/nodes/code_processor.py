@@ -53,9 +53,8 @@ class CodeProcessor:
         self._last_stamp: int | None = None
         self._silent = self._has_had_transforms = False
         self._jumps = 0
-        self._base, self._sensor, self._gripper = (
-            self._parameters[f"{name}_frame_id"] for name in ("base", "sensor", "gripper")
-        )
+        frames = [self._parameters[f"{name}_frame_id"] for name in ("base", "sensor", "gripper")]
+        self._base, self._sensor, self._gripper = frames
         self._queue = TransformQueue(
             lambda stamp: self._lookup(self._base, self._sensor, stamp),
             self._is_incomplete,
@@ -73,7 +72,7 @@ class CodeProcessor:
         # last: its thread would outlive a constructor that fails after it
         self.transforms = TransformSource(
             node,
-            frames=[self._gripper or self._base, self._base, self._sensor, *fingers_of(self._parameters).values()],
+            frames=[*filter(None, frames), *fingers_of(self._parameters).values()],
             on_update=self._process_queue,
             on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self._problem("bad_transforms", reason),
@@ -210,8 +209,7 @@ class CodeProcessor:
         jumps, self._jumps = self._jumps, estimate.status.skipped.get("odometry_jump", 0)
         if self._jumps > jumps:  # it starts again at each
             self._problem("jumps", f"{self._base} -> {self._sensor}: {estimate.status.reason}")
-        sure = self._localiser.T_base_obj() is not None
-        placed = Placed(T_gripper_gel if self._gripper else T_base_gel, self._localiser.held, sure)
+        placed = Placed(T_base_gel if T_gripper_gel is None else T_gripper_gel, self._localiser.held)
         self.report.estimate(stamp, estimate, self._localiser.filter, placed)
         self._on_estimate(stamp)
         self._localiser.deferred_update(in_time)

@@ -9,6 +9,7 @@ import array
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from geometry_msgs.msg import (
     Vector3,
 )
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -36,7 +38,7 @@ from midastouch_perception.symmetry.group import Symmetry
 
 from ..core.alignment import transform_covariance
 from ..core.estimate import Estimate
-from ..core.state import LOST, Status
+from ..core.state import CONVERGED, LOST, Status
 from ..identification.identity import UNKNOWN, Identity
 from ..loaded_object import RunningFilter
 from . import markers
@@ -45,12 +47,11 @@ from . import markers
 class Placed(NamedTuple):
     """Gel in the frame in which the object's pose is published, the base or the gripper.
 
-    pose: (4, 4), of the gel; held: whether the object is in the gripper; sure: whether the filter is sure of the pose.
+    pose: (4, 4), of the gel; held: whether the object is in the gripper.
     """
 
     pose: np.ndarray
     held: bool
-    sure: bool
 
 
 class EstimatePublisher:
@@ -100,14 +101,13 @@ class EstimatePublisher:
             reason = "the filter's result is not finite and was withheld; call reinitialize_global_localization"
             self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
             return
-        if estimate.modes:
-            pose = _pose_to_msg(estimate.pose, estimate.covariance)
-            self._pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
-        modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m.pose, m.covariance)) for m in estimate.modes]
-        self._modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
-        if placed.held and modes:
-            self._show_in_hand(estimate, running, placed.pose, Header(stamp=header.stamp, frame_id=self._parent))
-        if placed.sure and self._parameters["tf_broadcast"]:
+        symmetry = self._symmetry_fields(running)
+        _publish_poses(self._pose, self._modes, header, estimate, symmetry, _pose_to_msg)
+        if placed.held and estimate.modes:
+            in_gripper = Header(stamp=header.stamp, frame_id=self._parent)
+            of_object = partial(_object_pose, T_base_gel=placed.pose)
+            _publish_poses(self._object_pose, self._object_modes, in_gripper, estimate, symmetry, of_object)
+        if estimate.status.state == CONVERGED and self._parameters["tf_broadcast"]:
             self._broadcast(stamp, placed.pose @ se3.inverse(estimate.pose))
         self._view(header, estimate, running)
         # Last, so that everything else of this frame is out when a listener sees its status.
@@ -127,18 +127,6 @@ class EstimatePublisher:
         if symmetry is not self._sent_symmetry:
             self._sent_symmetry, self._sent_fields = symmetry, _symmetry_to_fields(symmetry)
         return self._sent_fields
-
-    def _show_in_hand(
-        self, estimate: Estimate, running: RunningFilter, T_gripper_gel: np.ndarray, header: Header
-    ) -> None:
-        """Publish the poses of the object that a gripper holds."""
-        pose = _object_pose(estimate.pose, estimate.covariance, T_gripper_gel)
-        self._object_pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
-        modes = [
-            PoseMode(weight=float(mode.weight), pose=_object_pose(mode.pose, mode.covariance, T_gripper_gel))
-            for mode in estimate.modes
-        ]
-        self._object_modes.publish(PoseModes(header=header, modes=modes, **self._symmetry_fields(running)))
 
     def _broadcast(self, stamp: int, T_parent_obj: np.ndarray) -> None:
         ahead = stamp_from_ns(stamp + round(1e9 * self._parameters["transform_tolerance"]))
@@ -168,6 +156,22 @@ class EstimatePublisher:
                 self._particles.publish(markers.particle_poses(poses, weights, header))
             if self._cloud in viewed:
                 self._cloud.publish(markers.particle_cloud(poses, weights, header))
+
+
+def _publish_poses(
+    pose: Publisher,
+    modes: Publisher,
+    header: Header,
+    estimate: Estimate,
+    symmetry: dict,
+    message: Callable[[np.ndarray, np.ndarray], PoseWithCovariance],
+) -> None:
+    """Publish the estimate's pose, if there is one, and its modes; message(pose, covariance): of each."""
+    if estimate.modes:
+        best = message(estimate.pose, estimate.covariance)
+        pose.publish(PoseWithCovarianceStamped(header=header, pose=best))
+    each = [PoseMode(weight=float(m.weight), pose=message(m.pose, m.covariance)) for m in estimate.modes]
+    modes.publish(PoseModes(header=header, modes=each, **symmetry))
 
 
 def _symmetry_to_fields(symmetry: Symmetry) -> dict:

@@ -60,6 +60,7 @@ class SimulatedGripperNode(PipelineNode):
         settings = self._settings = Parameters(self, PARAMETERS)
         sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
         self._gripper = SimulatedGripper(load_mesh(settings["mesh"]), sensor, rng)
+        self._frames = [settings[f"{name}_frame_id"] for name in ("base", "gripper", "object")]
         self._pace, self._untouched = Pace(self, settings["fps"]), Counter[str]()
         self._state, self._modes, self._on_end, self.gave_up = "", PoseModes(), on_end, False
         self._pinched, self._over, self._way = 0, False, self._gripper.pinch()
@@ -130,13 +131,13 @@ class SimulatedGripperNode(PipelineNode):
         return 1e3 * float(distance[0]), float(np.degrees(angle[0]))
 
     def _publish(self, now: Gripped) -> None:
-        frames = {name: self._settings[f"{name}_frame_id"] for name in ("base", "gripper", "object")}
+        base, gripper, object_ = self._frames
         gels = zip(SIDES, now.gripper_from_gels, strict=True)
         self._pace.publish(
             [
-                (frames["base"], frames["gripper"], now.base_from_gripper),
-                (frames["base"], frames["object"], now.base_from_object),
-                *((frames["gripper"], f"{side}_{GEL_FRAME}", pose) for side, pose in gels),
+                (base, gripper, now.base_from_gripper),
+                (base, object_, now.base_from_object),
+                *((gripper, f"{side}_{GEL_FRAME}", pose) for side, pose in gels),
             ]
         )
 
