@@ -25,9 +25,8 @@ import numpy as np
 from ..rendering.renderer import GelShape
 from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
-from .inputs import DRIFT_GRID, LARGEST_DRIFT
+from .inputs import BLOCKS, DRIFT_GRID, LARGEST_DRIFT, block_means
 
-_BLOCKS = (20, 15)  # rows, columns of the blocks over which images are averaged
 _FAR = 1.6e-3  # m from a contact, beyond which gel looks untouched
 _LEAST_FAR = 0.8  # of a region
 _LEAST_CHANGE = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
@@ -50,7 +49,7 @@ def explained_fraction(
     explains most is taken out of a few. Any change that is quadratic in the position does not count.
     """
     slow = _slow_terms()
-    seen = _without(slow, _blocks(difference).reshape(-1, 3))
+    seen = _without(slow, block_means(difference).reshape(-1, 3))
     energy = float((seen**2).sum())
     if energy <= least_change**2 * seen.size:
         return None
@@ -67,7 +66,7 @@ def explained_fraction(
 @functools.cache
 def _slow_terms() -> np.ndarray:
     """Return an orthonormal base (B, 6) of the changes over the blocks that are quadratic in the position."""
-    return np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
+    return np.linalg.qr(position_terms(*BLOCKS).reshape(-1, 6))[0]
 
 
 def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
@@ -75,9 +74,9 @@ def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
     slopes = height_slopes(height, pixel)
     sines = slopes / np.sqrt(1 + (slopes**2).sum(axis=2, keepdims=True))
     x, y = sines[..., 0], sines[..., 1]
-    positions = position_terms(*_BLOCKS)[..., :3]
-    linear = [_blocks(along)[..., None] * positions for along in (x, y)]
-    squares = _blocks(np.stack([x * x, y * y, x * y], axis=2))
+    positions = position_terms(*BLOCKS)[..., :3]
+    linear = [block_means(along)[..., None] * positions for along in (x, y)]
+    squares = block_means(np.stack([x * x, y * y, x * y], axis=2))
     return np.concatenate([*linear, squares], axis=2).reshape(-1, 9)
 
 
@@ -88,7 +87,7 @@ def _without(base: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 def quietest_tenth(difference: np.ndarray) -> float:
     """Return the limit [grey levels] within which the quietest tenth of a difference image (H, W, 3) stays."""
-    change = np.abs(_blocks(difference)).max(axis=2).ravel()
+    change = np.abs(block_means(difference)).max(axis=2).ravel()
     return float(np.partition(change, len(change) // 10)[len(change) // 10])
 
 
@@ -107,10 +106,6 @@ def far_change(change: np.ndarray, penetration: np.ndarray, pixel: float) -> flo
     free = free.reshape(-1)
     mean = np.abs(seen.reshape(-1, 3)[free > _LEAST_FAR] / free[free > _LEAST_FAR, None])
     return float(mean.max(initial=0.0))
-
-
-def _blocks(image: np.ndarray) -> np.ndarray:
-    return cv2.resize(image, _BLOCKS[::-1], interpolation=cv2.INTER_AREA)
 
 
 class FitCheck:

@@ -30,6 +30,7 @@ LARGEST_DRIFT = 15.0
 _DRIFT_RATE = 0.1  # per frame without contact
 _JUMP = LARGEST_DRIFT / 3  # grey levels; light changes by less between frames, so the clip limits the effect of a touch
 _BLOCK = 8  # px
+BLOCKS = (20, 15)  # rows, columns of the blocks over which checks average images
 _DRIFT_ROUNDS = 6
 _QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
 
@@ -48,6 +49,11 @@ def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray
 def reduce_image(image: np.ndarray) -> np.ndarray:
     """Return a camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
     return kernels.halve_image(np.ascontiguousarray(image))
+
+
+def block_means(image: np.ndarray) -> np.ndarray:
+    """Return the means (20, 15, ...) over the `BLOCKS` of an image (H, W, ...) float32."""
+    return cv2.resize(image, BLOCKS[::-1], interpolation=cv2.INTER_AREA)
 
 
 class ContactLight:

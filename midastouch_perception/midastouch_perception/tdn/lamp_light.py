@@ -10,14 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from ..sensor_calibration.response import position_terms
-from .inputs import DARKEST, RELATIVE_LEVEL, reduce_image
+from .inputs import BLOCKS, DARKEST, RELATIVE_LEVEL, block_means, reduce_image
 
-_BLOCKS = (20, 15)  # rows, columns; blocks of compressed images, whose noise is independent
-_BLOCK_PIXELS = 256
+_BLOCK_PIXELS = 256  # of compressed images, whose noise is independent from block to block
 _CLIPPED = 240.0  # grey levels of a block in which pixels may be at their limit
 _LEAST_KNOWN = 0.2  # of the blocks, in each of which all colours are below that
 _QUIETEST = 0.8  # of the blocks count: dust and the marks of a touch are in few, a contact that fills the view in all
@@ -48,8 +46,8 @@ class LampLight:
     """Light of the lamps on the gel of one no-contact image, (H, W, 3) uint8 RGB. Attribute: frames of free gel."""
 
     def __init__(self, background: np.ndarray):
-        self._lit = self._seen = _block_means(background)
-        self._terms = self._lit.T[..., None] * position_terms(*_BLOCKS).reshape(-1, 6)
+        self._lit = self._seen = block_means(reduce_image(background)).reshape(-1, 3)
+        self._terms = self._lit.T[..., None] * position_terms(*BLOCKS).reshape(-1, 6)
         self._pixels = background[::_PIXELS, ::_PIXELS].astype(np.float32)
         self._usual = self._left = _FIRST
         self._noise = self._usual_noise = 0.0
@@ -57,7 +55,7 @@ class LampLight:
 
     def unexplained(self, image: np.ndarray) -> Unexplained:
         """Return what lamps do not explain in an image (H, W, 3) uint8 RGB."""
-        seen = _block_means(image)
+        seen = block_means(reduce_image(image)).reshape(-1, 3)
         last, self._pixels = self._pixels, image[::_PIXELS, ::_PIXELS].astype(np.float32)
         # between neighbours, because there smooth changes cancel; as it is left in the mean of a block of three colours
         self._noise = float(np.diff(self._pixels - last, axis=1).std()) / 2 * np.sqrt(3 / _BLOCK_PIXELS)
@@ -98,8 +96,3 @@ class LampLight:
 def _quietest(off: np.ndarray, count: int) -> float:
     """Return the mean of the `count` smallest sizes [grey levels] of what blocks are off (N, 3)."""
     return float(np.partition(np.linalg.norm(off, axis=1), count - 1)[:count].mean())
-
-
-def _block_means(image: np.ndarray) -> np.ndarray:
-    """Return the grey levels (N, 3) of the blocks of an image (H, W, 3) uint8."""
-    return cv2.resize(reduce_image(image), _BLOCKS[::-1], interpolation=cv2.INTER_AREA).reshape(-1, 3)
