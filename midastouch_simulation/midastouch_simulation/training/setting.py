@@ -142,7 +142,6 @@ class TrainingData:
         missing."""
         if options.device == "cuda":
             _require_cuda()
-        print(f"reading {options.meshes} and {options.backgrounds}; results go to {options.out}", flush=True)
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
         backgrounds = load_backgrounds(options.backgrounds, sensor.height, sensor.width)  # first: it is quick

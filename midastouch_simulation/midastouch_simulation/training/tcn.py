@@ -239,6 +239,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     torch.manual_seed(options.seed)
     depth = TactileDepthNet(tdn)
     data = TrainingData.load(options)
+    print(f"making touches and codebooks of {len(data.held_out)} objects, to validate with", flush=True)
     objects = validation_objects(data, depth, options.seed + 1000)
     model = CodeNet().to(options.device, memory_format=torch.channels_last)
     if options.start and not options.resume:

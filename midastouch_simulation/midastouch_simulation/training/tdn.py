@@ -168,6 +168,7 @@ def train(options: TrainingOptions) -> Path:
         batch = next(iter(_Batches(data.meshes, data.backgrounds, data.ranges, options.light, options.seed)))
         unfold(model, network_path("tdn", options.start), *batch[:2])
     run = TrainingRun(model, options, 3e-4 if options.start or options.resume else 3e-3)
+    print(f"making touches of {len(data.held_out)} objects, to validate with", flush=True)
     validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.light, options.seed + 1000)
     checks = [tuple(part.to(options.device) for part in one) for one in itertools.islice(validation, _CHECKS)]
     seed = options.seed + 7919 * run.step

@@ -52,7 +52,7 @@ def test_a_stretched_object_has_other_proportions():
 
 
 @pytest.mark.parametrize("network", ["tdn", "tcn"])
-def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, options, tmp_path, monkeypatch):
+def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, options, tmp_path, monkeypatch, capsys):
     pytest.importorskip("torch", reason="training needs PyTorch: pip install -r tools/requirements/train.txt")
     if network == "tdn":
         from midastouch_perception.tdn.inference import load_tdn as load
@@ -68,6 +68,7 @@ def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, option
         monkeypatch.setattr(module, name, value)
     train = module.train
     first = train(options)
+    assert "of 1 objects, to validate with" in capsys.readouterr().out
     again = train(replace(options, out=tmp_path / "again"))
     assert sha256(first.parent / "checkpoint.safetensors") == sha256(again.parent / "checkpoint.safetensors")
     assert load(first).network_id.startswith(f"{network}_fast")

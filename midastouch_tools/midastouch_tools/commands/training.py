@@ -68,10 +68,7 @@ def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse
     parser.add_argument("--start", metavar="NET", help="begin with the weights of this network, name or file")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     parser.add_argument(
-        "--meshes",
-        default="../shared/meshes/ycb",
-        metavar="DIR",
-        help="objects to train on (default %(default)s)",
+        "--meshes", default="../shared/meshes/ycb", metavar="DIR", help="objects to train on (default %(default)s)"
     )
     parser.add_argument(
         "--backgrounds",
@@ -107,6 +104,7 @@ def _options(args: argparse.Namespace) -> TrainingOptions:
         raise InputError(f"{args.out}: holds an earlier run; give --resume {args.out}, or another folder")
     from midastouch_simulation.training.setting import TrainingOptions
 
+    print(f"loading PyTorch, {args.meshes} and {args.backgrounds}; results go to {args.out}", flush=True)
     return TrainingOptions(
         meshes=Path(args.meshes),
         backgrounds=Path(args.backgrounds),

@@ -66,6 +66,7 @@ def prepare(name: str, given: dict[str, str]) -> None:
 
 def _say_if_no_pose(given: dict[str, str]) -> None:
     """Say what a recording lacks to give poses, with the fix. Raises InputError for one that cannot be played."""
+    print(f"[midastouch] reading {given['bag']}", flush=True)
     of_filter = launch_file.parameters(given).get("particle_filter", {})
     base = given["tf_prefix"] + BASE_FRAME if given["tf_prefix"] else of_filter.get("base_frame_id", BASE_FRAME)
     gel = given["sensor_prefix"] + GEL_FRAME if given["sensor_prefix"] else of_filter.get("sensor_frame_id", GEL_FRAME)
