@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -34,19 +35,22 @@ class ReplayControl:
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def keys(self) -> dict[str, Callable[[], object]]:
-        """Return the function of each key of `Keyboard`."""
-        return {
+        """Return the function of each key of `Keyboard`; each logs the state that it leaves."""
+        acts: dict[str, Callable[[], object]] = {
             " ": lambda: self._playback.resume() if self._playback.paused else self._playback.pause(),
-            "right": self._playback.step,
+            "right": lambda: "; one frame" if self._playback.step() else "; space pauses, then right steps",
             "left": lambda: self._set("seek_to", max(0.0, self._position() - _SEEK_BACK_S)),
             "up": lambda: self._change_rate(_RATE_FACTOR),
             "down": lambda: self._change_rate(1 / _RATE_FACTOR),
         }
+        return {key: partial(self._press, act) for key, act in acts.items()}
+
+    def _press(self, act: Callable[[], object]) -> None:
+        done, state = act() or "", "paused" if self._playback.paused else "playing"
+        self._node.get_logger().info(f"{state}, rate {self._node.get_parameter('rate').value:.2f}{done}")
 
     def _change_rate(self, factor: float) -> None:
-        rate = min(self._node.get_parameter("rate").value * factor, _HIGHEST_RATE)
-        self._set("rate", rate)
-        self._node.get_logger().info(f"rate {rate:.2f}")
+        self._set("rate", min(self._node.get_parameter("rate").value * factor, _HIGHEST_RATE))
 
     def _set(self, name: str, value: float) -> None:
         """Set a parameter, as `ros2 param set` does, so that its value stays true."""

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
 from replay_rig import Consumer, replay, stamps
 from rosgraph_msgs.msg import Clock
@@ -107,7 +108,7 @@ def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
 def test_what_the_keys_do(graph, simulated_sequence):
     sequence = simulated_sequence(n=80)  # 7.9 s
     node = replay(graph, sequence.path, start_paused=True, rate=1.0)
-    images = graph.listen(Image, "image_raw")
+    images, log = graph.listen(Image, "image_raw"), graph.listen(Log, "/rosout", latched=True)
     keys = node.control.keys()
     assert graph.set_parameter("replay", "seek_to", 7.0).successful
     node.start()
@@ -118,9 +119,8 @@ def test_what_the_keys_do(graph, simulated_sequence):
     keys["right"]()
     graph.spin_until(lambda: len(images) == 2, "a frame 5 s earlier")
     assert node.player.position == pytest.approx(2.0)
-    for _ in range(3):
-        keys["up"]()
-    keys["down"]()
+    for key in ("up", "up", "up", "down"):
+        keys[key]()
     assert node.get_parameter("rate").value == pytest.approx(1.25**2)
     for _ in range(40):
         keys["up"]()
@@ -129,3 +129,5 @@ def test_what_the_keys_do(graph, simulated_sequence):
     graph.spin_until(node.finished.is_set, "the end")
     graph.spin_until(lambda: len(images) == 61, "the rest")
     assert stamps(images)[:2] == sequence.stamps_ns[[70, 20]].tolist()
+    shown = {"paused, rate 1.00; one frame", "paused, rate 1.25", "playing, rate 1000.00"}
+    graph.spin_until(lambda: shown <= {entry.msg for entry in log}, "what each key did")
