@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 from midastouch_common.errors import InputError
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME
+from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.images import BrokenImageError
 from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
 from midastouch_common.output_paths import SIMULATED, codebook_path
@@ -105,11 +105,16 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
         found.usable.append(f"poses: {' -> '.join(_path_between(tree, base, gel))}")
         frames = {*tree.ancestors(base), *tree.ancestors(gel)}
         found.missing += _pose_problems(path, images.topic, counts, remaps, frames, duration)
-    found.commands = list(_commands(path, images, remaps, (base, gel), mount=bool(missing and tree.parents)))
-    if _sensor_model(path) != SIMULATED:
+    metadata, truth = bag_metadata(path), source.frame_tree(TRUTH_FRAME, TRUTH_GEL_FRAME).parents
+    simulated = "object" in metadata or TRUTH_FRAME in {*truth, *truth.values()}
+    sensor = _SENSORS.get(metadata.get("layout", "simulated" if simulated else ""), "digit_real")
+    of, mount = (metadata.get("object", ""), sensor), bool(missing and tree.parents)
+    found.commands = list(_commands(path, of, images, remaps, (base, gel), mount))
+    if sensor != SIMULATED:
         found.notes.append("if the first 32 images show a contact, add background:=IMAGE of the untouched sensor")
-    if not (bag_metadata(path).keys() & {"layout", "object"} or _SERIAL.search(images.topic)):
-        found.notes.append("the bag does not name the kind of sensor: of the simulated DIGIT, leave sensor_model out")
+    if not (metadata.keys() & {"layout", "object"} or _SERIAL.search(images.topic)):
+        why = f"the bag names no sensor, and has {'the' if simulated else 'no'} frame {TRUTH_FRAME} of a simulator"
+        found.notes.append(f"{sensor} is a guess, as {why}; for another one, give sensor_model:=")
     return found
 
 
@@ -210,16 +215,12 @@ def _pose_problems(
             )
 
 
-def _sensor_model(path: Path) -> str:
-    metadata = bag_metadata(path)
-    return _SENSORS.get(metadata.get("layout", "simulated" if "object" in metadata else ""), "digit_real")
-
-
 def _commands(
-    path: Path, images: ImageStream, remaps: dict[str, str], frames: tuple[str, str], mount: bool
+    path: Path, of: tuple[str, str], images: ImageStream, remaps: dict[str, str], frames: tuple[str, str], mount: bool
 ) -> Iterator[str]:
-    """Yield the commands that localise with this bag; mount: True if the mount has to be published beside it."""
-    sensor, name = _sensor_model(path), bag_metadata(path).get("object", "")
+    """Yield the commands that localise with this bag; of: name of the object, or "", and model of the sensor; mount:
+    True if the mount has to be published beside it."""
+    name, sensor = of
     words = [f"bag:={path}"]
     if name in bundled_objects():
         if not codebook_path(name, sensor).is_file():
