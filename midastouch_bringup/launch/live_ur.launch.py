@@ -1,6 +1,6 @@
 """A DIGIT on an arm: one that runs already (arm:=running), or a UR. Driver, mount, localisation, RViz."""
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
@@ -66,14 +66,14 @@ def arm(context):
     if given["arm"] == "rtde" and not given["tcp_offset"]:
         raise RuntimeError("tcp_offset:=[x, y, z, rx, ry, rz]: as on the teach pendant, zeros if none is set there")
     if given["arm"] == "ur_driver":
+        try:
+            driver = get_package_share_directory("ur_robot_driver")
+        except PackageNotFoundError as error:
+            raise RuntimeError("ur_robot_driver is not installed (a system ROS has it); or give arm:=rtde") from error
+        source = PythonLaunchDescriptionSource(f"{driver}/launch/ur_control.launch.py")
         words = ["robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"]
-        if not given["kinematics_params_file"]:  # with the nominal one the tool may be centimetres off
-            words.remove("kinematics_params_file")
-        source = PythonLaunchDescriptionSource(
-            f"{get_package_share_directory('ur_robot_driver')}/launch/ur_control.launch.py"
-        )
-        arguments = {name: given[name] for name in words} | {"launch_rviz": "false"}
-        return [IncludeLaunchDescription(source, launch_arguments=arguments.items())]
+        arguments = {name: given[name] for name in words if given[name] or name != "kinematics_params_file"}
+        return [IncludeLaunchDescription(source, launch_arguments={**arguments, "launch_rviz": "false"}.items())]
     if given["arm"] != "rtde":
         return []
     files = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given[name]]

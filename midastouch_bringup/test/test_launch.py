@@ -72,16 +72,9 @@ def test_live_starts_the_chain_and_no_arm_unless_asked(tmp_path, more_is_install
 
 def test_an_argument_that_is_not_given_leaves_it_to_the_files(tmp_path):
     assert started("live_ur", tmp_path)["digit_driver"]["serial"] == ""
-    words = {
-        "serial": "D20025",
-        "seed": "7",
-        "init_mode": "wait",
-        "preset": "fast",
-        "mesh": "a.ply",
-        "codebook": "a.npz",
-    }
+    words = {"serial": "D25", "seed": "7", "init_mode": "wait", "preset": "fast", "mesh": "a.ply", "codebook": "a.npz"}
     given = started("live_ur", tmp_path, **words)
-    assert given["digit_driver"]["serial"] == given["tdn"]["serial"] == "D20025"
+    assert given["digit_driver"]["serial"] == given["tdn"]["serial"] == "D25"
     of_filter = given["particle_filter"]
     assert [of_filter[name] for name in ("seed", "init_mode", "preset", "mesh", "codebook")] == [
         *(7, "wait", "fast", "a.ply", "a.npz")
@@ -258,6 +251,7 @@ def test_the_force_of_the_ur_driver_is_used_and_recorded(tmp_path):
         ("live_ur", WITHOUT_TOOL, "tcp_offset:=.*as on the teach pendant"),
         ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
         ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
+        ("live_ur", {"arm": "ur_driver", "robot_ip": "1"}, "ur_robot_driver is not installed .* arm:=rtde"),
         ("live_ur", {"arm": "sofa"}, "arm:=sofa: must be one of"),
         ("inhand", {"hand": "running", "left_serial": "D1"}, "hand:=running: .* right_serial:=SERIAL"),
         *((name, {"params_overlay": "/none.yaml"}, "/none.yaml") for name in ("driver", "filter", "localization")),
