@@ -171,7 +171,7 @@ class Console(Node):
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started
         answer = object_answer(self._objects, self._given)
         if self._paused:
-            answer = _shortened(explorer.reason, _LONGEST_REASON)
+            answer = _shortened(explorer.reason.partition("; ~/")[0], _LONGEST_REASON)  # here it is a key that resumes
         line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
         self._bar.set_description_str(line, refresh=False)
 
