@@ -176,7 +176,8 @@ def test_a_book_that_fits_is_not_built_again(build, ball, tmp_path):
     again = FlatTcn()
     kept = codebooks.ensure_codebook(out, ball, again, sensor, SIZE)
     assert again.batches == 0
-    np.testing.assert_allclose(kept.codes, first.codes, atol=1e-3)  # kept at half precision
+    np.testing.assert_array_equal(kept.codes, first.codes)
+    np.testing.assert_array_equal(kept.poses, first.poses)
     other = FlatTcn()
     other.network_id = "other"
     assert codebooks.ensure_codebook(out, ball, other, sensor, SIZE).meta["tcn"] == "other"
