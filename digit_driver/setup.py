@@ -21,12 +21,7 @@ setup(
             for folder in ("config", "launch", "udev")
         ),
     ],
-    install_requires=[
-        "midastouch_common",
-        "numpy",
-        "opencv-contrib-python-headless",
-        "PyYAML",
-    ],
+    install_requires=["midastouch_common", "numpy", "opencv-contrib-python-headless", "PyYAML"],
     package_data={package: ["cameras/*.yaml", "py.typed"]},
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
@@ -34,9 +29,5 @@ setup(
     description=manifest.findtext("description"),
     license=manifest.findtext("license"),
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": [
-            "digit_driver = digit_driver.executables:digit_driver",
-        ]
-    },
+    entry_points={"console_scripts": ["digit_driver = digit_driver.executables:digit_driver"]},
 )

@@ -22,13 +22,7 @@ setup(
             for folder in ("config", "foxglove", "launch", "rviz", "urdf")
         ),
     ],
-    install_requires=[
-        "digit_driver",
-        "midastouch_common",
-        "midastouch_filter",
-        "midastouch_perception",
-        "PyYAML",
-    ],
+    install_requires=["digit_driver", "midastouch_common", "midastouch_filter", "midastouch_perception", "PyYAML"],
     python_requires=">=3.10",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),

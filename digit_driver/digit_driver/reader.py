@@ -9,15 +9,7 @@ from dataclasses import dataclass, replace
 
 from midastouch_common.errors import InputError
 
-from .frames import (
-    CorruptFrameError,
-    DeviceError,
-    Frame,
-    FrameSlot,
-    ReaderState,
-    ReaderStatus,
-    SourceInfo,
-)
+from .frames import CorruptFrameError, DeviceError, Frame, FrameSlot, ReaderState, ReaderStatus, SourceInfo
 from .v4l2_device import V4l2Camera
 
 _POLL_S = 0.1  # period at which the thread checks whether it must stop
@@ -52,12 +44,7 @@ class FrameReader:
         By default that of `ReaderTiming`.
     """
 
-    def __init__(
-        self,
-        camera: V4l2Camera,
-        on_event: Callable[[], None],
-        timing: ReaderTiming | None = None,
-    ) -> None:
+    def __init__(self, camera: V4l2Camera, on_event: Callable[[], None], timing: ReaderTiming | None = None) -> None:
         self._camera = camera
         self._on_event = on_event
         self._timing = timing or ReaderTiming()

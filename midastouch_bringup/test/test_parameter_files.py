@@ -28,8 +28,7 @@ def test_later_layers_win():
 
 
 @pytest.mark.parametrize(
-    ("namespace", "key"),
-    [("", "/tdn"), ("/", "/tdn"), ("left", "/left/tdn"), ("/arm/left/", "/arm/left/tdn")],
+    ("namespace", "key"), [("", "/tdn"), ("/", "/tdn"), ("left", "/left/tdn"), ("/arm/left/", "/arm/left/tdn")]
 )
 def test_written_keys_are_full_names(namespace, key):
     assert yaml.safe_load(written({"tdn": {"serial": "20025"}}, namespace)) == {

@@ -25,11 +25,7 @@ def transform(name):
 
 def test_frames_form_the_documented_tree():
     edges = {(entry["parent"], entry["child"]) for entry in FRAMES.values()}
-    assert edges == {
-        ("tool0", "digit_link"),
-        ("digit_link", "digit_gel_frame"),
-        ("digit_link", "digit_optical_frame"),
-    }
+    assert edges == {("tool0", "digit_link"), ("digit_link", "digit_gel_frame"), ("digit_link", "digit_optical_frame")}
 
 
 @pytest.mark.parametrize("name", ["digit_tacto", "digit_real"])

@@ -56,11 +56,7 @@ def test_xyzquat_round_trip(xi):
 
 @pytest.mark.parametrize(
     ("row", "problem"),
-    [
-        ([0, 0, 0, 0, 0, 0, 0], "zero quaternion"),
-        ([np.nan, 0, 0, 0, 0, 0, 1], "non-finite"),
-        ([0, 0, 0, 1], "7"),
-    ],
+    [([0, 0, 0, 0, 0, 0, 0], "zero quaternion"), ([np.nan, 0, 0, 0, 0, 0, 1], "non-finite"), ([0, 0, 0, 1], "7")],
 )
 def test_unusable_poses_are_refused(row, problem):
     with pytest.raises(InputError, match=problem):

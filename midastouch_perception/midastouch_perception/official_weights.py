@@ -16,10 +16,7 @@ from .tcn import minkloc3d_network
 from .tcn.minkloc3d import save_minkloc3d
 from .tdn import fcrn
 
-EXPECTED_SHAPES = {
-    "tdn_fcrn": fcrn.expected_shapes,
-    "tcn_minkloc3d": minkloc3d_network.expected_shapes,
-}
+EXPECTED_SHAPES = {"tdn_fcrn": fcrn.expected_shapes, "tcn_minkloc3d": minkloc3d_network.expected_shapes}
 # keys under which training scripts store the state dict, if the file holds more than that
 _STATE_KEYS = ("state_dict", "model_state_dict", "model")
 

@@ -95,10 +95,7 @@ BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03
         (f"width: 240\nlihgt: additive\n{BUT_WIDTH}", "unknown: lihgt; there are width, .*light"),
         (f"width: 240\nlamps: mine\n{BUT_WIDTH}", "'mine' .*use digit or gelsight_mini"),
         (f"width: 240\nlight: bright\n{BUT_WIDTH}", "bright.*relative.*additive"),
-        (
-            f"width: 240\n{BUT_WIDTH.replace('0.022', '22')}",
-            "a pixel of 73.3 mm .* is not a tactile .*in metres",
-        ),
+        (f"width: 240\n{BUT_WIDTH.replace('0.022', '22')}", "a pixel of 73.3 mm .* is not a tactile .*in metres"),
     ],
 )
 def test_broken_models_are_refused(tmp_path, content, said):

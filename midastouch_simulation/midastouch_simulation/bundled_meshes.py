@@ -9,18 +9,7 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception import objects
 
-from .procedural import (
-    Sdf,
-    at,
-    box,
-    cylinder,
-    difference,
-    mesh_from_sdf,
-    rippled,
-    sphere,
-    torus,
-    union,
-)
+from .procedural import Sdf, at, box, cylinder, difference, mesh_from_sdf, rippled, sphere, torus, union
 
 
 def handle_tool() -> ObjectMesh:

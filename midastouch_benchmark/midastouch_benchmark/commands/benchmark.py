@@ -91,11 +91,7 @@ def run(args: argparse.Namespace) -> int:
     trials, result = options.run_campaign(args, plan, "trial", meshes)
     result |= {
         "objects": [
-            {
-                "object": mesh.name,
-                "diagonal_m": mesh.diagonal,
-                "symmetry": plan.cache.symmetry(mesh).exact.describe(),
-            }
+            {"object": mesh.name, "diagonal_m": mesh.diagonal, "symmetry": plan.cache.symmetry(mesh).exact.describe()}
             for mesh in meshes
         ],
         "variants": {name: VARIANTS[name].describe() for name in plan.variants},

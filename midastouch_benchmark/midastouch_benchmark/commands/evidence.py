@@ -23,9 +23,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("reports", nargs="*", default=[], metavar="NAME", help="only these (default: all)")
     parser.add_argument("--list", action="store_true", help="show what would be made, and how long that takes")
     parser.add_argument(
-        "--check",
-        action="store_true",
-        help="make nothing; exit 1 while a headline figure is of other code",
+        "--check", action="store_true", help="make nothing; exit 1 while a headline figure is of other code"
     )
     parser.add_argument("--headline", action="store_true", help="only those whose figures stand on the pages of docs/")
     parser.add_argument("--minutes", type=limits.minutes, help="start nothing after this time")

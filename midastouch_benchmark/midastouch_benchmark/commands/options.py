@@ -72,12 +72,7 @@ def how_to_build(mesh: str, sensor: str, tcn: str, out: str = "") -> str:
 
 
 def load_object(
-    object_name: str,
-    mesh: str | None,
-    codebook: str | None,
-    networks: Networks,
-    sensor: str = "",
-    tcn: str = "fast",
+    object_name: str, mesh: str | None, codebook: str | None, networks: Networks, sensor: str = "", tcn: str = "fast"
 ) -> tuple[ObjectMesh, Codebook]:
     """Return mesh and codebook of an object, found by name if no path is given.
 

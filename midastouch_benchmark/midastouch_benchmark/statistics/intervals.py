@@ -46,9 +46,7 @@ def fraction_interval(part: npt.ArrayLike, whole: npt.ArrayLike, groups: Sequenc
 
 
 def bootstrap_interval(
-    values: npt.ArrayLike,
-    groups: Sequence[Hashable],
-    statistic: Callable[..., np.ndarray] = np.mean,
+    values: npt.ArrayLike, groups: Sequence[Hashable], statistic: Callable[..., np.ndarray] = np.mean
 ) -> list[float] | None:
     """Return the interval [low, high] of the mean (`np.mean`) or median (`np.median`) of values (N,), nan left out.
 

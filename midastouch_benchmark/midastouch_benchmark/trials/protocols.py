@@ -96,10 +96,7 @@ PROTOCOLS = {
         real_gel=True,
     ),
     "small_parts": Protocol(
-        "parts smaller than the gel",
-        slides=SlideKind(0.075),
-        objects=("small_parts",),
-        codebook_size=10_000,
+        "parts smaller than the gel", slides=SlideKind(0.075), objects=("small_parts",), codebook_size=10_000
     ),
     "grasp": Protocol(
         "held still by a thumb and two fingers",

@@ -56,22 +56,14 @@ def result(make_trial) -> dict:
 def test_a_benchmark_has_its_section(result, tmp_path):
     text = write_results_page([("accuracy.json", result)], tmp_path).read_text()
     markdown = (tmp_path / "index.md").read_text()
-    for words in (
-        "Accuracy over 2 objects",
-        "start: uniform",
-        "axis",
-        "7.4 mm",
-    ):
+    for words in ("Accuracy over 2 objects", "start: uniform", "axis", "7.4 mm"):
         assert words in text
         assert words in markdown
     assert VARIANTS["5k"].summary in text
     assert VARIANTS["5k"].summary in markdown
     assert "\n```\nmidastouch benchmark --variant paper 5k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
-    assert pictures == {
-        *(f"benchmark_0_{init}_errors.png" for init in ("paper", "uniform")),
-        "benchmark_0_front.png",
-    }
+    assert pictures == {*(f"benchmark_0_{init}_errors.png" for init in ("paper", "uniform")), "benchmark_0_front.png"}
     assert all(f"]({picture})" in markdown for picture in pictures)
 
 

@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.accuracy import (
-    coverage,
-    frames_until_right,
-    summarise_accuracy,
-    trust,
-)
+from midastouch_benchmark.statistics.accuracy import coverage, frames_until_right, summarise_accuracy, trust
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
 
 

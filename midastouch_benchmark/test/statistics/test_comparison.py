@@ -1,11 +1,6 @@
 import pytest
 
-from midastouch_benchmark.statistics.comparison import (
-    compare_variants,
-    pareto_front,
-    rows_by_init,
-    wrong_converged,
-)
+from midastouch_benchmark.statistics.comparison import compare_variants, pareto_front, rows_by_init, wrong_converged
 
 
 @pytest.fixture

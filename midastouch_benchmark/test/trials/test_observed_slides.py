@@ -5,13 +5,7 @@ import pytest
 from midastouch_benchmark.statistics.exploring import summarise_observing
 from midastouch_benchmark.tables.exploring import observing_table
 from midastouch_benchmark.trials.cache import Cache, SlideKind
-from midastouch_benchmark.trials.observed_slides import (
-    EVIDENCE,
-    Answer,
-    ObservedPlan,
-    chosen_observed,
-    found_out,
-)
+from midastouch_benchmark.trials.observed_slides import EVIDENCE, Answer, ObservedPlan, chosen_observed, found_out
 from midastouch_benchmark.trials.trial import Event
 from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.errors import InputError

@@ -220,10 +220,7 @@ def test_where_one_node_cannot_be_made_none_stays_behind(monkeypatch):
 def test_bad_parameter_is_one_line_and_exit_code_2():
     command = [sys.executable, "-m", "midastouch_bringup.nodes.all_in_one"]
     refused = subprocess.run(
-        [*command, "--ros-args", "-p", "particle_filter:sede:=1"],
-        capture_output=True,
-        text=True,
-        timeout=300,
+        [*command, "--ros-args", "-p", "particle_filter:sede:=1"], capture_output=True, text=True, timeout=300
     )
     assert refused.returncode == 2
     assert "no parameter 'sede'" in refused.stderr

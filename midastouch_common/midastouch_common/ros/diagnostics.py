@@ -29,12 +29,7 @@ class Diagnostics:
     Attributes: hardware_id, the device that the node reports on, such as a sensor's serial number; may change any time.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        describe: Callable[[], tuple[bytes, str, dict]],
-        hardware_id: str = "",
-    ):
+    def __init__(self, node: Node, describe: Callable[[], tuple[bytes, str, dict]], hardware_id: str = ""):
         self._node, self._describe, self.hardware_id = node, describe, hardware_id
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._problems: dict[str, int] = {}

@@ -26,11 +26,7 @@ def rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, f
     """Return a vector turned by the unit quaternion [qx qy qz qw]."""
     qx, qy, qz, qw = q
     cx, cy, cz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
-    return (
-        x + qw * cx + qy * cz - qz * cy,
-        y + qw * cy + qz * cx - qx * cz,
-        z + qw * cz + qx * cy - qy * cx,
-    )
+    return (x + qw * cx + qy * cz - qz * cy, y + qw * cy + qz * cx - qx * cz, z + qw * cz + qx * cy - qy * cx)
 
 
 def multiply(a: Pose, b: Pose) -> Pose:

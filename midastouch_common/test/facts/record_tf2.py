@@ -100,11 +100,7 @@ SCENARIOS = {
     "older than the history": [put(20, at(0.1)), put(9.9, at(0.5)), ask(9.9), ask(20)],
     "ten seconds": [put(9.5, at(0)), put(10, at(0.1)), put(15, at(0.2)), put(20, at(0.3)), ask(10), ask(12.5)],
     "a little more than ten seconds": [put(9.5, at(0)), put(10, at(0.1)), put(20, at(0.3)), ask(9.5)],
-    "pruned": [
-        *(put(stamp, at(0.1 * i)) for i, stamp in enumerate((9, 10, 20, 21, 22))),
-        ask(9.5),
-        ask(20),
-    ],
+    "pruned": [*(put(stamp, at(0.1 * i)) for i, stamp in enumerate((9, 10, 20, 21, 22))), ask(9.5), ask(20)],
     "the same once more": [*TWO, TWO[1], TWO[0], ask(10), ask(10.5), ask(11)],
     "another pose at the newest stamp": [*TWO, put(11, at(0.9)), ask(11), ask(10.5)],
     "another pose at the oldest stamp": [*TWO, put(10, at(0.9)), ask(10), ask(10.5)],

@@ -26,10 +26,7 @@ def profiles(graph) -> dict[str, ReliabilityPolicy]:
 def test_qos_can_be_overridden_for_one_topic_alone(graph):
     graph.add(Talker, {"qos_overrides./talk.publisher.reliability": "best_effort"})
     graph.spin_until(lambda: len(profiles(graph)) == 2, "both ends")
-    assert profiles(graph) == {
-        "PUBLISHER": ReliabilityPolicy.BEST_EFFORT,
-        "SUBSCRIPTION": ReliabilityPolicy.RELIABLE,
-    }
+    assert profiles(graph) == {"PUBLISHER": ReliabilityPolicy.BEST_EFFORT, "SUBSCRIPTION": ReliabilityPolicy.RELIABLE}
     assert qos.COMMAND.reliability is ReliabilityPolicy.RELIABLE, "the shared profile is as it was"
 
 

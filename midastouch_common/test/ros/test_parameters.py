@@ -118,10 +118,7 @@ def test_changes_while_running(graph):
 def test_descriptor_tells_description_unit_and_range():
     descriptor = TABLE[0].descriptor()
     assert descriptor.description == "How often [Hz]"
-    assert (descriptor.floating_point_range[0].from_value, descriptor.floating_point_range[0].to_value) == (
-        0,
-        100,
-    )
+    assert (descriptor.floating_point_range[0].from_value, descriptor.floating_point_range[0].to_value) == (0, 100)
     assert TABLE[1].descriptor().integer_range[0].to_value == 10
     assert TABLE[1].descriptor().read_only
     assert "fast" in TABLE[2].descriptor().additional_constraints

@@ -7,14 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from midastouch_common import se3
-from midastouch_common.transforms.rigid import (
-    TransformError,
-    checked_pose,
-    interpolate,
-    invert,
-    multiply,
-    to_matrix,
-)
+from midastouch_common.transforms.rigid import TransformError, checked_pose, interpolate, invert, multiply, to_matrix
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -118,10 +118,7 @@ class StateMachine:
         if not e.in_contact:
             return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
         if self._foreign:
-            return (
-                LOST,
-                f"these touches are not of this mesh: another object is, with {e.unknown:.1%} probability",
-            )
+            return (LOST, f"these touches are not of this mesh: another object is, with {e.unknown:.1%} probability")
         if self._lost:
             return LOST, e.restarted or "the last touches contradict every hypothesis; looking for better ones"
         if self._converged:

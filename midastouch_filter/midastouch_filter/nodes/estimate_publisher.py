@@ -14,13 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import (
-    Point,
-    PoseArray,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    Vector3,
-)
+from geometry_msgs.msg import Point, PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, Vector3
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2

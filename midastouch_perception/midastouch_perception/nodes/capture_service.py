@@ -62,9 +62,7 @@ class CaptureService:
         self._answer = Future(executor=self._node.executor)
         timeout = parameters["capture_timeout"]
         timer = self._node.create_timer(
-            timeout,
-            lambda: self._on_timeout(timeout),
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
+            timeout, lambda: self._on_timeout(timeout), clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         response.success, response.message = await self._answer
         self._node.destroy_timer(timer)

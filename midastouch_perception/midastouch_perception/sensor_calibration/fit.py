@@ -25,15 +25,7 @@ from .network_checks import (
     radius_doubt,
     stretch_doubt,
 )
-from .presses import (
-    Press,
-    background_behind,
-    look_at,
-    reasons,
-    require_no_contact,
-    texture_behind,
-    visible_fraction,
-)
+from .presses import Press, background_behind, look_at, reasons, require_no_contact, texture_behind, visible_fraction
 from .refine import refine_contacts
 from .response import NormalEquations, height_slopes, press_equations, well_inside
 
@@ -70,9 +62,7 @@ def fitted(
 
 
 def joined_as_measured(
-    calibration: SensorCalibration,
-    held_out: Sequence[SensorCalibration | None],
-    errors: Mapping[Fusion, np.ndarray],
+    calibration: SensorCalibration, held_out: Sequence[SensorCalibration | None], errors: Mapping[Fusion, np.ndarray]
 ) -> tuple[SensorCalibration, list[SensorCalibration | None]]:
     """Return calibrations, as of `fitted`, with the fusion chosen by all touches, and for each touch by other folds.
 

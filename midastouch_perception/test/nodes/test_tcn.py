@@ -65,8 +65,7 @@ def test_bad_clouds_are_counted_and_survived(graph):
 def test_a_contact_handed_over_gives_the_code_of_its_cloud(graph):
     handed = []
     node = graph.add(
-        lambda **options: TcnNode(tcn=FakeTcn(), sink=lambda *f: handed.append(f), subscribe=False, **options),
-        REPLAY,
+        lambda **options: TcnNode(tcn=FakeTcn(), sink=lambda *f: handed.append(f), subscribe=False, **options), REPLAY
     )
     codes = graph.listen(TactileCode, "tactile/code")
     contact = Contact.of(penetration_of(touched(60)), SENSOR)

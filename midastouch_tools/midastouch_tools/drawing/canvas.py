@@ -46,10 +46,7 @@ class Camera:
     def scaled(self, factor: int) -> Camera:
         """The same picture with `factor` times as many pixels along each side."""
         return dataclasses.replace(
-            self,
-            pixel_size=self.pixel_size / factor,
-            width=self.width * factor,
-            height=self.height * factor,
+            self, pixel_size=self.pixel_size / factor, width=self.width * factor, height=self.height * factor
         )
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -172,12 +169,7 @@ class Canvas:
         )
 
     def draw_lines(
-        self,
-        starts: np.ndarray,
-        ends: np.ndarray,
-        colours: np.ndarray,
-        radius: float,
-        hidden_alpha: float = 0.25,
+        self, starts: np.ndarray, ends: np.ndarray, colours: np.ndarray, radius: float, hidden_alpha: float = 0.25
     ) -> None:
         """Draw straight lines between starts and ends (N, 3) m, `radius` px thick to either side."""
         starts, ends = np.atleast_2d(starts), np.atleast_2d(ends)

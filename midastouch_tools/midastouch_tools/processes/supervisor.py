@@ -54,10 +54,7 @@ class Supervisor:
         self.end()
 
     def start(
-        self,
-        program: Program,
-        back_off: BackOff | None = None,
-        on_exit: Callable[[int, int], object] | None = None,
+        self, program: Program, back_off: BackOff | None = None, on_exit: Callable[[int, int], object] | None = None
     ) -> None:
         """Start a program. Raises OSError if it cannot be.
 

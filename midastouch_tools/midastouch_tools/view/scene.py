@@ -70,10 +70,7 @@ class Scene:
         self._recording.log(
             "object/mesh",
             self._rr.Mesh3D(
-                vertex_positions=vertices,
-                triangle_indices=faces,
-                vertex_normals=normals,
-                albedo_factor=[190, 190, 200],
+                vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=[190, 190, 200]
             ),
             static=True,
         )

@@ -14,8 +14,7 @@ STORE = typestore()
 def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topic="/tf"):
     """A transform message whose pose is a row [x y z qx qy qz qw]."""
     transform = STORE.types["geometry_msgs/msg/Transform"](
-        STORE.types["geometry_msgs/msg/Vector3"](*row[:3]),
-        STORE.types["geometry_msgs/msg/Quaternion"](*row[3:]),
+        STORE.types["geometry_msgs/msg/Vector3"](*row[:3]), STORE.types["geometry_msgs/msg/Quaternion"](*row[3:])
     )
     stamped = STORE.types["geometry_msgs/msg/TransformStamped"](header(stamp_ns, parent), child, transform)
     return Message.of(topic, STORE.types["tf2_msgs/msg/TFMessage"]([stamped]), recorded_ns or stamp_ns)

@@ -68,16 +68,9 @@ def looped(child):
         ([tf(SECOND, STILL, child="tool0"), image(SECOND)], "'digit_gel_frame' is not known"),
         ([tf(SECOND, [0, 0, 0, 0, 0, 0, 0]), image(SECOND)], "rotation is zero"),
         ([tf(SECOND, [np.nan, 0, 0, 0, 0, 0, 1]), image(SECOND)], "NaN"),
+        ([*looped(GEL_FRAME), image(2 * SECOND)], f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split"),
         (
-            [*looped(GEL_FRAME), image(2 * SECOND)],
-            f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split",
-        ),
-        (
-            [
-                *looped("tool0"),
-                tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
-                image(2 * SECOND),
-            ],
+            [*looped("tool0"), tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"), image(2 * SECOND)],
             "the time of frame 'tool0' runs backwards at 2.000 s; split",
         ),
     ],

@@ -22,10 +22,7 @@ def test_for_an_unknown_name_the_bundled_meshes_are_listed():
     ("command", "reader"),
     [
         (["time-offset", "a.mcap"], "midastouch_tools.bags.images.read_bag"),
-        (
-            ["export", "a.mcap", "--format", "hdf5", "--out", "o"],
-            "midastouch_tools.export.recording.Recording",
-        ),
+        (["export", "a.mcap", "--format", "hdf5", "--out", "o"], "midastouch_tools.export.recording.Recording"),
     ],
 )
 def test_whatever_reads_a_bag_takes_the_names_in_it(monkeypatch, capsys, command, reader):

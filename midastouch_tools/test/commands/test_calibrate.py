@@ -56,11 +56,7 @@ def test_presses_become_a_calibration_under_the_serial_number(folder, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (["--ball-diameter", "0.002"], "diameter"),
-        (["--sensor", "no_such"], "no_such"),
-    ],
+    ("change", "said"), [(["--ball-diameter", "0.002"], "diameter"), (["--sensor", "no_such"], "no_such")]
 )
 def test_what_does_not_fit_is_refused_and_nothing_kept(folder, tmp_path, capsys, change, said):
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz"), *change]

@@ -18,12 +18,7 @@ FLAT = np.zeros((320, 240), np.float32)
 
 def write(path, frames, n_poses=2, **changes):
     poses = se3.exp(np.zeros((n_poses, 6)))
-    arguments = {
-        "background": GREY,
-        "object_name": "box",
-        "sensor": SENSOR,
-        "noise": {"sig_t": 0, "sig_r": 0},
-    }
+    arguments = {"background": GREY, "object_name": "box", "sensor": SENSOR, "noise": {"sig_t": 0, "sig_r": 0}}
     write_sequence(path, frames, poses, poses, **(arguments | changes))
 
 

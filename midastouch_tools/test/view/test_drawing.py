@@ -92,10 +92,7 @@ def test_the_command_draws_every_trial_on_a_timeline(result, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("options", "reason"),
-    [
-        (["--mesh", "no_such.ply"], "no_such.ply"),
-        (["--sequence", "cup/00"], "give the --sequence to look at: box/00"),
-    ],
+    [(["--mesh", "no_such.ply"], "no_such.ply"), (["--sequence", "cup/00"], "give the --sequence to look at: box/00")],
 )
 def test_the_command_says_what_is_wrong(result, options, reason, capsys):
     assert cli.main(["view", str(result), *options]) == 2

@@ -63,11 +63,4 @@ def _declared(description: LaunchDescription) -> Iterator:
 
 from .service import LaunchService  # noqa: E402  # which needs the classes above
 
-__all__ = [
-    "LaunchContext",
-    "LaunchDescription",
-    "LaunchDescriptionEntity",
-    "LaunchService",
-    "Substitution",
-    "perform",
-]
+__all__ = ["LaunchContext", "LaunchDescription", "LaunchDescriptionEntity", "LaunchService", "Substitution", "perform"]
