@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from rosbags.interfaces import Nodetype
 
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
 from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, header, typestore
@@ -11,10 +12,27 @@ SECOND, MS = 1_000_000_000, 1_000_000
 STORE = typestore()
 
 
+def new(kind, **given):
+    """A message of the type store; fields that are not given are empty."""
+    fields = STORE.fielddefs[kind][1]
+    return STORE.types[kind](**{name: given[name] if name in given else _empty(*of) for name, of in fields})
+
+
+def _empty(node, what):
+    if node == Nodetype.NAME:
+        return new(what)
+    if node == Nodetype.BASE:
+        return {"string": "", "bool": False, "float64": 0.0}.get(what[0], 0)
+    (element, of), count = what
+    return [] if element == Nodetype.NAME or of[0] == "string" else np.zeros(count, of[0])
+
+
 def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topic="/tf"):
     """A transform message whose pose is a row [x y z qx qy qz qw]."""
-    transform = STORE.types["geometry_msgs/msg/Transform"](
-        STORE.types["geometry_msgs/msg/Vector3"](*row[:3]), STORE.types["geometry_msgs/msg/Quaternion"](*row[3:])
+    transform = new(
+        "geometry_msgs/msg/Transform",
+        translation=STORE.types["geometry_msgs/msg/Vector3"](*row[:3]),
+        rotation=STORE.types["geometry_msgs/msg/Quaternion"](*row[3:]),
     )
     stamped = STORE.types["geometry_msgs/msg/TransformStamped"](header(stamp_ns, parent), child, transform)
     return Message.of(topic, STORE.types["tf2_msgs/msg/TFMessage"]([stamped]), recorded_ns or stamp_ns)
@@ -22,14 +40,10 @@ def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topi
 
 def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, topic="/image_raw"):
     pixels = np.zeros((320, 240, 3), np.uint8) if pixels is None else pixels
-    content = STORE.types["sensor_msgs/msg/Image"](
-        header=header(stamp_ns, "digit_optical_frame"),
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=encoding,
-        is_bigendian=0,
-        step=step or pixels[0].size,
-        data=pixels.reshape(-1),
+    (height, width), data = pixels.shape[:2], pixels.reshape(-1)
+    sizes = {"height": height, "width": width, "step": step or pixels[0].size}
+    content = new(
+        "sensor_msgs/msg/Image", header=header(stamp_ns, "digit_optical_frame"), encoding=encoding, data=data, **sizes
     )
     return Message.of(topic, content, recorded_ns or stamp_ns)
 
