@@ -19,7 +19,6 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_filter import Estimate, ParticleFilter, measurement_of
-from midastouch_filter.core.object_model import symmetry_of
 from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
 from midastouch_tools.datasets import Sequence, load_sequence
 from midastouch_tools.processes.foreground import ended_by_signals
@@ -60,10 +59,10 @@ def main(
 ) -> None:
     """Print the state and the error of the published pose, every ten frames."""
     slide, mesh = load_sequence(folder), ObjectMesh.load(mesh_path)
-    codebook = Codebook.load(codebook_path, mesh)
-    symmetry = symmetry_of(mesh, codebook).exact
+    particle_filter = ParticleFilter(mesh, Codebook.load(codebook_path, mesh))
+    symmetry = particle_filter.objects[0].symmetry.exact
     pipeline = TouchPipeline(load_tdn(), load_tcn(), time.perf_counter)
-    for i, estimate in enumerate(localise(slide, pipeline, ParticleFilter(mesh, codebook))):
+    for i, estimate in enumerate(localise(slide, pipeline, particle_filter)):
         if i % 10 == 0:
             alike = symmetry.nearest(estimate.pose[None], slide.poses_true[i])[0]  # of poses that no touch tells apart
             error = np.linalg.norm(alike[:3, 3] - slide.poses_true[i, :3, 3])
