@@ -77,9 +77,7 @@ def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse
         help="real no-contact images (default %(default)s)",
     )
     parser.add_argument(
-        "--colour-table",
-        metavar="FILE",
-        help="colours of a real DIGIT, polycalib.npz of the Taxim simulator (default: none)",
+        "--colour-table", metavar="FILE", help="colours of a real DIGIT, polycalib.npz of the Taxim simulator"
     )
     parser.add_argument(
         "--out", type=arguments.writable_folder, default=f"out/{name}", metavar="DIR", help="default %(default)s"
