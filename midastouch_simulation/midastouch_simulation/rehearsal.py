@@ -60,8 +60,9 @@ class Rehearsal:
     Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns the contact in an image there, of
     any stamp; controller; fps, images per second; delay(): returns the seconds until an image is understood;
     measure_force(): returns the force (3,) [N] on the gel in its frame, None for an arm without a sensor of it.
-    Attributes: now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`, `force` and
-    `gel` of inputs that are not updated: set both to inject a fault.
+    Attributes: controller; now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`,
+    `force` and `gel` of inputs that are not updated; delay; jump (4, 4), by which the poses of TF are off. Set them to
+    inject a fault; `restore` undoes that.
     """
 
     def __init__(
@@ -74,24 +75,29 @@ class Rehearsal:
         delay: Callable[[], float],
         measure_force: Callable[[], np.ndarray] | None = None,
     ):
-        self._arm, self._where, self._look, self._controller = arm, where, look, controller
-        self._fps, self._delay, self._measure_force = fps, delay, measure_force
+        self._arm, self._where, self._look, self.controller = arm, where, look, controller
+        self._fps, self._usual_delay, self._measure_force = fps, delay, measure_force
         self._images: Late[Measured] = Late()
         self._due = self.now = 0.0
-        self.seen = Seen(listeners=1, commanders=1)
         self.frozen: set[str] = set()
+        self.restore()
         while controller.servo.stamp < 0:  # the first image
             self._pass()
+
+    def restore(self) -> None:
+        """Undo all faults."""
+        self.seen, self.delay, self.jump = Seen(listeners=1, commanders=1), self._usual_delay, np.eye(4)
+        self.frozen.clear()
 
     def carry_out(
         self, skill: Skill, seconds: float, after: Callable[[PeriodState], None] = lambda _: None
     ) -> SkillEnd | None:
         """Carry out a motion and return its result, None after `seconds` without one. after: called each period."""
-        self._controller.begin(skill)
+        self.controller.begin(skill)
         until = self.now + seconds
         while self.now < until:
             image = self._pass()
-            twist, ended = self._controller.step(self.now, self.seen)
+            twist, ended = self.controller.step(self.now, self.seen)
             self._arm.command(self.now, twist)
             after(PeriodState(self.now, twist, self._where(), image))
             if ended is not None:
@@ -101,21 +107,21 @@ class Rehearsal:
     def _pass(self) -> bool:
         """Simulate one period; return whether an image was taken in it."""
         self.now += PERIOD
-        pose = self._arm.advance(self.now)
+        pose = self.jump @ self._arm.advance(self.now)
         taken = self.now >= self._due
         if taken:
             self._due += 1 / self._fps
-            self._images.send(self.now + self._delay(), self._look(self._where())._replace(stamp=self.now))
+            self._images.send(self.now + self.delay(), self._look(self._where())._replace(stamp=self.now))
         for _, measured in self._images.arrived(self.now):
-            self._controller.servo.measure(self.now, measured)
+            self.controller.servo.measure(self.now, measured)
         news = {
             "enabled": self.now,
-            "image": self._controller.servo.stamp,
+            "image": self.controller.servo.stamp,
             "pose": self.now,
             "wrench": self.now,
             "gel": pose,
         }
-        wrench = self._controller.wrench
+        wrench = self.controller.wrench
         if self._measure_force is not None and "wrench" not in self.frozen:
             wrench.take(Sample(self.now, self._measure_force(), pose[2, :3]))
             news["force"] = float(np.linalg.norm(wrench.force))

@@ -136,6 +136,7 @@ class ContactServo:
         self.limits, self.arm_latency = limits, arm_latency
         self._commands: deque[tuple[float, float, np.ndarray]] = deque(maxlen=_COMMANDS)  # from, to, twist
         self._delays: deque[float] = deque([0.1], maxlen=_REMEMBERED)
+        self._unseen: deque[float] = deque([0.2], maxlen=_REMEMBERED)  # s from the image before to an image's arrival
         self._last = np.zeros(6)
         self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
@@ -172,6 +173,8 @@ class ContactServo:
         """
         before, self._measured = self._measured, measured
         self._delays.append(max(now - measured.stamp, 0.0))
+        if before.stamp > -math.inf:
+            self._unseen.append(max(now - before.stamp, 0.0))
         self.fallen = self._has_fallen(measured)
         passed = measured.stamp - before.stamp
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
@@ -221,8 +224,9 @@ class ContactServo:
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
     def approach_speed(self, depth: float) -> float:
-        """Return the speed [m/s] at which the gel gets half `depth` [m] deep before the arm answers to a contact."""
-        return min(self.limits.speed, 0.5 * depth / self.delay)
+        """Return the speed [m/s] at which the gel gets at most `depth` [m] deep before the arm answers to a contact,
+        which may begin right after an image."""
+        return min(self.limits.speed, depth / (max(self._unseen) + self.arm_latency))
 
     def slide_speed(self, depth: float) -> float:
         """Return the speed [m/s] along the surface: the gel slides no further than `depth` [m] before the arm answers.

@@ -14,6 +14,7 @@ from .wrench import ForceModel, Wrench
 
 _COMES_WITHIN = 1.0  # s: longest wait at rest for what a motion needs
 _STILL = 1e-3, np.radians(1.0)  # m, rad: an arm that moves no further than this stays where it is
+_JUMP = 2e-3, np.radians(3.0)  # m, rad: noise of the arm's poses, and ways beyond the limits, are smaller
 _FOLLOWS_WITHIN = 1e-2, np.radians(10.0)  # m, rad of twists; latency, and a gel that gives way, account for less
 
 
@@ -41,6 +42,7 @@ class Controller:
         self._clear = True  # whether the last motion has led off whatever touched
         self._held: float | None = None  # s, since when it stands still for a force that an image may explain
         self._free = False  # whether a gel that leaves a surface has been free of too strong a force
+        self._before: tuple[float, np.ndarray] | None = None  # stamp [s] and pose (4, 4) of the gel
         self._following = _Following()
 
     @property
@@ -52,6 +54,7 @@ class Controller:
         """Begin to carry out a skill."""
         self.skill, self._reason = skill, None
         self._since, self._moving, self._free, self._held = None, False, False, None
+        self._before = None
         self._following = _Following()
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, SkillEnd | None]:
@@ -81,7 +84,8 @@ class Controller:
             self._since = now
             return self.servo.stop(now), None  # the motion accelerates from zero
         stop, late = self.guard.stop(now, seen), self.guard.late(now, seen)
-        problem = stop or late or untared
+        jump = self._jump(seen)
+        problem = stop or late or untared or ("" if self.skill.leaves else jump)
         if not (problem or self.skill.leaves) and (self._must_go_back(now, seen) or self._held is not None):
             return self.servo.stop(now), None
         if problem := problem or self._too_strong(seen):
@@ -100,6 +104,19 @@ class Controller:
         if problem := self.guard.outside(seen, twist) or self._following.problem(now, twist, seen):
             return self._end(now, self._reason or SkillEnd(False, problem))
         return twist, None
+
+    def _jump(self, seen: Seen) -> str:
+        """Return that the gel's pose has changed by more than the limits of its motion allow; empty if it has not."""
+        before, self._before = self._before, (seen.pose, seen.gel.copy())
+        if before is None:
+            return ""
+        limits, passed = self.servo.limits, max(seen.pose - before[0], 0.0)
+        most = _JUMP + 1.5 * passed * np.array([limits.air_speed, limits.turn_speed])
+        way, angle = moved = _lengths(se3.log(se3.inverse(before[1]) @ seen.gel))
+        if (moved <= most).all():
+            return ""
+        jump = f"the gel's transform jumped by {1e3 * way:.1f} mm and {np.degrees(angle):.0f} deg"
+        return f"{jump}: was its mount changed, or does anything else move the arm?"
 
     def _must_go_back(self, now: float, seen: Seen) -> bool:
         """Return whether the gel must be pulled back; if so, begin that, after which the motion ends for the reason."""

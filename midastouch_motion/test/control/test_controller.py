@@ -103,6 +103,21 @@ def test_what_is_late_stops_each_motion_until_it_comes_and_ends_it_after_a_secon
     assert 0.9 < driver.now - began < 1.1
 
 
+@pytest.mark.parametrize("jump", [se3.translation([0.0, 3e-3, 4e-3]), se3.exp(np.array([0, 0, 0, 0.1, 0, 0]))])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_transform_that_jumps_stops_all_but_a_way_off_the_surface(motion, jump):
+    driver = driver_of(motion)
+    driver.run(20)
+    driver.gel = driver.gel @ jump
+    twist, ended = driver.step()
+    if motion == "lift":
+        assert ended is None
+        assert twist[2] > 1e-3
+    else:
+        assert "transform jumped by" in ended.message
+        assert not twist.any()
+
+
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
 def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
     driver = driver_of(motion)

@@ -154,12 +154,12 @@ def test_a_wall_that_no_image_shows_ends_a_slide_at_once():
 
 def test_a_touch_that_comes_and_goes_ends():
     """Read too deep from the first image on, it is left again, and again."""
-    there, _ = rehearsed(lambda pose: 6.5e-4 if pose[2, 3] < -5e-3 else 0.0)
+    there, _ = rehearsed(lambda pose: 6.5e-4 if pose[2, 3] < -5e-3 else 0.0, Limits(depth=1.5e-3))
     ended = there.carry_out(TouchSkill(DEPTH, 0.02), 60.0)
     assert ended is not None
     assert not ended.success
     assert "does not settle" in ended.message
-    turn, approach = np.pi / 2 / Limits().turn_speed, 5e-3 / 2e-3
+    turn, approach = np.pi / 2 / Limits().turn_speed, 5e-3 / 3.5e-3
     assert there.now == pytest.approx(approach + turn + 3.0, abs=1.0)
 
 
