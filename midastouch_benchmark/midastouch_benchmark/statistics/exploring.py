@@ -6,6 +6,9 @@ import numpy as np
 
 from .intervals import ENOUGH, Figures
 
+TOO_DEEP_MM = 1.5
+"""Depth [mm] from which an object in a gel may harm it."""
+
 
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """Return figures by policy, over all trials and by object; fractions and medians have 95 % intervals.
@@ -13,7 +16,7 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     trials: their number; right, wrong: fractions that end converged at such a pose; alike: fraction that ends with
     hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others; asked_ms:
     95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m; deepest_mm: of an
-    arm, the largest of all trials; path_ratio: median path over that of `random`.
+    arm, the largest of all trials; too_deep: how many of them pressed deeper than `TOO_DEEP_MM`; path_ratio: median path over that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -34,6 +37,7 @@ def _of_policy(trials: list[dict]) -> dict:
     alike = [t["ending"] == "alike" for t in trials]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
+    depths = [t["deepest_mm"] for t in trials if t.get("deepest_mm")]
     timed = any(t.get("seconds") for t in trials)
     seconds = np.array([t.get("seconds") if r else np.inf for r, t in zip(right, trials, strict=True)], float)
     return {
@@ -45,7 +49,8 @@ def _of_policy(trials: list[dict]) -> dict:
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
         "seconds": figures.value(seconds, np.median) if timed else None,
-        "deepest_mm": max((t["deepest_mm"] for t in trials if t.get("deepest_mm")), default=None),
+        "deepest_mm": max(depths, default=None),
+        "too_deep": f"{sum(depth > TOO_DEEP_MM for depth in depths)} of {len(depths)}" if depths else None,
     }
 
 

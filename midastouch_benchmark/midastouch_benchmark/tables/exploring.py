@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from ..statistics.exploring import summarise_exploration
+from ..statistics.exploring import TOO_DEEP_MM, summarise_exploration
 from ..statistics.intervals import Figures
 from .reports import CONDITIONS, STARTS, report, reported, rows_of
 from .table import Form, Row, Table, fraction, is_missing, text, value
@@ -38,6 +38,7 @@ _EXPLORED: dict[str, Form] = {
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
     "simulated time until right, median": value("seconds", "{:.0f}", " s"),
     "deepest in the gel": text("deepest_mm", "{:.2f} mm"),
+    "deeper than 1.5 mm": text("too_deep"),
 }
 
 
@@ -118,7 +119,7 @@ def observing() -> pd.DataFrame:
 
 
 _HALTED = "... of these over an edge, into a corner, off the object"
-_WITHIN, _DEEPEST, _IN_TIME = 0.5, 1.5, 2  # bounds: mm off the wanted depth, mm deep, periods of control
+_WITHIN, _IN_TIME = 0.5, 2  # bounds: mm off the wanted depth, periods of control
 _MOTION = Table(
     {"motion": text("what"), "trials": text("trials")},
     {
@@ -145,18 +146,17 @@ def faults() -> pd.DataFrame:
 
 def motion_table(content: dict) -> pd.DataFrame:
     """Table of how an arm touches and slides, of an `evaluate-motion` result."""
-    trials, depth_mm = content["trials"], content["config"]["depth_mm"]
-    slides = [trial for trial in trials if trial["slide"]]
-    touches, slid = [trial["touch"] for trial in trials], [trial["slide"] for trial in slides]
-    of_touches, of_slides = Figures.by_seed(trials), Figures.by_seed(slides)
+    depth_mm = content["config"]["depth_mm"]
+    touches, slides, ended = (_of_kind(content, kind) for kind in ("touches", "slide", "faults"))
+    of_touches, of_slides = Figures.by_seed(touches), Figures.by_seed(slides)
     held = of_touches.fraction([abs(each["depth_mm"] - depth_mm) <= _WITHIN for each in touches])
-    held_sliding = of_slides.fraction([each["held"] for each in slid], [each["images"] for each in slid])
-    lost = of_slides.fraction([each["lost"] for each in slid])
-    halted = [trial for trial in slides if not trial["slide"]["success"]]
+    held_sliding = of_slides.fraction([each["held"] for each in slides], [each["images"] for each in slides])
+    lost = of_slides.fraction([each["lost"] for each in slides])
     rows = [
-        _motion_row("touch", touches, of_touches) | {"held": held},
-        _motion_row("slide", slid, of_slides) | {"held": held_sliding, "lost": lost},
-        _motion_row(_HALTED, [trial["slide"] for trial in halted], Figures.by_seed(halted)),
+        _motion_row("touch", touches) | {"held": held},
+        _motion_row("slide", slides) | {"held": held_sliding, "lost": lost},
+        _motion_row(_HALTED, [each for each in slides if not each["success"]]),
+        _motion_row("slide that a fault ends", ended) | {"success": None},
     ]
     return _MOTION.of(rows)
 
@@ -164,22 +164,31 @@ def motion_table(content: dict) -> pd.DataFrame:
 def fault_table(content: dict) -> pd.DataFrame:
     """Table of faults: how often each happened, and how often the twist was zero within two periods of control."""
     happened: dict[str, list[float]] = {}
-    for fault in (trial["fault"] for trial in content["trials"]):
-        if fault:
-            happened.setdefault(fault["name"], []).append(math.inf if fault["periods"] is None else fault["periods"])
+    for fault in _of_kind(content, "faults"):
+        happened.setdefault(fault["name"], []).append(math.inf if fault["periods"] is None else fault["periods"])
     return _FAULTS.of(
         {"what": name, "trials": len(all_), "in_time": f"{sum(each <= _IN_TIME for each in all_)} of {len(all_)}"}
-        for name, all_ in happened.items()
+        for name, all_ in sorted(happened.items())
     )
 
 
-def _motion_row(what: str, motions: list[dict], figures: Figures) -> dict:
+def _of_kind(content: dict, kind: str) -> list[dict]:
+    """Return the results of all motions of a kind, with the labels of their trials."""
+    return [
+        {"object": trial["object"], "seed": trial["seed"]} | each
+        for trial in content["trials"]
+        for each in (trial[kind] if isinstance(trial[kind], list) else [trial[kind]])
+        if each
+    ]
+
+
+def _motion_row(what: str, motions: list[dict]) -> dict:
     deepest = [each["deepest_mm"] for each in motions]
     return {
         "what": what,
         "trials": len(motions),
-        "success": figures.fraction([each["success"] for each in motions]),
+        "success": Figures.by_seed(motions).fraction([each["success"] for each in motions]),
         "ended": f"{sum(each['ended'] for each in motions)} of {len(motions)}",
-        "too_deep": f"{sum(depth > _DEEPEST for depth in deepest)} of {len(deepest)}",
+        "too_deep": f"{sum(depth > TOO_DEEP_MM for depth in deepest)} of {len(deepest)}",
         "deepest": max(deepest, default=math.nan),
     }

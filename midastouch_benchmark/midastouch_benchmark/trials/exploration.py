@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+import midastouch_motion
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -72,7 +73,7 @@ class ExplorationPlan(Campaign):
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "code": source_digest(Path(__file__)),
+            "code": source_digest(Path(midastouch_motion.__file__).parent, Path(__file__)),
             "fingerprint": fingerprint.of_estimates(),
         }
 

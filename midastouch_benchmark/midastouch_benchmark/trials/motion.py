@@ -1,4 +1,4 @@
-"""Closed loop: an arm in MuJoCo touches and slides by the readings of the depth network, and then a fault happens."""
+"""Closed loop: an arm in MuJoCo touches and slides by the readings of the depth network, and then faults happen."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.surface_walk import MIN_PROGRESS, Ahead, straight_on
 from midastouch_motion.control.contact_servo import Limits
-from midastouch_motion.control.guard import Guard
-from midastouch_motion.control.skills import SlideSkill, TouchSkill
-from midastouch_perception.contact import Contact
+from midastouch_motion.control.guard import UNREAD, Guard
+from midastouch_motion.control.skills import LiftSkill, Skill, SlideSkill, TouchSkill
+from midastouch_perception.contact import Contact, ContactState
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import Reachability
 from midastouch_perception.sensor_model import SensorModel
@@ -39,6 +39,7 @@ _STEP = 3e-3  # m, along the surface
 _GOES_ON = np.radians(30.0)  # largest turn in a step of a surface that continues
 _TRIES = 32
 _BOX, _FORCE, _STALE = 1.5, 40.0, 0.1  # m around the base, N, s: what the guard stops at
+_QUEUE, _JUMP, _LIFTED = 1.0, 5e-3, 5e-3  # s by which images come late; m; m
 
 Fault = Callable[[Rehearsal, np.ndarray], float]
 
@@ -60,11 +61,25 @@ def _set(name: str, value: object) -> Fault:
     return inject
 
 
-def _outside(rehearsal: Rehearsal, twist: np.ndarray) -> float:
-    """Set the gel out of the box, in the direction of the twist: a twist back into the box would be allowed."""
+def _jumps(rehearsal: Rehearsal, twist: np.ndarray) -> float:
     leads = rehearsal.seen.gel[:3, :3] @ twist[:3]
-    away = se3.translation(_BOX * leads / np.abs(leads).max() * 1.5)
-    return _set("gel", away @ rehearsal.seen.gel)(rehearsal, twist)
+    rehearsal.jump = se3.translation(_JUMP * leads / np.linalg.norm(leads))
+    return 0.0
+
+
+def _outside(rehearsal: Rehearsal, twist: np.ndarray) -> float:
+    """Let the box end behind the gel; a twist back into the box would be allowed."""
+    leads, guard = rehearsal.seen.gel[:3, :3] @ twist[:3], rehearsal.controller.guard
+    axis = np.abs(leads).argmax()
+    low, high = guard.low.copy(), guard.high.copy()
+    (high if leads[axis] > 0 else low)[axis] = rehearsal.seen.gel[axis, 3] - 1e-3 * np.sign(leads[axis])
+    rehearsal.controller.guard = dataclasses.replace(guard, low=low, high=high)
+    return 0.0
+
+
+def _queues(rehearsal: Rehearsal, _: np.ndarray) -> float:
+    rehearsal.delay = lambda: _QUEUE
+    return _STALE
 
 
 FAULTS: dict[str, Fault] = {
@@ -74,7 +89,10 @@ FAULTS: dict[str, Fault] = {
     "no force": _frozen("wrench"),
     "lost": _set("lost", True),
     "force": _set("force", _FORCE + 1),
+    "saturated": _set("unread", UNREAD[ContactState.SATURATED.value]),
+    "images a second late": _queues,
     "outside": _outside,
+    "TF jumps by 5 mm": _jumps,
     "nobody follows": _set("listeners", 0),
     "another commands": _set("commanders", 2),
 }
@@ -119,12 +137,12 @@ class MotionPlan(Campaign):
         return self.describe() | {"trials": None}
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
-        """Touch, slide, and slide until a fault happens."""
+        """Touch, slide, and slide until a fault happens, each fault once."""
         return _Trial(mesh, self.sensor, labels["seed"]).run()
 
 
 class _Trial:
-    """One approach, one slide, and one slide that a fault interrupts."""
+    """One approach, one slide, and slides that faults interrupt."""
 
     def __init__(self, mesh: ObjectMesh, sensor_name: str, seed: int):
         self._mesh, self._seed = mesh, seed
@@ -159,16 +177,16 @@ class _Trial:
         return self._stage.process(self._digit.look(T_obj_gel).image, self._background)
 
     def run(self) -> dict:
-        """Run the trial and return touch, slide and fault.
+        """Run the trial and return touches, slide and faults: lists of one result for each, but one slide.
 
-        touch, slide: whether each ended, and succeeded; message; deepest_mm; path_mm; touch: depth_mm at the end;
-        slide: images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although
-        the surface continues. fault: name; periods until the twist was zero, None if it never was. slide is None if the
-        touch failed, fault if there was no slide left to disturb."""
+        Each motion: whether it ended, and succeeded; message; deepest_mm; path_mm. touches: depth_mm at the end. slide:
+        images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although the
+        surface continues; None if the touch failed. faults: name; periods until the twist was zero, None if it never
+        was. The gel touches again after each fault; after a touch that fails, and where it cannot slide on, there is
+        no further fault."""
         rng = self._rng
-        touch = self._motion(TouchSkill(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
-        trial = {"touch": touch, "slide": None, "fault": None}
-        if not touch["success"]:
+        trial: dict = {"touches": [self._touch()], "slide": None, "faults": []}
+        if not trial["touches"][0]["success"]:
             return trial
         length = rng.uniform(*_LENGTHS)
         heading = self._heading(length)
@@ -180,15 +198,24 @@ class _Trial:
             "held": int((np.abs(depths - DEPTH) <= 0.25e-3).sum()),
             "lost": off and self._goes_on(heading),
         }
-        if self._controller.servo.touching:
-            trial["fault"] = self._fault()
+        for name in rng.permutation(list(FAULTS)):
+            if not self._controller.servo.touching:
+                break
+            if fault := self._fault(name):
+                trial["faults"].append(fault)
+                self._motion(LiftSkill(_LIFTED))
+                trial["touches"].append(self._touch())
         return trial
 
-    def _motion(self, skill: TouchSkill | SlideSkill) -> dict:
+    def _touch(self) -> dict:
+        return self._motion(TouchSkill(DEPTH, 0.03)) | {"depth_mm": 1e3 * self._arm.deepest}
+
+    def _motion(self, skill: Skill, after: Callable[[PeriodState], None] = lambda _: None) -> dict:
         self._moments.clear()
 
         def keep(moment: PeriodState) -> None:
             self._moments.append((self._arm.deepest, moment.image))
+            after(moment)
 
         ended = self._rehearsal.carry_out(skill, _TIMEOUT, keep)
         return {
@@ -226,9 +253,8 @@ class _Trial:
             way.append(ahead)
         return way
 
-    def _fault(self) -> dict | None:
+    def _fault(self, name: str) -> dict | None:
         """Slide on, and let a fault happen; None if the arm was at rest then."""
-        name = list(FAULTS)[self._seed % len(FAULTS)]
         begin = self._rehearsal.now + self._rng.uniform(0.2, 0.5)
         known, moving, stopped = math.inf, False, math.inf
 
@@ -240,8 +266,11 @@ class _Trial:
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
-        ended = self._rehearsal.carry_out(SlideSkill(self._heading(_ONWARD), _ONWARD, DEPTH), _TIMEOUT, after)
+        guard = self._controller.guard
+        slide = self._motion(SlideSkill(self._heading(_ONWARD), _ONWARD, DEPTH), after)
+        self._controller.guard = guard
+        self._rehearsal.restore()
         if not moving:
             return None
         periods = None if stopped == math.inf else max(math.ceil((stopped - known) / PERIOD - 1e-6), 0)
-        return {"name": name, "periods": periods, "message": ended.message if ended else "did not end"}
+        return slide | {"name": str(name), "periods": periods}
