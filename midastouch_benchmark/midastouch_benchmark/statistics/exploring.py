@@ -14,9 +14,10 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """Return figures by policy, over all trials and by object; fractions and medians have 95 % intervals.
 
     trials: their number; right, wrong: fractions that end converged at such a pose; alike: fraction that ends with
-    hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others; asked_ms:
-    95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m; deepest_mm: of an
-    arm, the largest of all trials; too_deep: how many of them pressed deeper than `TOO_DEEP_MM`; path_ratio: median path over that of `random`.
+    hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others;
+    asked_ms: 95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m;
+    deepest_mm: of an arm, the largest of all trials; too_deep: how many of them pressed deeper than `TOO_DEEP_MM`;
+    path_ratio: median path over that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
