@@ -89,13 +89,6 @@ def test_a_book_smaller_than_25_is_searched_whole():
     assert np.sort(best_matches(codes, codes[:1])[0]).tolist() == [0, 1, 2]
 
 
-def test_a_query_in_the_book_has_no_error(codebook):
-    matches = best_matches(codebook.codes, codebook.codes[:5])
-    errors = single_touch_errors(codebook.poses, codebook.poses[:5], matches, np.random.default_rng(0))
-    assert errors.six_vector.best == pytest.approx(np.zeros(5), abs=1e-9)
-    assert errors.geodesic.best == pytest.approx(np.zeros(5), abs=1e-9)
-
-
 def test_perfect_codes_score_what_the_nearest_entries_would(draw_contacts, codebook):
     rng = np.random.default_rng(0)
     queries, codes = draw_contacts(200, rng)

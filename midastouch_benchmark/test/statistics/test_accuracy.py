@@ -8,6 +8,7 @@ from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
 def test_a_summary_is_by_variant_start_and_object(trials):
     summary = summarise_accuracy(trials)["default"]["paper"]
     assert summary["e_trans_mm"]["mean"] == pytest.approx((2 + 4 + 100) / 3)
+    assert (summary["e_trans_mm"]["median"], summary["e_trans_mm"]["max"]) == (4, 100)
     assert (summary["right"], summary["converged"]) == (2, 2)
     assert summary["filter_stages_ms"] == {"motion": 1.0}
     assert "objects" not in summarise_accuracy(trials)["5k"]["paper"]

@@ -1,6 +1,6 @@
 import pytest
 
-from midastouch_benchmark.statistics.comparison import compare_variants, pareto_front, rows_by_init, wrong_converged
+from midastouch_benchmark.statistics.comparison import compare_variants, pareto_front, rows_by_init
 
 
 @pytest.fixture
@@ -54,10 +54,6 @@ def test_inits_are_compared_apart_and_only_with_a_default(trials):
     uniform.append(trials[2] | {"init": "uniform"})
     rows = rows_by_init(compare_variants([*trials, *uniform]))
     assert [(row["variant"], row["trials"]) for row in rows["uniform"]] == [("5k", 1), ("default", 1)]
-
-
-def test_frames_that_were_sure_and_wrong_are_counted(trials):
-    assert wrong_converged([*trials[:1], trials[1] | {"frames_converged_right": 8}]) == pytest.approx(0.1)
 
 
 def test_the_front_holds_what_nothing_beats_in_both():

@@ -8,7 +8,7 @@ from midastouch_benchmark.trials.disturbances import UndisturbedSlide
 from midastouch_benchmark.trials.grasps import HOLDS, PINCHED, GraspRecord, grasp, pinch
 from midastouch_benchmark.trials.protocols import PROTOCOLS, chosen_protocol
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
-from midastouch_benchmark.trials.variants import DEFAULT, SETS, VARIANTS
+from midastouch_benchmark.trials.variants import DEFAULT, VARIANTS
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -91,11 +91,6 @@ def test_further_fingers_are_known_relative_to_the_first(frames, contacts):
 @pytest.mark.parametrize(("name", "heard"), [(DEFAULT, 2), ("contact_1", 0), ("contacts_2", 1), ("paper", 0)])
 def test_a_variant_hears_fewer_fingers(frames, name, heard):
     assert list(VARIANTS[name].frame(frames[0]).others) == ["finger_2", "finger_3"][:heard]
-
-
-def test_the_set_has_every_number_of_contacts():
-    assert [VARIANTS[name].contacts for name in SETS["contacts"]] == [1, 2]
-    assert VARIANTS[DEFAULT].contacts is None
 
 
 def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, codebook):

@@ -38,11 +38,8 @@ def test_settings_of_a_file_go_over_a_preset(tmp_path):
     path = written(tmp_path, "preset: fast\nrefined_modes: 3\n")
     assert load_filter_config(path) == FilterConfig(**(fast | {"refined_modes": 3}))
     assert load_filter_config(path, "balanced") == FilterConfig(refined_modes=3)
-
-
-def test_a_ros_parameter_file_names_a_preset(tmp_path):
     path = written(tmp_path, "particle_filter:\n  ros__parameters: {preset: fast, base_frame_id: base}\n")
-    assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
+    assert load_filter_config(path) == FilterConfig(**fast)
 
 
 def test_the_papers_filter_is_no_settings_of_ours(tmp_path):
@@ -56,11 +53,6 @@ def test_a_former_name_counts_with_a_warning(tmp_path, text):
     with pytest.warns(FutureWarning, match="relief_fit is now penetration_fit"):
         config = load_filter_config(written(tmp_path, text))
     assert config == FilterConfig(penetration_fit=0.5)
-
-
-def test_an_unknown_preset_is_refused():
-    with pytest.raises(InputError, match=r"quick: .*fast"):
-        load_filter_config(None, "quick")
 
 
 @pytest.mark.parametrize(

@@ -87,15 +87,6 @@ def test_stride_and_limit_choose_the_frames(sequence, mesh, codebook, networks):
     assert sum(done) == 3
 
 
-def test_summary_counts_trials_per_object_and_prints(evaluated):
-    trials = evaluated[1]
-    summary = summarise_trials(trials)
-    errors = [t["final"]["e_trans_mm"] for t in trials]
-    assert summary["objects"]["block"]["trials"] == 3
-    assert summary["e_trans_mm"]["mean"] == pytest.approx(np.mean(errors))
-    assert summary["e_trans_mm"]["max"] == max(errors)
-
-
 def test_missing_errors_are_counted_not_averaged(evaluated):
     trials = [{**t, "final": dict(t["final"])} for t in evaluated[1]]
     trials[0]["final"]["estimate_trans_mm"] = float("nan")

@@ -81,13 +81,6 @@ def test_only_what_the_log_lacks_is_run(log):
     assert ([each["found"] for each in trials], missing, reported) == ([-1, 4, 3], 0, [2, 1, 1])
 
 
-def test_what_is_done_is_not_run_again(log):
-    first, _ = complete(log, Run())
-    run = Run()
-    assert complete(log, run) == (first, 0)
-    assert run.asked == []
-
-
 def test_after_the_deadline_the_rest_is_counted(log):
     log.add("a1", {"found": 2})
     assert complete(log, Run(), deadline=-np.inf) == ([{"found": 2}], 2)

@@ -4,7 +4,6 @@ import pytest
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
@@ -71,11 +70,6 @@ def test_the_front_goes_down_to_a_tenth_of_the_work_and_up():
     values = [VARIANTS[name].settings.get("alignments_per_second", 3_600) for name in SETS["front"]]
     assert min(values) == FilterConfig.alignments_per_second / 10
     assert max(values) > FilterConfig.alignments_per_second
-
-
-def test_an_unknown_name_is_refused():
-    with pytest.raises(InputError, match=r"--variant best: .*default, fast"):
-        chosen_variants(["best"])
 
 
 def test_without_codes_every_touch_fits_every_pose_alike(codebook):
