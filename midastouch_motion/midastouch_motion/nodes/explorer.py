@@ -29,8 +29,9 @@ from .explorer_control import ExplorerControl, FingerGoals, Order
 from .explorer_marker import FingerMarker
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
-from .explorer_services import AdviceClient, NewestAnswer, ObjectChange, Push, ReachClient
+from .explorer_services import AdviceClient, ObjectChange, Push, ReachClient
 from .explorer_sight import Sight
+from .newest_answer import NewestAnswer
 
 _RATE = 30.0  # Hz, of the checks for overdue answers
 
