@@ -50,6 +50,11 @@ class DepthNet(ABC):
             calibration.check_sensor(self._image_sensor)
         self._default = SensorCalibration.default(self._image_sensor)
         self.calibration = calibration
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Make what one kind of network needs further."""
 
     @property
     def calibration_in_use(self) -> SensorCalibration | None:

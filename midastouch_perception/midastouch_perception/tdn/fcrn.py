@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 
-from ..backends import CPU
-from ..sensor_calibration.calibration import SensorCalibration
-from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .inputs import check_image
 
@@ -33,14 +28,7 @@ class FcrnDepthNet(DepthNet):
 
     uses_calibration = False
 
-    def __init__(
-        self,
-        name_or_path: str | Path,
-        sensor: SensorModel | None = None,
-        calibration: SensorCalibration | None = None,
-        backend: str = CPU,
-    ):
-        super().__init__(name_or_path, sensor, calibration, backend)
+    def _prepare(self) -> None:
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
 
     def height(self, image: np.ndarray) -> np.ndarray:

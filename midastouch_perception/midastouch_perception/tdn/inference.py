@@ -28,14 +28,7 @@ class TactileDepthNet(DepthNet):
 
     _threads = 2  # one thread would be busy for three quarters of the time, with the second core idle
 
-    def __init__(
-        self,
-        name_or_path: str | Path = "fast",
-        sensor: SensorModel | None = None,
-        calibration: SensorCalibration | None = None,
-        backend: str = CPU,
-    ):
-        super().__init__(name_or_path, sensor, calibration, backend)
+    def _prepare(self) -> None:
         self._network.require_inputs("difference", "geometry")
         self._geometry = geometry_input(self.sensor)[None]
         learnt = SensorModel.load(_LEARNT_ON[self.sensor.light]).for_maps
