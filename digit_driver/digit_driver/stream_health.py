@@ -67,12 +67,10 @@ def assess(evidence: StreamEvidence, clock: ClockOffset) -> HealthReport:
     """Return the verdict on one moment."""
     findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
     level = findings[0][0] if findings else Level.OK
-    message = "; ".join(text for _, text in findings) or _quiet_message(evidence.reader.state)
+    state = evidence.reader.state
+    quiet = "capture is off" if state is ReaderState.STOPPED else state.value
+    message = "; ".join(text for _, text in findings) or quiet
     return HealthReport(level, message, _values(evidence, clock), _uneven(evidence))
-
-
-def _quiet_message(state: ReaderState) -> str:
-    return "capture is off" if state is ReaderState.STOPPED else state.value
 
 
 def _findings(evidence: StreamEvidence) -> list[tuple[Level, str]]:

@@ -102,14 +102,10 @@ def _sampled(shape: Sdf, axes: list[np.ndarray], spacing: float) -> np.ndarray:
     values = shape(centres.reshape(-1, 3)).reshape(centres.shape[:3])
     near = np.abs(values) < _STEEPEST * 0.5 * np.sqrt(3) * _BLOCK * spacing
     for axis, along in enumerate(axes):
-        values, near = (np.repeat(a, _BLOCK, axis=axis)[_up_to(len(along), axis)] for a in (values, near))
+        values, near = (np.repeat(a, _BLOCK, axis=axis).take(range(len(along)), axis) for a in (values, near))
     points = np.stack([a[i] for a, i in zip(axes, np.nonzero(near), strict=True)], axis=1)
     values[near] = shape(points)
     return values
-
-
-def _up_to(n: int, axis: int) -> tuple[slice, ...]:
-    return (*(slice(None),) * axis, slice(n))
 
 
 def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> ObjectMesh:

@@ -193,12 +193,9 @@ def _files(sources: Sequence[Path], sensor: str | Path) -> list[Path]:
         if not inside:
             raise InputError(f"{source}: folder without codebooks (*.npz); fill it with midastouch build-codebook")
         # a folder may hold an object's codebooks for several sensors
-        out += [path for path in inside if _sensor_of(path).content_id == ours] or inside[:1]
+        sensors = (SensorModel.of_codebook(Codebook.load(path, first=1).meta).for_maps for path in inside)
+        out += [path for path, model in zip(inside, sensors, strict=True) if model.content_id == ours] or inside[:1]
     return out
-
-
-def _sensor_of(path: Path) -> SensorModel:
-    return SensorModel.of_codebook(Codebook.load(path, first=1).meta).for_maps
 
 
 def _read(

@@ -101,7 +101,7 @@ def read_run(path: str | Path) -> RunRecord:
             estimate=None if pose is None else pose_from_msg(pose.pose.pose),
             image=frame.image,
             penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
-            code=_code(results[CODE].get(stamp)),
+            code=np.asarray(found.code) if (found := results[CODE].get(stamp)) and found.in_contact else None,
             state=status.state,
             objects=objects,
             symmetry=_symmetry(results[MODES][stamp]),
@@ -155,10 +155,6 @@ def _nearest_to_truth(one: Snapshot) -> Snapshot:
         modes.append(RecordedMode(mode.weight, pose, turn @ mode.covariance @ turn.T))
     estimate = None if one.estimate is None else nearest(one.estimate[None])[0]
     return dataclasses.replace(one, particles=nearest(one.particles), modes=modes, estimate=estimate)
-
-
-def _code(message: Any | None) -> np.ndarray | None:
-    return np.asarray(message.code) if message is not None and message.in_contact else None
 
 
 def _node_times(path: str | Path) -> dict[str, float]:

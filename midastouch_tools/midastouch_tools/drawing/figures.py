@@ -50,7 +50,8 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     figure.suptitle(f"{title}\n{LEGEND}", fontsize=9)
     rows: Any = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
     deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
-    for axes, (snapshot, kind) in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
+    pairs = [(snapshot, kind) for snapshot in chosen for kind in ("image", "penetration")]
+    for axes, (snapshot, kind) in zip(_row(rows[0], 2 * columns), pairs, strict=True):
         if kind == "image":
             axes.imshow(snapshot.image)
             axes.set_title(f"{snapshot.time:.1f} s   tactile image", fontsize=9, loc="left")
@@ -114,10 +115,6 @@ def _row(subfigure, columns: int) -> list:
     for one in axes:
         one.set_axis_off()
     return list(axes)
-
-
-def _pairs(chosen: list[Snapshot]) -> list[tuple[Snapshot, str]]:
-    return [(snapshot, kind) for snapshot in chosen for kind in ("image", "penetration")]
 
 
 def error_series(run: list[Snapshot]) -> dict[str, np.ndarray]:

@@ -50,7 +50,7 @@ class ViewServer:
         binary = Path(rerun_cli.__file__).parent / "rerun"
         command: list[str | os.PathLike] = [binary, "--serve-web", "--bind", host, "--port", str(port)]
         command += ["--web-viewer-port", str(web_port), "--server-memory-limit", f"{memory_mb}MB", "--newest-first"]
-        if not _is_loopback(host):
+        if not ipaddress.ip_address(host).is_loopback:
             # The page and the data have different ports, and so different origins to a browser.
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
         self._log = TemporaryFile()  # noqa: SIM115 - closed in close()
@@ -107,10 +107,6 @@ class ViewServer:
                 said = self._log.read().decode(errors="replace").strip().splitlines()
                 raise InputError(f"the view's server did not start: {said[-1] if said else 'it said nothing'}")
             time.sleep(0.05)
-
-
-def _is_loopback(host: str) -> bool:
-    return ipaddress.ip_address(host).is_loopback
 
 
 def _is_everywhere(host: str) -> bool:
