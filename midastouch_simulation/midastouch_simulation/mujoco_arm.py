@@ -16,7 +16,7 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .gel_layer import Gel, GelLayer
 from .rehearsal import Late
-from .ur_model import JOINT_SPEED, READY, Kinematics, jacobian_of, pose_of, ur_model
+from .ur_model import JOINT_SPEED, READY, Kinematics, pose_of, ur_model
 
 PERIOD = 2e-3
 """Time step of the physics [s]: that of a UR's own control loop."""
@@ -76,7 +76,9 @@ class MujocoArm:
         self._model = mujoco.MjModel.from_xml_string(text)
         self._data = mujoco.MjData(self._model)
         self._joints = Kinematics(mujoco, self._model, self._data)
-        self._sites = {name: self._data.site(name) for name in ("gel", "object")}
+        self._sites, self._bodies = {}, {}
+        for name in ("gel", "object"):
+            self._sites[name], self._bodies[name] = self._data.site(name), self._model.body(name).id
         self._layer = GelLayer(mesh, sensor, setting.gel)
         self._latency, self._timeout = setting.latency, setting.timeout
         self._twists: Late[np.ndarray] = Late()
@@ -174,22 +176,21 @@ class MujocoArm:
         gel = pose_of(self._sites["gel"])
         velocity = self._velocity("gel", gel[:3, 3]) - self._velocity("object", gel[:3, 3])
         self._wrench = self._layer.force(self.gel_on_object, (gel[:3, :3].T @ velocity)[:2], PERIOD)
-        self._data.xfrc_applied[:] = 0.0
+        self._data.qfrc_applied[:] = 0.0
         if self._wrench.any():
             force, torque = (gel[:3, :3] @ part for part in self._wrench.reshape(2, 3))
             self._apply("gel", force, torque, gel[:3, 3])
             self._apply("object", -force, -torque, gel[:3, 3])
 
     def _apply(self, body: str, force: np.ndarray, torque: np.ndarray, at: np.ndarray) -> None:
-        arm = at - self._data.body(body).xipos
-        self._data.xfrc_applied[self._model.body(body).id] = [*force, *(torque + np.cross(arm, force))]
+        where = at, self._bodies[body]
+        self._mujoco.mj_applyFT(self._model, self._data, force, torque, *where, self._data.qfrc_applied)
 
-    def _velocity(self, site: str, at: np.ndarray) -> np.ndarray:
-        """Return the velocity (3,) [m/s] of a point (3,) [m] that moves with the body of a site; base frame."""
-        there = self._sites[site]
-        jacobian = jacobian_of(self._mujoco, self._model, self._data, there)
-        linear, angular = (part @ self._data.qvel for part in jacobian)
-        return linear + np.cross(angular, at - there.xpos)
+    def _velocity(self, body: str, at: np.ndarray) -> np.ndarray:
+        """Return the velocity (3,) [m/s] of a point (3,) [m] that moves with a body; base frame."""
+        linear = np.zeros((3, self._model.nv))
+        self._mujoco.mj_jac(self._model, self._data, linear, None, at, self._bodies[body])
+        return linear @ self._data.qvel
 
 
 def over(mesh: ObjectMesh, base_from_object: np.ndarray, height: float) -> np.ndarray:

@@ -117,13 +117,6 @@ def pose_of(site) -> np.ndarray:
     return se3.make(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
 
 
-def jacobian_of(mujoco: ModuleType, model, data, site) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear and angular velocity of a site per velocity of each joint: (3, N) each."""
-    linear, angular = np.zeros((2, 3, model.nv))
-    mujoco.mj_jacSite(model, data, linear, angular, site.id)
-    return linear, angular
-
-
 class Kinematics:
     """Kinematics of an arm as `ur_model` makes it. Args: mujoco, the module; model and data, MuJoCo's own."""
 
@@ -172,7 +165,8 @@ class Kinematics:
     @property
     def _jacobian(self) -> np.ndarray:
         """Jacobian (6, 6): twist of the gel, in its frame, per joint speed."""
-        linear, angular = jacobian_of(self._mujoco, self._model, self._data, self._gel)
+        linear, angular = np.zeros((2, 3, self._model.nv))
+        self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._gel.id)
         turned = self.pose[:3, :3].T
         return np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
 
