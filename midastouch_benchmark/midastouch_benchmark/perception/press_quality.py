@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import cv2
 import numpy as np
+import pandas as pd
 from scipy.optimize import least_squares, minimize
 
 from midastouch_common.errors import InputError
@@ -232,31 +233,24 @@ def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:
         "felt_radius_mm": None if measured_radius is None else 1e3 * measured_radius,
         "roundness": _roundness(contact),
         "outside_share": float(press.measured[~visible].sum()) / total if total else 0.0,
-        "iou": 0.0,
-        "ideal_peak_mm": None,
-        "peak_ratio": None,
-        "rmse_in_circle_mm": None,
-        "iou_ideal": None,
-        "centre_mm": None,
+        "iou": 0.0 if press.nearest is None else _iou(press.measured, cap_penetration(press.nearest, radius, sensor)),
     }
-    if press.nearest is not None:
-        row["iou"] = _iou(press.measured, cap_penetration(press.nearest, radius, sensor))
-    if press.ideal is not None:
-        row |= _against_ideal(press)
-    return row
+    return row | _against_ideal(press)
 
 
 def _against_ideal(press: MeasuredPress) -> dict:
-    inside = press.ideal > 0
-    out = {
+    if press.ideal is None:
+        return dict.fromkeys(("ideal_peak_mm", "peak_ratio", "rmse_in_circle_mm", "iou_ideal", "centre_mm"))
+    off, apart = (press.measured - press.ideal)[press.ideal > 0], None
+    if press.nearest is not None:
+        apart = 1e3 * float(np.linalg.norm((press.nearest - press.truth)[:2]))
+    return {
         "ideal_peak_mm": 1e3 * float(press.ideal.max()),
         "peak_ratio": float(press.measured.max() / press.ideal.max()),
-        "rmse_in_circle_mm": 1e3 * float(np.sqrt(np.mean((press.measured - press.ideal)[inside] ** 2))),
+        "rmse_in_circle_mm": 1e3 * float(np.sqrt(np.mean(off**2))),
         "iou_ideal": _iou(press.measured, press.ideal),
+        "centre_mm": apart,
     }
-    if press.nearest is not None:
-        out["centre_mm"] = 1e3 * float(np.linalg.norm((press.nearest - press.truth)[:2]))
-    return out
 
 
 def _measured_ball(measured: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tuple[float | None, bool]:
@@ -282,36 +276,22 @@ def _summary(rows: list[dict], truth: str) -> dict:
     recall: of contact detection; every press is a contact.
     """
 
-    def median(key: str) -> float:
-        values = [row[key] for row in rows if row[key] is not None]
-        return float(np.median(values)) if values else float("nan")
-
-    known = [row for row in rows if row["ideal_peak_mm"] is not None]
+    frame = pd.DataFrame(rows)
+    medians = ["rmse_in_circle_mm", "peak_ratio", "felt_radius_mm", "iou", "iou_ideal", "centre_mm", "roundness"]
+    known = frame.dropna(subset="ideal_peak_mm")
     return {
         "presses": len(rows),
         "labelled": truth == LABELS,
         "truth": truth,
-        "recall": float(np.mean([row["found"] for row in rows])),
-        "bulges_share": float(np.mean([row["bulges"] for row in rows])),
-        "depth_correlation": _correlation([(row["ideal_peak_mm"], row["felt_peak_mm"]) for row in known]),
-        **{
-            key: median(key)
-            for key in (
-                "rmse_in_circle_mm",
-                "peak_ratio",
-                "felt_radius_mm",
-                "iou",
-                "iou_ideal",
-                "centre_mm",
-                "roundness",
-                "outside_share",
-            )
-        },
+        "recall": float(frame["found"].mean()),
+        "bulges_share": float(frame["bulges"].mean()),
+        "depth_correlation": _correlation(known[["ideal_peak_mm", "felt_peak_mm"]].to_numpy(float)),
+        **frame[[*medians, "outside_share"]].astype(float).median().to_dict(),
     }
 
 
-def _correlation(pairs: list[tuple[float, float]]) -> float:
-    """Return Pearson's correlation of pressed and measured peak; nan for fewer than three, or if one never changes."""
+def _correlation(pairs: np.ndarray) -> float:
+    """Return Pearson's correlation of pairs (N, 2) of peaks; nan for fewer than three, or if one never changes."""
     if len(pairs) < 3 or (np.ptp(pairs, axis=0) == 0).any():
         return float("nan")
     return float(np.corrcoef(np.transpose(pairs))[0, 1])

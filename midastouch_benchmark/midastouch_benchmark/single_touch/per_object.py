@@ -13,7 +13,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 
 from ..statistics.intervals import bootstrap_interval
 from ..trials.setup import Networks
-from .matches import BOOK, SingleTouchErrors, best_matches, exhaustive_matches, mean_summary, single_touch_errors
+from .matches import BOOK, best_matches, exhaustive_matches, mean_summary, single_touch_errors
 from .simulated_touch import Lighting, TouchSimulator
 
 OURS = "tcn"
@@ -61,7 +61,7 @@ def measure_object(
         "missed": int((~in_contact).sum()),
         "summary": errors.summary(),
         "exhaustive": _exhaustive(simulator, codebook, networks, plan, rng, progress),
-        "errors": _quantiles(errors),
+        "errors": np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3),
         "cells": error_by_place(poses, errors.six_vector.normalised),
     }
 
@@ -85,11 +85,6 @@ def _exhaustive(simulator, codebook, networks, plan, rng, progress) -> dict | No
     nearest = errors[OURS].nearest / errors[OURS].six_vector.random.mean()
     errors_of = {way: each.six_vector.normalised for way, each in errors.items()}
     return {"book_size": len(chosen), "errors": errors_of | {"nearest_entry": nearest}}
-
-
-def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
-    """Return evenly spaced quantiles (501,) of the normalised errors, enough to draw their distribution."""
-    return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
 
 
 def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
