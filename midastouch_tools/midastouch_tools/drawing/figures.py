@@ -50,14 +50,12 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     figure.suptitle(f"{title}\n{LEGEND}", fontsize=9)
     rows: Any = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
     deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
-    pairs = [(snapshot, kind) for snapshot in chosen for kind in ("image", "penetration")]
-    for axes, (snapshot, kind) in zip(_row(rows[0], 2 * columns), pairs, strict=True):
-        if kind == "image":
-            axes.imshow(snapshot.image)
-            axes.set_title(f"{snapshot.time:.1f} s   tactile image", fontsize=9, loc="left")
-        else:
-            shown = axes.imshow(1e3 * snapshot.penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
-            axes.set_title("penetration", fontsize=9, loc="left")
+    touches = _row(rows[0], 2 * columns)
+    for axes, beside, snapshot in zip(touches[::2], touches[1::2], chosen, strict=True):
+        axes.imshow(snapshot.image)
+        axes.set_title(f"{snapshot.time:.1f} s   tactile image", fontsize=9, loc="left")
+        shown = beside.imshow(1e3 * snapshot.penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+        beside.set_title("penetration", fontsize=9, loc="left")
     bar = rows[0].colorbar(shown, ax=rows[0].axes, location="right", fraction=0.012, pad=0.01)
     bar.set_label("mm", fontsize=9)
     for axes, snapshot in zip(_row(rows[1], columns), chosen, strict=True):
