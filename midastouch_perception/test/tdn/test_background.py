@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from midastouch_perception.tdn.background import (
     shows_contact,
 )
 from midastouch_simulation.optics import TactoOptics
+from midastouch_tools.datasets.ball_presses import read_presses
 
 GREY = np.full((320, 240, 3), 100, np.uint8)
 
@@ -95,11 +95,8 @@ def test_a_touch_is_no_background_at_any_brightness(tdn, presses, gain):
 
 def test_real_presses_are_no_backgrounds(shared, relative_tdn):
     """Which of two real images shows the contact; the network has never seen that sensor."""
-    folder = shared / "data/digit_real/ball_presses"
-    free, *touched = (
-        cv2.cvtColor(cv2.imread(str(folder / name)), cv2.COLOR_BGR2RGB)
-        for name in ("background.png", *(f"{i:04d}.png" for i in range(1, 42, 5)))
-    )
+    presses, free = read_presses(shared / "data/digit_real/ball_presses")
+    touched = [presses[f"{i:04d}.png"] for i in range(1, 42, 5)]
     assert np.mean([shows_contact(relative_tdn, image, free) for image in touched]) >= 0.7
     assert np.mean([shows_contact(relative_tdn, free, image) for image in touched]) <= 0.2
 

@@ -8,6 +8,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.colour_layout import ORIENTATIONS
 from midastouch_perception.tdn.fixed_pattern import PatternCheck, pattern_problem, rolled_problem
 from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
+from midastouch_tools.datasets.ball_presses import read_presses
 
 TURNS = [name for name in ORIENTATIONS if "swapped" not in name]
 
@@ -105,19 +106,13 @@ def test_a_rolled_no_contact_image_is_named_and_its_images_are_not_used():
     assert "a seam at column 80" in said(PatternCheck(), np.roll(pressed(background), 80, axis=1), rolled)
 
 
-def real_presses(shared, folder):
-    files = sorted((shared / f"data/{folder}").glob("*.png"))
-    images = {file.stem: np.ascontiguousarray(cv2.imread(str(file))[:, :, ::-1]) for file in files}
-    return images.pop("background"), list(images.values())
-
-
 @pytest.mark.parametrize(
     "folder", ["digit_real/sphere_presses_d20641", "digit_real/ball_presses", "gelsight_mini/presses_9500"]
 )
 def test_presses_of_real_sensors(shared, folder):
-    background, presses = real_presses(shared, folder)
+    presses, background = read_presses(shared / "data" / folder)
     assert rolled_problem(background) == ""
-    for press in presses[::4]:
+    for press in list(presses.values())[::4]:
         assert pattern_problem(press, background) == ""
         for by in (20, 80, 200):
             assert "are rolled by" in pattern_problem(np.roll(press, by, axis=1), background)
