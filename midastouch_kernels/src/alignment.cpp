@@ -71,7 +71,7 @@ public:
             put(found.posterior.mean, found_pose.data(), 0);
             put(found.posterior.covariance, found_covariance.data(), 0);
         }
-        return nb::make_tuple(found_pose, found_covariance, found.log_evidence, found.fit);
+        return nb::make_tuple(found_pose, found_covariance, found.fit);
     }
 
     // See `align_each` of the binding.
@@ -145,7 +145,7 @@ private:
 
     struct Descent {
         Gaussian posterior;
-        double log_evidence, fit;
+        double fit;
     };
 
     // A posterior of all fingers' maps, the fraction explained of each, and after how many descents.
@@ -165,13 +165,10 @@ private:
     Descent descent(Workspace& work, const Gaussian& prior, const Transform& start, const std::vector<float>& map,
                     double needed) const {
         Transform state = start;
-        const Cholesky wide(prior.covariance);
-        const Matrix6 inverse = wide.inverse();
+        const Matrix6 inverse = Cholesky(prior.covariance).inverse();
         const Equations at =
             descend(work, prior.mean, state, inverse, first_width(prior.covariance), map, true, needed);
-        const Cholesky narrow(sum_of(inverse, at.hessian));
-        const double log_evidence = -0.5 * (at.cost + narrow.log_determinant() + wide.log_determinant());
-        return {{state, narrow.inverse()}, log_evidence, at.fit};
+        return {{state, Cholesky(sum_of(inverse, at.hessian)).inverse()}, at.fit};
     }
 
     // The posterior of all fingers' maps in turn, from where it ended as long as that explains more of them: one
@@ -382,7 +379,7 @@ void bind_alignment(nb::module_& m) {
              nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"),
              nb::arg("reach"))
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),
-             "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
+             "Posterior pose (4, 4), covariance (6, 6) and fit of the prior N(pose, covariance), own "
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).")
         .def(
             "align_each", &MapAlignment::align_each, named("poses"), named("covariances"), named("maps"), named("gels"),

@@ -51,12 +51,6 @@ public:
         return out;
     }
 
-    double log_determinant() const {
-        double sum = 0;
-        for (int i = 0; i < 6; ++i) sum += 2 * std::log(factor_[7 * i]);
-        return sum;
-    }
-
 private:
     Matrix6 factor_{};
 };

@@ -70,7 +70,7 @@ class Hypotheses:
         return list(self.alignment.align_each(**given | changed))
 
     def align(self, k: int, jitter: np.ndarray) -> tuple:
-        """Hypothesis k by itself: pose, covariance, log-evidence and fit, jitter included."""
+        """Hypothesis k by itself: pose, covariance and fit, jitter included."""
         return self.alignment.align(self.poses[k], self.covariances[k] + jitter, self.maps[0], self.poses[k])
 
 
@@ -91,7 +91,7 @@ def test_alignment_sees_what_the_renderer_sees(corners, walled):
     for pose, penetration in zip(poses, there.rendered(*poses), strict=True):
         start = pose.copy()
         start[0, 3] += 0.02  # far off: what is seen from there is not what is seen from the pose
-        fit = there.alignment.align(pose, PLACED, penetration, start)[3]
+        fit = there.alignment.align(pose, PLACED, penetration, start)[2]
         assert fit > 1 - 1e-4, "a pixel on an edge may fall to either side"
 
 
@@ -121,7 +121,7 @@ def test_one_finger_without_jitter_is_aligned_as_by_itself(hypotheses):
         jitter=NOTHING, descents=1, patches=1e6
     )
     for k in range(MANY):
-        pose, covariance, _, fit = hypotheses.align(k, NOTHING)
+        pose, covariance, fit = hypotheses.align(k, NOTHING)
         np.testing.assert_array_equal(seen[k], pose)
         np.testing.assert_array_equal(seen_covariances[k], covariance)
         assert fits[k, 0] == fit
@@ -139,7 +139,7 @@ def test_only_the_hypothesis_part_of_what_is_seen_stays(hypotheses, patches):
     factors = np.minimum(patches / (1 - fits[:, 0] + FLOOR) / weight, 1)
     assert (factors[fits[:, 0] > 0.6] < 1).all() == (patches < 1)
     for k in np.flatnonzero(fits[:, 0] > 0.6):
-        pose, covariance, *_ = hypotheses.align(k, JITTER)
+        pose, covariance, _ = hypotheses.align(k, JITTER)
         prior = hypotheses.poses[k], hypotheses.covariances[k]
         expected = conditioned(*prior, JITTER, pose, covariance, factors[k])
         assert_same_gaussian((poses[k], covariances[k]), expected)
@@ -191,7 +191,7 @@ def test_fingers_are_aligned_in_turn(hypotheses):
         for number, (penetration, gel) in enumerate(zip(maps, gels, strict=True)):
             there, prior = pose @ gel, kernels.transform_covariances(covariance[None], gel)[0]
             error = frame["finger_error"] if number else NOTHING
-            at, posterior, _, fit = hypotheses.alignment.align(there, prior + error, penetration, there)
+            at, posterior, fit = hypotheses.alignment.align(there, prior + error, penetration, there)
             if number:
                 at, posterior = conditioned(there, prior, error, at, posterior)
             back = np.linalg.inv(gel)
@@ -206,11 +206,11 @@ def test_descents_follow_each_other_while_they_explain_more(hypotheses):
     assert set(found[5]) <= {1, 2, 3, 4}
     assert len(set(found[5])) > 1
     for k in range(MANY):
-        pose, covariance, _, fit = hypotheses.align(k, JITTER)
+        pose, covariance, fit = hypotheses.align(k, JITTER)
         best, count, more = (pose, covariance, fit), 1, True
         while more and count < 4 and best[2] < 0.95:
             prior = hypotheses.poses[k], hypotheses.covariances[k] + JITTER
-            pose, covariance, _, fit = hypotheses.alignment.align(*prior, hypotheses.maps[0], best[0])
+            pose, covariance, fit = hypotheses.alignment.align(*prior, hypotheses.maps[0], best[0])
             count, more = count + 1, fit - best[2] >= 0.12 * (1 - best[2])
             best = max(best, (pose, covariance, fit), key=lambda each: each[2])
         np.testing.assert_array_equal(found[3][k], best[0])

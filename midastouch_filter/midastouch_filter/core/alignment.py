@@ -37,13 +37,11 @@ class Aligned:
     """A Gaussian over poses after the penetration map was taken into account.
 
     pose (4, 4) `T_obj_gel`; covariance (6, 6) of [translation, rotation] in the pose's own frame, m and rad;
-    log_evidence, how well the map fits the prior Gaussian, relative to other Gaussians for the same map;
     fit, fraction in [0, 1] of the touched pixels that the pose explains (0 if nothing is touched).
     """
 
     pose: np.ndarray
     covariance: np.ndarray
-    log_evidence: float
     fit: float
 
 
@@ -100,17 +98,11 @@ class PenetrationAlignment:
         """Return the penetration maps (N, H, W) [m] that a sensor measures at poses (N, 4, 4)."""
         return np.maximum(self._renderer.render(poses), 0.0)
 
-    def align(
-        self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray, start: np.ndarray | None = None
-    ) -> Aligned:
-        """Return the posterior of a prior N(pose (4, 4), covariance (6, 6), own frame), given a penetration map (H, W).
-
-        The map is in metres. The search for the optimum begins at `start` (4, 4), by default the prior's pose.
-        """
+    def align(self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray) -> Aligned:
+        """Return the posterior of a prior N(pose (4, 4), covariance (6, 6), own frame), given a penetration map (H, W),
+        in metres."""
         pose = np.ascontiguousarray(pose, float)
-        start = pose if start is None else np.ascontiguousarray(start, float)
-        found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
-        return Aligned(found, posterior, log_evidence, fit)
+        return Aligned(*self._kernel.align(pose, covariance, penetration, pose))
 
     def align_each(
         self,
