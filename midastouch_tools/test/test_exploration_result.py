@@ -62,6 +62,8 @@ def test_which_poses_are_alike_is_told(tmp_path):
     axis = Symmetry(free="axis", axis=np.array([0.0, 0.0, 1.0]), centre=np.array([0.002, 0.0, 0.0]))
     (words,) = result_rows_of(result({}, symmetry=axis))
     assert "any turn about the axis (0.00, 0.00, 1.00) through (2, 0, 0) mm" in words
+    (words,) = result_rows_of(result({}, symmetry=Symmetry(free="all", centre=np.array([0.002, -1e-4, 0.0]))))
+    assert words == "sphere: any turn about its centre, (2, 0, 0) mm"
 
 
 def result_rows_of(found) -> list[str]:

@@ -23,9 +23,10 @@ from midastouch_common.message_arrays import (
 from midastouch_common.pose_metric import particle_rmse
 from midastouch_perception.symmetry.group import Symmetry
 
+from ..progress import progress_bar
 from .images import read_bag
 from .messages import header_stamp_ns
-from .reader import bag_messages, bag_topics
+from .reader import bag_messages, bag_topics, message_counts
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 OBJECTS = "/object_hypotheses"
@@ -75,10 +76,13 @@ def read_run(path: str | Path) -> RunRecord:
     )
     if not recorded >= {STATUS, MODES, PARTICLES}:
         raise no_results
-    results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
-    for topic in (POSE, CODE, PENETRATION, OBJECTS):
-        results[topic] = dict(by_stamp(path, topic)) if topic in recorded else {}
-    results[STATUS] = answers(path)
+    results: dict[str, dict[int, Any]] = {STATUS: answers(path)}
+    results |= {topic: {} for topic in (MODES, PARTICLES, POSE, CODE, PENETRATION, OBJECTS)}
+    wanted = recorded & results.keys() - {STATUS}
+    count = sum(number for topic, number in message_counts(path).items() if topic.name in wanted)
+    messages = bag_messages(path, wanted)  # all in one pass: each reads the whole file
+    for message in progress_bar(iterable=messages, desc=f"reading {Path(path).name}", unit="message", total=count):
+        results[message.topic][header_stamp_ns(message.data)] = message.content
     snapshots, n_particles, filter_ms = [], [], []
     start, seen, objects = None, set(), {}
     for frame in read_bag(path):

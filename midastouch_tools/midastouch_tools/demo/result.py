@@ -134,12 +134,14 @@ def _alike_in_words(symmetry: Symmetry, alike: list[list[float]]) -> str:
     words = f"{symmetry.describe()}: at {places}{more} mm" if alike else symmetry.describe()
     if symmetry.free == "none":
         return words
-    axis = f"the axis ({', '.join(f'{x:.2f}' for x in symmetry.axis)}) through " if symmetry.free == "axis" else ""
-    return f"{words}, and by any turn about {axis}{_place(symmetry.centre)} mm"
+    if symmetry.free == "all":
+        return f"sphere: any turn about its centre, {_place(symmetry.centre)} mm"
+    axis = ", ".join(f"{x:.2f}" for x in symmetry.axis)
+    return f"{words}, and by any turn about the axis ({axis}) through {_place(symmetry.centre)} mm"
 
 
 def _place(point: Iterable[float]) -> str:
-    return f"({', '.join(f'{1e3 * x:.0f}' for x in point)})"
+    return f"({', '.join(str(round(1e3 * x)) for x in point)})"
 
 
 def in_a_sentence(done: str, result: dict) -> str:

@@ -7,6 +7,8 @@ import sys
 import threading
 from collections.abc import Callable
 
+from rclpy.clock import Clock, ClockType
+
 from midastouch_common.errors import InputError
 from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics, LastingWarnings
 from midastouch_common.ros.node import PipelineNode
@@ -68,6 +70,7 @@ PARAMETERS = (
 )
 
 _LONG_S = 10.0  # wait for the next message that is worth a warning
+_TOLD_EVERY_S = 10.0
 
 
 class Replay(PipelineNode):
@@ -95,11 +98,13 @@ class Replay(PipelineNode):
         timeout_reports = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
         flow = FlowControl(self._playback, timeout_reports, lambda: bool(answers.publishers()), self._on_lost)
         topic = self._settings["ack_topic"]
-        answers = FilterAnswers(self, topic, flow) if topic else None
+        answers = self._answers = FilterAnswers(self, topic, flow) if topic else None
         nodes, subscribers = self._settings["wait_for_nodes"].split(), self._settings["wait_for_subscribers"]
         self._listeners = Listeners(self, self._output, answers, nodes, subscribers)
         self.player = Player(source, self._playback, flow, answers is not None, self._output.send, self._output.tell)
         self.control = ReplayControl(self, self._playback, lambda: self.player.position, source.duration_s)
+        self._duration = source.duration_s
+        self.create_timer(_TOLD_EVERY_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._lasting = LastingWarnings(self)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
@@ -120,7 +125,7 @@ class Replay(PipelineNode):
             self._await_listeners()
             self.player.play(lambda: self._settings["loop"])
             self._output.flush()
-            self.get_logger().info(self.player.summary())
+            self.get_logger().info(f"{self.player.summary()}{self._state}")
         except Exception as error:
             if isinstance(error, RCLError) and not self.context.ok():
                 return  # the process was told to stop in the middle of a call
@@ -130,6 +135,14 @@ class Replay(PipelineNode):
         finally:
             self.finished.set()
             self._on_end()
+
+    @property
+    def _state(self) -> str:
+        return f"; the filter is {self._answers.state}" if self._answers and self._answers.state else ""
+
+    def _tell(self) -> None:
+        if self.player.frames_sent and not (self._playback.paused or self.finished.is_set()):
+            self.get_logger().info(f"{self.player.position:.0f} of {self._duration:.0f} s{self._state}")
 
     def _await_listeners(self) -> None:
         self._listeners.wait(lambda: self._playback.stopped)

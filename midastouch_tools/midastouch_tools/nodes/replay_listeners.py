@@ -28,10 +28,12 @@ _LONG_S = 4.0  # for nodes that run to be discovered
 
 
 class FilterAnswers:
-    """Subscription to the filter's answers on `topic` and to its diagnostics, for the flow control."""
+    """Subscription to the filter's answers on `topic` and to its diagnostics, for the flow control.
+
+    Attributes: topic; state: of the newest answer, empty before the first."""
 
     def __init__(self, node: Node, topic: str, flow: FlowControl):
-        self._node, self._flow, self.topic = node, flow, topic
+        self._node, self._flow, self.topic, self.state = node, flow, topic, ""
         self._statuses = node.create_subscription(FilterStatus, topic, self._on_status, qos.latched(depth=50))
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -45,7 +47,9 @@ class FilterAnswers:
         return self._statuses.get_publisher_count() > 0
 
     def _on_status(self, status: FilterStatus) -> None:
-        self._flow.on_status(stamp_ns(status.header.stamp), status.state == FilterStatus.STATE_WAITING)
+        waiting = status.state == FilterStatus.STATE_WAITING
+        self.state = self.state if waiting else status.state
+        self._flow.on_status(stamp_ns(status.header.stamp), waiting)
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:

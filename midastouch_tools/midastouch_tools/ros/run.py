@@ -30,6 +30,8 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     given = launch_file.values(name, words)
     if "use_rviz" in given and not any(word.startswith("use_rviz:=") for word in words):
         given["use_rviz"] = "false"
+    if given.get("mesh") and any(word.startswith("object:=") for word in words):
+        raise InputError("object and mesh are both given; give one of them, as each names what is touched")
     prepare(name, given)
     if name == "explore":
         return _explore(given)

@@ -47,6 +47,7 @@ def test_arguments_go_over_the_defaults():
         ("filter", "params_file:=/none.yaml", "/none.yaml: no such parameter file"),
         ("explore", "namespace:=left", "namespace: midastouch run explore draws without one"),
         ("explore", "mesh:=none.stl", "mesh:=none.stl: no such file"),
+        ("replay", "bag:=a object:=ball mesh:=box.ply", "object and mesh are both given"),
         ("live_ur", "mesh:=ball", "give the bundled object by its name, object:=ball"),
         ("mount", "frames_file:=none.yaml", "frames_file:=none.yaml: no such file"),
         ("explore", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
