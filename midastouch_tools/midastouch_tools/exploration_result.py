@@ -29,7 +29,7 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     if not run:
         return write_words(result, "no frame was recorded with its penetration map", out)
     page = Page(_TITLE + mesh.name)
-    page.note(in_a_sentence(f"A simulated finger explored {mesh.name}", result))
+    page.note(in_a_sentence(f"{mesh.name} was explored", result))
     add_run(page, result_rows(result), run, mesh, codebook, out)
     if any(one.objects for one in run):
         page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")

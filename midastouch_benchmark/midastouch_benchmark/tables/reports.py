@@ -113,7 +113,7 @@ COMMANDS = {
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested lifts random",
     "exploration_arm": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy arm",
-    "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 30",
+    "motion": "midastouch evaluate-motion --meshes ../shared/meshes/ycb --trials 14",
     "bench": "midastouch bench --paper-networks",
     "scale": "midastouch bench-scale",
     "soak": "make soak MINUTES=1",
