@@ -70,7 +70,7 @@ PARAMETERS = (
 )
 
 _LONG_S = 10.0  # wait for the next message that is worth a warning
-_TOLD_EVERY_S = 10.0
+_PROGRESS_EVERY_S = 10.0
 
 
 class Replay(PipelineNode):
@@ -104,7 +104,7 @@ class Replay(PipelineNode):
         self.player = Player(source, self._playback, flow, answers is not None, self._output.send, self._output.tell)
         self.control = ReplayControl(self, self._playback, lambda: self.player.position, source.duration_s)
         self._duration = source.duration_s
-        self.create_timer(_TOLD_EVERY_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_PROGRESS_EVERY_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._lasting = LastingWarnings(self)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
