@@ -60,9 +60,9 @@ class Rehearsal:
     Args: arm; where(): returns T_obj_gel (4, 4) of its gel; look(T_obj_gel): returns the contact in an image there, of
     any stamp; controller; fps, images per second; delay(): returns the seconds until an image is understood;
     measure_force(): returns the force (3,) [N] on the gel in its frame, None for an arm without a sensor of it.
-    Attributes: controller; now [s]; seen, the guard's input; frozen, names among `enabled`, `image`, `pose`, `wrench`,
-    `force` and `gel` of inputs that are not updated; delay; jump (4, 4), by which the poses of TF are off. Set them to
-    inject a fault; `restore` undoes that.
+    Attributes: controller, with its guard; now [s]; seen, the guard's input; frozen, names among `enabled`, `image`,
+    `pose`, `wrench`, `force` and `gel` of inputs that are not updated; delay; jump (4, 4), by which the poses of TF are
+    off. Set them to inject a fault; `restore` undoes that.
     """
 
     def __init__(
@@ -76,7 +76,8 @@ class Rehearsal:
         measure_force: Callable[[], np.ndarray] | None = None,
     ):
         self._arm, self._where, self._look, self.controller = arm, where, look, controller
-        self._fps, self._usual_delay, self._measure_force = fps, delay, measure_force
+        self._fps, self._measure_force = fps, measure_force
+        self._usual = controller.guard, delay
         self._images: Late[Measured] = Late()
         self._due = self.now = 0.0
         self.frozen: set[str] = set()
@@ -86,7 +87,8 @@ class Rehearsal:
 
     def restore(self) -> None:
         """Undo all faults."""
-        self.seen, self.delay, self.jump = Seen(listeners=1, commanders=1), self._usual_delay, np.eye(4)
+        self.controller.guard, self.delay = self._usual
+        self.seen, self.jump = Seen(listeners=1, commanders=1), np.eye(4)
         self.frozen.clear()
 
     def carry_out(

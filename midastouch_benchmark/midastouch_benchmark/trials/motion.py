@@ -266,9 +266,7 @@ class _Trial:
             elif known < math.inf and not moment.twist.any():
                 stopped = min(stopped, moment.time)
 
-        guard = self._controller.guard
         slide = self._motion(SlideSkill(self._heading(_ONWARD), _ONWARD, DEPTH), after)
-        self._controller.guard = guard
         self._rehearsal.restore()
         if not moving:
             return None

@@ -7,7 +7,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_perception.sensor_model import MAX_PENETRATION
 
-from .contact_servo import LONGEST_PERIOD, ContactServo
+from .contact_servo import LONGEST_PERIOD, ContactServo, Limits
 from .guard import Guard, Seen
 from .skills import BackOffSkill, Skill, SkillEnd
 from .wrench import ForceModel, Wrench
@@ -42,7 +42,6 @@ class Controller:
         self._clear = True  # whether the last motion has led off whatever touched
         self._held: float | None = None  # s, since when it stands still for a force that an image may explain
         self._free = False  # whether a gel that leaves a surface has been free of too strong a force
-        self._before: tuple[float, np.ndarray] | None = None  # stamp [s] and pose (4, 4) of the gel
         self._following = _Following()
 
     @property
@@ -54,7 +53,6 @@ class Controller:
         """Begin to carry out a skill."""
         self.skill, self._reason = skill, None
         self._since, self._moving, self._free, self._held = None, False, False, None
-        self._before = None
         self._following = _Following()
 
     def step(self, now: float, seen: Seen) -> tuple[np.ndarray, SkillEnd | None]:
@@ -84,7 +82,7 @@ class Controller:
             self._since = now
             return self.servo.stop(now), None  # the motion accelerates from zero
         stop, late = self.guard.stop(now, seen), self.guard.late(now, seen)
-        jump = self._jump(seen)
+        jump = self._following.jump(seen, self.servo.limits)
         problem = stop or late or untared or ("" if self.skill.leaves else jump)
         if not (problem or self.skill.leaves) and (self._must_go_back(now, seen) or self._held is not None):
             return self.servo.stop(now), None
@@ -104,19 +102,6 @@ class Controller:
         if problem := self.guard.outside(seen, twist) or self._following.problem(now, twist, seen):
             return self._end(now, self._reason or SkillEnd(False, problem))
         return twist, None
-
-    def _jump(self, seen: Seen) -> str:
-        """Return that the gel's pose has changed by more than the limits of its motion allow; empty if it has not."""
-        before, self._before = self._before, (seen.pose, seen.gel.copy())
-        if before is None:
-            return ""
-        limits, passed = self.servo.limits, max(seen.pose - before[0], 0.0)
-        most = _JUMP + 1.5 * passed * np.array([limits.air_speed, limits.turn_speed])
-        way, angle = moved = _lengths(se3.log(se3.inverse(before[1]) @ seen.gel))
-        if (moved <= most).all():
-            return ""
-        jump = f"the gel's transform jumped by {1e3 * way:.1f} mm and {np.degrees(angle):.0f} deg"
-        return f"{jump}: was its mount changed, or does anything else move the arm?"
 
     def _must_go_back(self, now: float, seen: Seen) -> bool:
         """Return whether the gel must be pulled back; if so, begin that, after which the motion ends for the reason."""
@@ -161,15 +146,28 @@ class Controller:
 
 
 class _Following:
-    """Check that an arm follows its twists: one that is held up must not be pushed on for ever."""
+    """Check that an arm follows its twists: one that is held up must not be pushed on for ever, and none jumps."""
 
     def __init__(self) -> None:
+        self._before: tuple[float, np.ndarray] | None = None  # stamp [s] and pose (4, 4) of the gel a period ago
         self._from: np.ndarray | None = None
         self._asked, self._then, self._newest = np.zeros(6), 0.0, -np.inf
 
+    def jump(self, seen: Seen, limits: Limits) -> str:
+        """Return that the gel's pose has changed by more than the limits of its motion allow; empty if it has not."""
+        before, self._before = self._before, (seen.pose, seen.gel.copy())
+        if before is None:
+            return ""
+        most = _JUMP + 1.5 * max(seen.pose - before[0], 0.0) * np.array([limits.air_speed, limits.turn_speed])
+        way, angle = moved = _moved(before[1], seen.gel)
+        if (moved <= most).all():
+            return ""
+        jump = f"the gel's transform jumped by {1e3 * way:.1f} mm and {np.degrees(angle):.0f} deg"
+        return f"{jump}: was its mount changed, or does anything else move the arm?"
+
     def problem(self, now: float, twist: np.ndarray, seen: Seen) -> str:
         """Return why the arm does not follow, empty as long as it does. twist (6,): from `now` [s] on."""
-        if self._from is None or (_lengths(se3.log(se3.inverse(self._from) @ seen.gel)) > _STILL).any():
+        if self._from is None or (_moved(self._from, seen.gel) > _STILL).any():
             self._from, self._asked = seen.gel.copy(), np.zeros(6)
         else:
             self._asked += min(now - self._then, LONGEST_PERIOD) * twist
@@ -179,6 +177,11 @@ class _Following:
             return ""
         way, angle = 1e3 * asked[0], np.degrees(asked[1])
         return f"the arm does not follow: it stays where it is over {way:.0f} mm and {angle:.0f} deg of twists"
+
+
+def _moved(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return the way [m] and the angle [rad] (2,) from a pose (4, 4) to another."""
+    return _lengths(se3.log(se3.inverse(before) @ after))
 
 
 def _lengths(twist: np.ndarray) -> np.ndarray:

@@ -72,8 +72,7 @@ class Explorer(PipelineNode):
         self._change = ObjectChange(self, self._on_object_changed)
         did, sight, push = self._exploration, self._sight, Push(self, problem)
         control = ExplorerControl(self, did, sight, self._take, self._resume, push, self._change)
-        goals = FingerGoals(self, did, sight, self._take, problem)
-        FingerMarker(self, self._sight, goals.send, control.commands, problem)
+        FingerMarker(self, sight, FingerGoals(self, did, sight, self._take, problem).send, control.commands, problem)
         self._show(load_mesh(p["mesh"]) if p["mesh"] else None)
         self.create_timer(1 / _RATE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from midastouch_perception.symmetry.group import Symmetry
 from ..progress import progress_bar
 from .images import read_bag
 from .messages import header_stamp_ns
-from .reader import bag_messages, bag_topics, message_counts
+from .reader import bag_messages, message_counts
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 OBJECTS = "/object_hypotheses"
@@ -69,20 +69,19 @@ def read_run(path: str | Path) -> RunRecord:
     InputError
         The bag cannot be read or holds no frame with a result.
     """
-    recorded = {topic.name for topic in bag_topics(path)}
+    topics = {STATUS, MODES, PARTICLES, POSE, CODE, PENETRATION, OBJECTS, DIAGNOSTICS}
+    counts = {topic.name: number for topic, number in message_counts(path).items() if number and topic.name in topics}
     no_results = InputError(
         f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
         f"that with the node recorder (how to play it: midastouch inspect-bag {path})"
     )
-    if not recorded >= {STATUS, MODES, PARTICLES}:
+    if not counts.keys() >= {STATUS, MODES, PARTICLES}:
         raise no_results
-    results: dict[str, dict[int, Any]] = {STATUS: answers(path)}
-    results |= {topic: {} for topic in (MODES, PARTICLES, POSE, CODE, PENETRATION, OBJECTS)}
-    wanted = recorded & results.keys() - {STATUS}
-    count = sum(number for topic, number in message_counts(path).items() if topic.name in wanted)
-    messages = bag_messages(path, wanted)  # all in one pass: each reads the whole file
-    for message in progress_bar(iterable=messages, desc=f"reading {Path(path).name}", unit="message", total=count):
-        results[message.topic][header_stamp_ns(message.data)] = message.content
+    found: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
+    messages, total = bag_messages(path, counts), sum(counts.values())  # in one pass: each reads the whole file
+    for message in progress_bar(iterable=messages, desc=f"reading {Path(path).name}", unit="message", total=total):
+        found[message.topic].append((header_stamp_ns(message.data), message.content))
+    results = {topic: dict(messages) for topic, messages in found.items()} | {STATUS: _answers(found[STATUS])}
     snapshots, n_particles, filter_ms = [], [], []
     start, seen, objects = None, set(), {}
     for frame in read_bag(path):
@@ -105,7 +104,7 @@ def read_run(path: str | Path) -> RunRecord:
             estimate=None if pose is None else pose_from_msg(pose.pose.pose),
             image=frame.image,
             penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
-            code=np.asarray(found.code) if (found := results[CODE].get(stamp)) and found.in_contact else None,
+            code=np.asarray(code.code) if (code := results[CODE].get(stamp)) and code.in_contact else None,
             state=status.state,
             objects=objects,
             symmetry=_symmetry(results[MODES][stamp]),
@@ -115,7 +114,7 @@ def read_run(path: str | Path) -> RunRecord:
         filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
         raise no_results
-    return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
+    return RunRecord(snapshots, n_particles, filter_ms, _node_times(found[DIAGNOSTICS]))
 
 
 def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
@@ -126,8 +125,12 @@ def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
 
 def answers(path: str | Path) -> dict[int, Any]:
     """Return the first status of each stamp [ns] that is an answer, not the state `waiting`."""
+    return _answers(by_stamp(path, STATUS))
+
+
+def _answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
     answers: dict[int, Any] = {}
-    for stamp, status in by_stamp(path, STATUS):
+    for stamp, status in statuses:
         if status.state != status.STATE_WAITING:
             answers.setdefault(stamp, status)
     return answers
@@ -161,11 +164,11 @@ def _nearest_to_truth(one: Snapshot) -> Snapshot:
     return dataclasses.replace(one, particles=nearest(one.particles), modes=modes, estimate=estimate)
 
 
-def _node_times(path: str | Path) -> dict[str, float]:
-    """Return the mean work per frame [ms] of each node that reports its rate and time on /diagnostics."""
+def _node_times(diagnostics: Iterable[tuple[int, Any]]) -> dict[str, float]:
+    """Return the mean work per frame [ms] of each node that reports its rate and time in diagnostics by stamp."""
     work: dict[str, list[tuple[float, float]]] = {}
-    for message in bag_messages(path, {DIAGNOSTICS}):
-        for status in message.content.status:
+    for _, message in diagnostics:
+        for status in message.status:
             values = {item.key: item.value for item in status.values}
             if "mean_ms" in values and float(values["rate_hz"]) > 0:
                 entry = float(values["rate_hz"]), float(values["mean_ms"])

@@ -139,10 +139,8 @@ def load_npy(path: str | Path) -> Any:
     with path.open("rb") as stream:
         with readable(path, "not a NumPy file", "get the file again"):
             version = np.lib.format.read_magic(stream)
-            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[
-                version
-            ]
-            dtype = read_header(stream)[2]
+            readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+            dtype = readers[version](stream)[2]
             if not dtype.hasobject:
                 stream.seek(0)
                 return np.lib.format.read_array(stream, allow_pickle=False)

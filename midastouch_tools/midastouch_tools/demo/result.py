@@ -129,13 +129,13 @@ def is_found(error: dict) -> bool:
 
 def _alike_in_words(symmetry: Symmetry, alike: list[list[float]]) -> str:
     """Describe the poses `alike` (K, 7), and the free rotations that lead from them to others."""
+    if symmetry.free == "all":
+        return f"{symmetry.describe()}: any turn about its centre, {_place(symmetry.centre)} mm"
     places = ", ".join(_place(pose[:3]) for pose in alike[:_MOST_NAMED])
     more = f" and {len(alike) - _MOST_NAMED} more" if len(alike) > _MOST_NAMED else ""
     words = f"{symmetry.describe()}: at {places}{more} mm" if alike else symmetry.describe()
     if symmetry.free == "none":
         return words
-    if symmetry.free == "all":
-        return f"sphere: any turn about its centre, {_place(symmetry.centre)} mm"
     axis = ", ".join(f"{x:.2f}" for x in symmetry.axis)
     return f"{words}, and by any turn about the axis ({axis}) through {_place(symmetry.centre)} mm"
 
