@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.control.wrench import GEL_STIFFNESS
@@ -18,6 +19,16 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
 _PIXELS = 0.25  # fraction of the image's resolution: 0.3 mm on a DIGIT
+_FREE = 2e-5  # m: an object no deeper than this is out of the gel
+_RING = 1e-4  # m
+_WAYS = np.array(
+    [[0.0, 0.0, 1.0]]
+    + [
+        [math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)]
+        for up in np.radians((0.0, 30.0, 60.0))
+        for around in np.radians(np.arange(0.0, 360.0, 30.0))
+    ]
+)  # in which a gel is drawn away from an object
 
 
 @dataclass(frozen=True)
@@ -49,6 +60,17 @@ class GelLayer:
         self._area = small.pixel_area
         self._sheared: np.ndarray = np.zeros(2)
         self.deepest = 0.0
+
+    def indented(self, pose: np.ndarray, least: float) -> float:
+        """Return the shortest way [m], of at least `least`, on which the gel gets off the object: for a face its depth,
+        for a wall at the gel's border the part of the gel that is behind it. pose: as for `force`."""
+        deepest = float(self._renderer.render(pose[None])[0].max())
+        while least < deepest:
+            shifts = se3.make(np.tile(np.eye(3), (len(_WAYS), 1, 1)), least * _WAYS)
+            if self._renderer.render(pose @ shifts).max(axis=(1, 2)).min() <= _FREE:
+                break
+            least += _RING
+        return least
 
     def force(self, pose: np.ndarray, velocity: np.ndarray, period: float) -> np.ndarray:
         """Return force [N] and torque [N m] about the apex (6,) on the gel, in its frame, after `period` s more.

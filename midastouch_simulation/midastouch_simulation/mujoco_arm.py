@@ -101,6 +101,10 @@ class MujocoArm:
         """Depth of the object in the gel [m]."""
         return self._layer.deepest
 
+    def indented(self, least: float) -> float:
+        """Shortest way [m], of at least `least`, on which the gel gets off the object."""
+        return self._layer.indented(self.gel_on_object, least)
+
     @property
     def pose(self) -> np.ndarray:
         """Pose T_base_gel (4, 4) by the joints and the drawing, which TF has."""

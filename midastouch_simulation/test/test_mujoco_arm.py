@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -140,3 +141,16 @@ def test_the_layer_pushes_by_its_stiffness_times_the_volume():
     for name, value in {"stiffness": -1.0, "friction": math.nan, "shear": math.inf}.items():
         with pytest.raises(InputError, match=name):
             Gel(**{name: value})
+
+
+def test_a_wall_at_its_border_presses_a_gel_in_sideways():
+    block = trimesh.creation.box([0.04, 0.04, 0.03])
+    layer = GelLayer(ObjectMesh(block.vertices, block.faces, "block", ""), SENSOR, Gel())
+    assert layer.indented(se3.translation([0.0, 0.0, 0.02]), 0.0) == 0.0
+    assert layer.indented(se3.translation([0.0, 0.0, 0.015 - 6e-4]), 0.0) == pytest.approx(6e-4, abs=1.5e-4)
+    half = (SENSOR.rays[0] * SENSOR.gel_depth).max()
+    for behind in (8e-4, 1.6e-3):
+        at_wall = se3.translation([0.02 + half - behind, 0.0, 0.005])
+        layer.force(at_wall, np.zeros(2), 2e-3)
+        assert layer.deepest > 2 * behind
+        assert layer.indented(at_wall, 0.0) == pytest.approx(behind, abs=2e-4)

@@ -10,13 +10,19 @@ TOO_DEEP_MM = 1.5
 """Depth [mm] from which an object in a gel may harm it."""
 
 
+def too_deep(depths: list[float]) -> str:
+    """Return in words how many of some depths [mm] are larger than `TOO_DEEP_MM`."""
+    return f"{sum(depth > TOO_DEEP_MM for depth in depths)} of {len(depths)}"
+
+
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """Return figures by policy, over all trials and by object; fractions and medians have 95 % intervals.
 
     trials: their number; right, wrong: fractions that end converged at such a pose; alike: fraction that ends with
     hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others;
     asked_ms: 95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m;
-    deepest_mm: of an arm, the largest of all trials; too_deep: how many of them pressed deeper than `TOO_DEEP_MM`;
+    indented_mm: of an arm, the largest of all trials; too_deep: how many of them pressed their gel in by more than
+    `TOO_DEEP_MM`; deep_along: the same along the gel's axis;
     path_ratio: median path over that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
@@ -38,7 +44,7 @@ def _of_policy(trials: list[dict]) -> dict:
     alike = [t["ending"] == "alike" for t in trials]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
-    depths = [t["deepest_mm"] for t in trials if t.get("deepest_mm")]
+    indented, depths = ([t[key] for t in trials if t.get(key)] for key in ("indented_mm", "deepest_mm"))
     timed = any(t.get("seconds") for t in trials)
     seconds = np.array([t.get("seconds") if r else np.inf for r, t in zip(right, trials, strict=True)], float)
     return {
@@ -50,8 +56,9 @@ def _of_policy(trials: list[dict]) -> dict:
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
         "seconds": figures.value(seconds, np.median) if timed else None,
-        "deepest_mm": max(depths, default=None),
-        "too_deep": f"{sum(depth > TOO_DEEP_MM for depth in depths)} of {len(depths)}" if depths else None,
+        "indented_mm": max(indented, default=None),
+        "too_deep": too_deep(indented) if indented else None,
+        "deep_along": too_deep(depths) if depths else None,
     }
 
 

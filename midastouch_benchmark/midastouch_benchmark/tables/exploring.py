@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from ..statistics.exploring import TOO_DEEP_MM, summarise_exploration
+from ..statistics.exploring import summarise_exploration, too_deep
 from ..statistics.intervals import Figures
 from .reports import CONDITIONS, STARTS, report, reported, rows_of
 from .table import Form, Row, Table, fraction, is_missing, text, value
@@ -37,8 +37,9 @@ _EXPLORED: dict[str, Form] = {
     "over that of random": text("path_ratio", "{:.2f}"),
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
     "simulated time until right, median": value("seconds", "{:.0f}", " s"),
-    "deepest in the gel": text("deepest_mm", "{:.2f} mm"),
-    "deeper than 1.5 mm": text("too_deep"),
+    "gel pressed in by": text("indented_mm", "{:.2f} mm"),
+    "by more than 1.5 mm": text("too_deep"),
+    "more along its axis": text("deep_along"),
 }
 
 
@@ -126,8 +127,9 @@ _MOTION = Table(
         "ended as wanted": fraction("success"),
         "ended with a reason": text("ended"),
         "at the wanted depth": fraction("held", 1),
-        "deeper than 1.5 mm": text("too_deep"),
-        "deepest": text("deepest", "{:.2f} mm"),
+        "gel pressed in by more than 1.5 mm": text("too_deep"),
+        "by": text("indented", "{:.2f} mm"),
+        "more than 1.5 mm along its axis": text("deep_along"),
         "contact lost where the surface goes on": fraction("lost", 1),
     },
 )
@@ -183,12 +185,13 @@ def _of_kind(content: dict, kind: str) -> list[dict]:
 
 
 def _motion_row(what: str, motions: list[dict]) -> dict:
-    deepest = [each["deepest_mm"] for each in motions]
+    indented = [each["indented_mm"] for each in motions]
     return {
         "what": what,
         "trials": len(motions),
         "success": Figures.by_seed(motions).fraction([each["success"] for each in motions]),
         "ended": f"{sum(each['ended'] for each in motions)} of {len(motions)}",
-        "too_deep": f"{sum(depth > TOO_DEEP_MM for depth in deepest)} of {len(deepest)}",
-        "deepest": max(deepest, default=math.nan),
+        "too_deep": too_deep(indented),
+        "indented": max(indented, default=math.nan),
+        "deep_along": too_deep([each["deepest_mm"] for each in motions]),
     }

@@ -40,8 +40,8 @@ class ArmWorld:
     """World of an arm; limits of motions and reach are those of `midastouch run explore arm:=mujoco`.
 
     Attributes: rig; reach: of the arm; sensed: of the image last yielded; deepest [m]: largest depth of the object in
-    the gel so far. Args: mesh: lies on a random side; sensor: full size; perceive(T_obj_gel): measures an image there;
-    rng.
+    the gel so far, along its axis; indented [m]: largest of the shortest ways off the object. Args: mesh: lies on a
+    random side; sensor: full size; perceive(T_obj_gel): measures an image there; rng.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class ArmWorld:
         self.reach = Reach(of_explorer["reach_low"], of_explorer["reach_high"], of_explorer["max_tilt"], asks=True)
         self._perceive = perceive
         self._coming: list[tuple[np.ndarray, Sensed]] = []
-        self.deepest = 0.0
+        self.deepest = self.indented = 0.0
         self.rig: ArmRig | None = None  # takes its first image while it is made
         base_from_object = se3.make(se3.random_rotations(1, rng)[0], AT)
         start = over(mesh, base_from_object, _ABOVE)
@@ -96,6 +96,7 @@ class ArmWorld:
 
     def _watch(self, _: PeriodState) -> None:
         self.deepest = max(self.deepest, self.rig.arm.deepest)
+        self.indented = self.rig.arm.indented(self.indented)
 
     def _see(self, T_obj_gel: np.ndarray) -> Contact:
         touch = self._perceive(T_obj_gel)

@@ -145,7 +145,8 @@ class _Trial:
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m:
         from the first touch to where that began; error_mm: of the last pose, modulo symmetry; right: whether it is;
         asked_ms: median and longest CPU time of an answer. With an arm, its explorer decides when the pose is known,
-        and only the path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel.
+        and only the path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel,
+        along its axis; indented_mm: of the shortest ways off the object, the longest.
         """
         ending, began = self._follow(self._exploration.touch())
         while self._path < self._length and ending == "given up" and self._exploration.verdict is None:
@@ -159,6 +160,7 @@ class _Trial:
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
             "seconds": self._arm.rig.rehearsal.now if self._arm else None,
             "deepest_mm": 1e3 * self._arm.deepest if self._arm else None,
+            "indented_mm": 1e3 * self._arm.indented if self._arm else None,
             **self._answer(),
         }
 

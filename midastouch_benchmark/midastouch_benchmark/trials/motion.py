@@ -179,8 +179,8 @@ class _Trial:
     def run(self) -> dict:
         """Run the trial and return touches, slide and faults: lists of one result for each, but one slide.
 
-        Each motion: whether it ended, and succeeded; message; deepest_mm; path_mm. touches: depth_mm at the end. slide:
-        images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although the
+        Each motion: whether it ended, and succeeded; message; deepest_mm, along the gel's axis; indented_mm, of the
+        shortest ways off the object the longest; path_mm. touches: depth_mm at the end. slide: images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although the
         surface continues; None if the touch failed. faults: name; periods until the twist was zero, None if it never
         was. The gel touches again after each fault; after a touch that fails, and where it cannot slide on, there is
         no further fault."""
@@ -213,7 +213,11 @@ class _Trial:
     def _motion(self, skill: Skill, after: Callable[[PeriodState], None] = lambda _: None) -> dict:
         self._moments.clear()
 
+        indented = 0.0
+
         def keep(moment: PeriodState) -> None:
+            nonlocal indented
+            indented = self._arm.indented(indented)
             self._moments.append((self._arm.deepest, moment.image))
             after(moment)
 
@@ -223,6 +227,7 @@ class _Trial:
             "success": ended is not None and ended.success,
             "message": "did not end" if ended is None else ended.message,
             "deepest_mm": 1e3 * max(depth for depth, _ in self._moments),
+            "indented_mm": 1e3 * indented,
             "path_mm": 1e3 * skill.path,
         }
 

@@ -29,6 +29,7 @@ _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presse
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
 _FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
+_REST, _CAME_WITHIN = 1e-4, 1.0  # m: a way shorter than this hardly counts; s
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
 LONGEST_PERIOD = 0.1
@@ -141,6 +142,7 @@ class ContactServo:
         self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
         self._now = -math.inf
+        self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
         self._deepest = self._measured  # deepest image since the gel last moved along the surface, or off it
         self.fallen = False
 
@@ -172,6 +174,9 @@ class ContactServo:
         measured
         """
         before, self._measured = self._measured, measured
+        if measured.depth > 0:
+            first, last = self._contact
+            self._contact = first if measured.stamp - last < self._settles else measured.stamp, measured.stamp
         self._delays.append(max(now - measured.stamp, 0.0))
         if before.stamp > -math.inf:
             self._unseen.append(max(now - before.stamp, 0.0))
@@ -223,10 +228,40 @@ class ContactServo:
         """Return the velocity (2,) [m/s], within `slide_speed`, that brings all of the contact into view."""
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
+    @property
+    def way_back(self) -> np.ndarray:
+        """Unit vector (3,) in the gel's frame on which the present motion goes back, because what it has passed within
+        a second is free; off the surface, too, if it began there or has touched it for some time."""
+        begin, way = self._now, np.zeros(3)
+        for start, end, twist in reversed(self._commands):
+            if (not twist.any() and way.any()) or start < self._now - _CAME_WITHIN:
+                break
+            begin, way = start, way + (min(end, self._now) - start) * twist[:3]
+        back = -way / max(float(np.linalg.norm(way)), _REST)
+        first, last = self._contact
+        recently = self._now - self._settles
+        if (first < max(begin, recently) and last > recently) or not back.any():
+            back[2] = 1.0
+        return back / np.linalg.norm(back)
+
+    @property
+    def _settles(self) -> float:
+        """Time [s] after which a contact is no longer one that has just been met, or is over."""
+        return 2.0 * self.delay
+
     def approach_speed(self, depth: float) -> float:
-        """Return the speed [m/s] at which the gel gets at most `depth` [m] deep before the arm answers to a contact,
-        which may begin right after an image."""
-        return min(self.limits.speed, depth / (max(self._unseen) + self.arm_latency))
+        """Return the speed [m/s] at which the gel gets at most `depth` [m] deep before the arm answers to a contact."""
+        return min(self.limits.speed, depth / self._blind)
+
+    @property
+    def flight_speed(self) -> float:
+        """Speed [m/s] at which a wall that meets the gel's rim gets no deeper than the limit before the arm answers."""
+        return min(self.limits.air_speed, self.limits.depth / self._blind)
+
+    @property
+    def _blind(self) -> float:
+        """Longest recent time [s] from a contact, which may begin right after an image, to the arm's answer to it."""
+        return max(self._unseen) + self.arm_latency
 
     def slide_speed(self, depth: float) -> float:
         """Return the speed [m/s] along the surface: the gel slides no further than `depth` [m] before the arm answers.

@@ -19,7 +19,7 @@ _NO_FARTHER_FOR = 3.0  # s without progress, after which a slide fails; the gel 
 _STEP = 5e-4  # m
 _STALLED_FOR = 0.3  # s without progress in which a gel turns with the surface; in more it would turn about an edge
 _REACH = 1e-3  # m: a lost contact is looked for down to this far below the wanted depth
-_THICK = 5e-3  # m, thickness of a gel
+_THICK, _RIM = 5e-3, 1.2e-2  # m, thickness of a gel, and from its apex to its corners
 _THERE = 1e-3, np.radians(1.0)  # m, rad: a gel this near to a pose has arrived
 
 
@@ -189,7 +189,8 @@ class LiftSkill(_Moving):
 
 
 class BackOffSkill(_Moving):
-    """Motion straight back, until the depth is half of its limit, and at most as far as a gel is thick.
+    """Motion off the surface and back to where the gel came from, until the depth is half of its limit, and at most as
+    far as a gel is thick.
 
     Parameters
     ----------
@@ -204,13 +205,15 @@ class BackOffSkill(_Moving):
     def __init__(self, clear: bool = False, least: float = 0.0):
         super().__init__()
         self._clear, self._least = clear, least
+        self._way: np.ndarray | None = None
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
+        self._way = servo.way_back if self._way is None else self._way
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         gone = self._gone(pose)
         if (off and gone >= self._least) or gone > _THICK:
             return SkillEnd(True, "backed off")
-        return np.array([0, 0, servo.limits.speed, 0, 0, 0.0])
+        return np.concatenate([servo.limits.speed * self._way, np.zeros(3)])
 
 
 class ApproachSkill(_Moving):
@@ -248,7 +251,6 @@ class ApproachSkill(_Moving):
         far, angle = float(np.linalg.norm(way)), float(np.linalg.norm(turn))
         if far < _THERE[0] and angle < _THERE[1]:
             return SkillEnd(True, f"there, after {1e3 * gone:.0f} mm")
-        limits = servo.limits
         # slower at the end, because the known pose of the gel is old, too
-        seconds = max(far / limits.air_speed, angle / limits.turn_speed, 1.0 / servo.gain)
+        seconds = max((far + _RIM * angle) / servo.flight_speed, angle / servo.limits.turn_speed, 1.0 / servo.gain)
         return np.concatenate([way, turn]) / seconds

@@ -118,17 +118,27 @@ def test_a_transform_that_jumps_stops_all_but_a_way_off_the_surface(motion, jump
         assert not twist.any()
 
 
+def assert_goes_back(motion, ahead, back):
+    """The twists `back` lead back on the way of the twist `ahead`, and off a surface on which the gel stayed."""
+    way = -ahead[:3] / np.linalg.norm(ahead[:3])
+    if motion == "slide":
+        way = np.array([*way[:2], 1.0]) / np.linalg.norm([*way[:2], 1.0])
+    back = np.array(back)
+    speeds = np.linalg.norm(back[:, :3], axis=1)
+    assert (speeds > 0).all()
+    np.testing.assert_allclose(back[:, :3] / speeds[:, None], np.tile(way, (len(back), 1)), atol=0.05)
+    assert not back[:, 3:].any(), "without a turn"
+
+
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
-def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
+def test_too_deep_it_stops_in_the_next_period_then_goes_back(motion):
     driver = driver_of(motion)
-    assert np.linalg.norm(driver.run(20)[-1]) > 1e-3
+    ahead = driver.run(40)[-1]
     driver.depth = 1.6e-3
     twist, ended = driver.step()
     assert not twist.any()
     assert ended is None
-    back = np.array(driver.run(10))
-    assert (back[:, 2] > 0).all()
-    assert not np.delete(back, 2, axis=1).any(), "straight back"
+    assert_goes_back(motion, ahead, driver.run(10))
     driver.depth = 1e-4
     assert "mm deep, more than 1.00" in driver.ended()[0].message
 
@@ -137,14 +147,15 @@ def test_too_deep_it_stops_in_the_next_period_then_pulls_back(motion):
 @pytest.mark.parametrize("depth", [8e-4, 0.0])
 def test_a_depth_that_cannot_be_seen_stops_it_at_once(motion, depth):
     driver = driver_of(motion)
-    driver.run(20)
+    ahead = driver.run(40 if motion == "slide" else 20)[-1]
     driver.changes = {"unread": "the contact covers the view"}
     driver.depth = depth
     assert not driver.step()[0].any()
-    assert (np.array(driver.run(5))[:, 2] > 0).all(), "pulled back"
-    height, driver.depth = driver.gel[2, 3], 0.0
+    at = driver.gel[:3, 3].copy()
+    assert_goes_back(motion, ahead, driver.run(5))
+    driver.depth = 0.0
     assert "covers the view" in driver.ended()[0].message
-    assert driver.gel[2, 3] - height > 1.5e-3, "free of whatever depth it had"
+    assert np.linalg.norm(driver.gel[:3, 3] - at) > 1.5e-3, "free of whatever depth it had"
 
 
 def felt_driver(motion):
@@ -165,11 +176,11 @@ def test_a_force_that_no_depth_explains_stops_it_within_two_periods_then_it_back
     driver = felt_driver(motion)
     driver.force = np.array(force)
     assert not driver.step()[0].any()
-    height = driver.gel[2, 3]
+    at = driver.gel[:3, 3].copy()
     ended = driver.ended()[0]
     assert not ended.success
     assert "across the gel and" in ended.message
-    assert driver.gel[2, 3] - height > 1.5e-3, "straight back"
+    assert np.linalg.norm(driver.gel[:3, 3] - at) > 1.5e-3, "back"
 
 
 def test_a_force_is_awaited_to_show_in_an_image_and_then_the_touch_goes_on():
@@ -221,10 +232,10 @@ def test_an_arm_that_stops_giving_its_force_is_stopped():
 
 def test_a_gel_that_meets_something_stops_before_it_turns_back():
     driver = driver_of("approach")
-    driver.run(20)
+    ahead = driver.run(20)[-1]
     driver.depth = 3e-4
     assert not driver.step()[0].any()
-    assert driver.step()[0][2] > 0
+    assert_goes_back("approach", ahead, driver.run(5))
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -252,7 +263,7 @@ def test_a_gel_pressed_too_hard_may_lift_but_into_nothing_else():
 
 def test_what_presses_deep_and_strongly_is_pulled_back():
     driver = driver_of("slide")
-    driver.run(20)
+    driver.run(40)
     driver.depth, driver.changes = 1.6e-3, {"force": 31.0}
     assert driver.run(5)[-1][2] > 0
     driver.depth, driver.changes = 1e-4, {}
