@@ -180,9 +180,10 @@ class _Trial:
         """Run the trial and return touches, slide and faults: lists of one result for each, but one slide.
 
         Each motion: whether it ended, and succeeded; message; deepest_mm, along the gel's axis; indented_mm, of the
-        shortest ways off the object the longest; path_mm. touches: depth_mm at the end. slide: images; held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although the
-        surface continues; None if the touch failed. faults: name; periods until the twist was zero, None if it never
-        was. The gel touches again after each fault; after a touch that fails, and where it cannot slide on, there is
+        shortest ways off the object the longest; path_mm. touches: depth_mm at the end. slide: images;
+        held, how many of them within 0.25 mm of the depth; lost, whether the contact was lost although the surface
+        continues; None if the touch failed. faults: name; periods until the twist was zero, None if it never was.
+        The gel touches again after each fault; after a touch that fails, and where it cannot slide on, there is
         no further fault."""
         rng = self._rng
         trial: dict = {"touches": [self._touch()], "slide": None, "faults": []}
