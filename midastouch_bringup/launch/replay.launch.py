@@ -62,10 +62,11 @@ def included(name, condition=None):
 
 
 def own_background(context):
-    """Take the no-contact image that a sequence's folder holds or, without one, the images to estimate it from."""
+    """Take the no-contact image in a sequence's folder or beside a bag or, without one, the folder's images."""
     given = context.launch_configurations
-    for inside in ("background.png", "tactile_images", "frames"):
-        if not given["background"] and (path := Path(given["bag"], inside)).exists():
+    bag = Path(given["bag"])
+    for path in (bag / "background.png", bag.with_suffix(".background.png"), bag / "tactile_images", bag / "frames"):
+        if not given["background"] and path.exists():
             given["background"] = str(path.resolve())
 
 

@@ -137,6 +137,9 @@ def test_a_sequence_brings_its_background(tmp_path, inside, used):
         (tmp_path / name).mkdir()
     found = started("replay", tmp_path, bag=str(tmp_path))["tdn"]
     assert found["background"] == (str(tmp_path / used) if used else "")
+    (tmp_path / "slide.background.png").touch()
+    beside = started("replay", tmp_path, bag=str(tmp_path / "slide.mcap"))["tdn"]["background"]
+    assert beside == str(tmp_path / "slide.background.png")
     assert started("replay", tmp_path, bag=str(tmp_path), background="mine.png")["tdn"]["background"] == "mine.png"
 
 

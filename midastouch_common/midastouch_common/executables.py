@@ -9,8 +9,6 @@ import importlib
 import sys
 from collections.abc import Callable
 
-from .errors import EXIT_BAD_INPUT
-from .missing_modules import how_to_install
 from .stop_signals import end_at_once
 
 
@@ -22,6 +20,9 @@ def executable(module: str) -> Callable[[], int]:
         try:
             loaded = importlib.import_module(module)
         except ModuleNotFoundError as error:
+            from .errors import EXIT_BAD_INPUT
+            from .missing_modules import how_to_install
+
             print(f"{module.rpartition('.')[2]}: error: {how_to_install(error)}", file=sys.stderr)
             return EXIT_BAD_INPUT
         return loaded.main()

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from pykdtree.kdtree import KDTree
 from scipy.spatial import cKDTree
 
@@ -18,7 +19,6 @@ import midastouch_kernels as kernels
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
-from .held_imports import trimesh
 from .mesh_files import read_triangles
 from .mesh_units import unit_advice
 from .surface_search import ClosestPointSearch

@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from .errors import InputError
-from .held_imports import trimesh
 
 _RELATIVE_OR_ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t/])?(?:-|0+(?![0-9]))", re.MULTILINE)
 

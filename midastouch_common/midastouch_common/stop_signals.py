@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -42,16 +41,6 @@ def end_at_once() -> None:
     """Make a signal to stop end the process at once with exit code 0, while there is nothing to clean up yet."""
     for number in _handled():
         signal.signal(number, lambda *_: os._exit(0))
-
-
-@contextlib.contextmanager
-def held() -> Iterator[None]:
-    """Hold signals to stop back until the context is left."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _NUMBERS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -129,5 +118,7 @@ def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]
     and keep sensor and topics. Without `setpriv` (util-linux, part of every Debian and Ubuntu), it returns the command
     unchanged.
     """
+    import shutil  # here: it imports much, while a program that starts handles no signals yet
+
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "TERM", "--", *command] if setpriv else [*command]

@@ -35,7 +35,14 @@ PARAMETERS = (
     ),
     Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back; 2 mm at most", unit="m", minimum=2e-4),
     Parameter("speed", 0.01, "Fastest motion in contact", unit="m/s", minimum=1e-4, maximum=0.1),
-    Parameter("air_speed", 0.02, "Fastest motion in the air; an approach is slower if it could not stop within `max_depth`", unit="m/s", minimum=1e-4, maximum=0.25),
+    Parameter(
+        "air_speed",
+        0.02,
+        "Fastest motion in the air; approaches stay so slow that they can stop within `max_depth`",
+        unit="m/s",
+        minimum=1e-4,
+        maximum=0.25,
+    ),
     Parameter("turn_speed", 0.5, "Fastest turn", unit="rad/s", minimum=0.01, maximum=2.0),
     Parameter(
         "acceleration",

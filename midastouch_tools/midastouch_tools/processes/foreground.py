@@ -10,9 +10,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from types import FrameType
 
 from .process import Process
 
+_AGAIN_S = 0.05
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 Wait = Callable[[float | None], bool]
 
@@ -22,11 +24,16 @@ def interrupted_by_signals() -> Iterator[None]:
     """Turn each signal to stop into KeyboardInterrupt, as Ctrl-C is, so that half-written files are removed.
 
     The signal's number is its argument, for `exit_status`. Outside of the main thread nothing is changed. What has set
-    other handlers meanwhile, as nodes do, keeps them.
+    other handlers meanwhile, as nodes do, keeps them. A signal waits for the end of an import: libraries such as
+    trimesh take whatever is raised meanwhile for a module that is missing, and go on.
     """
 
-    def interrupt(number: int, _frame: object) -> None:
-        raise KeyboardInterrupt(number)
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if not _importing(frame):
+            raise KeyboardInterrupt(number)
+        again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
 
     here = threading.current_thread() is threading.main_thread()
     handlers = {number: signal.signal(number, interrupt) for number in (_heard() if here else ())}
@@ -36,6 +43,13 @@ def interrupted_by_signals() -> Iterator[None]:
         for number, handler in handlers.items():
             if signal.getsignal(number) is interrupt:
                 signal.signal(number, handler)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported in a frame."""
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
 
 
 @contextlib.contextmanager

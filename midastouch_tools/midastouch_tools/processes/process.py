@@ -119,7 +119,8 @@ class Process:
 
 
 def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], object] | None = None) -> None:
-    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go.
+    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go. One that has printed nothing is
+    spared SIGINT: Python prints a traceback for it until a program handles it.
 
     await_ends(processes, seconds) returns once all of them have ended, or time is up. An exception from it, such as
     KeyboardInterrupt, kills those that are left at once.
@@ -129,7 +130,8 @@ def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float
         for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), GRACE_S, strict=True):
             left = [process for process in processes if process.runs]
             for process in left:
-                process.send_signal(number)
+                spared = number == signal.SIGINT and not process.last_lines
+                process.send_signal(signal.SIGTERM if spared else number)
             if left:
                 (await_ends or _await_ends)(left, grace)
     finally:

@@ -1,5 +1,6 @@
 """Real processes of a launch, in a process of its own; the programs are lines of shell."""
 
+import importlib
 import itertools
 import json
 import os
@@ -290,6 +291,19 @@ def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
             signal.raise_signal(number)
     finally:
         signal.signal(signal.SIGINT, former)
+
+
+def test_an_import_that_swallows_what_a_signal_raises_does_not_swallow_the_signal(tmp_path, monkeypatch):
+    module = "import signal\ntry:\n    signal.raise_signal(signal.SIGINT)\nexcept BaseException:\n    pass\n"
+    (tmp_path / "swallowing.py").write_text(module)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def work():
+        assert importlib.import_module("swallowing")
+        time.sleep(30.0)  # bounds a failing test only
+
+    with pytest.raises(KeyboardInterrupt), interrupted_by_signals():
+        work()
 
 
 def test_handlers_of_nodes_stay_unless_there_is_more_to_do(signals_are_heard):
