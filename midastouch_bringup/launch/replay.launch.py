@@ -63,8 +63,7 @@ def included(name, condition=None):
 
 def own_background(context):
     """Take the no-contact image in a sequence's folder or beside a bag or, without one, the folder's images."""
-    given = context.launch_configurations
-    bag = Path(given["bag"])
+    bag = Path((given := context.launch_configurations)["bag"])
     for path in (bag / "background.png", bag.with_suffix(".background.png"), bag / "tactile_images", bag / "frames"):
         if not given["background"] and path.exists():
             given["background"] = str(path.resolve())

@@ -112,8 +112,8 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 
 
 def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, also: Sequence[str] = ()) -> int:
-    """Write `result` to the file of --json, with the command line that made it, its fingerprint and, unless
-    it has one already, the machine; print its tables.
+    """Print the tables of `result`; write it to the file of --json, with the command line that made it, its fingerprint
+    and, unless it has one already, the machine.
 
     kind: one of `EXPERIMENTS`; notes: further lines; also: parts of the fingerprint on which this result depends, too.
     Returns the exit status.
@@ -125,18 +125,18 @@ def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, als
     from ..tables.table import shown
 
     experiment, result = EXPERIMENTS[kind], to_json({"machine": machine_info()} | result, DIGITS)
-    if args.json:
-        from ..evidence.fingerprint import today
-
-        made = "+".join(today()[part] for part in (*experiment.parts, *also))
-        write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     left = [
         f"{unit}s left: {result[key]}; the same command continues with them"
         for key, unit in (("missing_trials", "trial"), ("missing_slides", "slide"))
         if result.get(key)
     ]
     lines = [shown(experiment.tables(result)), *experiment.notes(result), *notes, *left]
-    print("\n".join(line for line in lines if line))
+    print("\n".join(line for line in lines if line), flush=True)
+    if args.json:
+        from ..evidence.fingerprint import today
+
+        made = "+".join(today()[part] for part in (*experiment.parts, *also))
+        write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from geometry_msgs.msg import PointStamped
@@ -79,7 +80,9 @@ class ExplorerControl:
             load_mesh(request.mesh_path)
         except InputError as error:
             return _answer(response, str(error))
-        return _answer(response, self._take(lambda: self._change(request), f"the object becomes {request.mesh_path}"))
+        return _answer(
+            response, self._take(lambda: self._change(request), f"the object becomes {Path(request.mesh_path).stem}")
+        )
 
 
 def _answer(response: Trigger.Response | SetObject.Response, why_not: str) -> Trigger.Response | SetObject.Response:

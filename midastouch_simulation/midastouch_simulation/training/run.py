@@ -20,7 +20,7 @@ from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
 
-_NEWS = 60.0  # s without figures, after which the step is reported
+_NEWS = 20.0  # s without figures, after which the step is reported
 _SETTLED = 0.5  # of the budget; after that the normalisations are fixed
 
 

@@ -169,7 +169,8 @@ def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> l
     source = _Touches(data.held_out_backgrounds, data.ranges, tdn, seed)
     full = SensorModel.load("digit_tacto")
     out = []
-    for mesh in data.held_out:
+    for number, mesh in enumerate(data.held_out, 1):
+        print(f"touches and codebook of {mesh.name}, to validate with: {number} of {len(data.held_out)}", flush=True)
         group = source.group(mesh, _QUERIES)
         poses = codebook_poses(mesh, _BOOK, full, source.rng)
         maps = group.maps.astype(np.float32), source.entries(group), group.renderer.render(poses)
@@ -239,7 +240,6 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     torch.manual_seed(options.seed)
     depth = TactileDepthNet(tdn)
     data = TrainingData.load(options)
-    print(f"making touches and codebooks of {len(data.held_out)} objects, to validate with", flush=True)
     objects = validation_objects(data, depth, options.seed + 1000)
     model = CodeNet().to(options.device, memory_format=torch.channels_last)
     if options.start and not options.resume:

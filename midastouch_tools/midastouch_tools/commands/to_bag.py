@@ -31,10 +31,15 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..bags.writer import write_bag
     from ..datasets import load_sequence
+    from ..datasets.writer import write_image
     from ..text_table import counted
 
     sequence = load_sequence(args.sequence)
     write_bag(sequence, args.out)
+    if sequence.background is not None:
+        file = args.out.with_suffix(".background.png") if args.out.is_file() else args.out / "background.png"
+        write_image(file, sequence.background)
+        print(f"{file}: the no-contact image, which a replay of the bag takes from there")
     dropped = f"; {sequence.dropped_frames} whose pose is missing or jumps left out" if sequence.dropped_frames else ""
     print(f"{args.out}: {counted(sequence.n_frames, 'frame')} of {sequence.object_name}{dropped}")
     return 0

@@ -64,7 +64,7 @@ def write_sequence(
                 "a sequence needs one of each per frame"
             )
         np.savez_compressed(folder / PENETRATION_FILE, frames=np.arange(n), penetration_um=np.stack(penetrations))
-        _write_image(folder / BACKGROUND_FILE, background)
+        write_image(folder / BACKGROUND_FILE, background)
         camera_from_gel = se3.translation([0, 0, sensor.gel_distance])
         data = {
             "gelposes": se3.to_xyzquat(poses_true),
@@ -88,15 +88,15 @@ def _write_frames(
         if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
             raise InputError(f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240")
         heights = np.clip(np.round((penetration + dome) / HEIGHT_UNIT), 0, 255).astype(np.uint8)
-        _write_image(folder / "tactile_images" / f"{i}.jpg", image)
-        _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
-        _write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)
+        write_image(folder / "tactile_images" / f"{i}.jpg", image)
+        write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
+        write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)
         penetrations.append(np.round(penetration * 1e6).astype(np.int16))
     return penetrations
 
 
-def _write_image(file: Path, image: np.ndarray) -> None:
-    """Write grey or RGB; raises OSError where OpenCV only returns False."""
+def write_image(file: Path, image: np.ndarray) -> None:
+    """Write an image (H, W) or (H, W, 3) uint8, grey or RGB; raises OSError where OpenCV only returns False."""
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
     options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if file.suffix == ".jpg" else []
     if not cv2.imwrite(str(file), bgr, options):

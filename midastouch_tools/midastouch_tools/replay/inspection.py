@@ -227,7 +227,9 @@ def _commands(
             yield f"midastouch build-codebook {name}" + ("" if sensor == SIMULATED else f" --sensor {sensor}")
         words.append(f"object:={name}")
     else:
-        words.append(f"mesh:={name or 'YOUR_OBJECT'}.ply")
+        words.append(f"mesh:=PATH/{name}.ply" if name else "mesh:=YOUR_OBJECT.ply")
+        if name and (codebook := codebook_path(name, sensor)).is_file():
+            words.append(f"codebook:={codebook}")
     if sensor != SIMULATED:
         words.append(f"sensor_model:={sensor}")
     if serial := _SERIAL.search(images.topic):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -32,7 +33,7 @@ from ..progress import progress_bar
 _OF_A_FINGER = "p: push the object; o: another object; "
 _NUDGE = 0.01  # m
 _LIKELY = 0.9  # probability of an object
-_LONGEST_NAME, _LONGEST_REASON = 28, 36  # with them, a line has at most 100 columns
+_LONGEST_NAME, _LONGEST_REASON = 28, 36  # with them, a line has at most 100 columns, and 64 beside a reason
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
 _OF_NO_FRAME = (FilterStatus.STATE_UNINITIALISED, FilterStatus.STATE_STALE)  # stamped by another clock than images
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
@@ -171,7 +172,8 @@ class Console(Node):
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started
         answer = object_answer(self._objects, self._given)
         if self._paused:
-            answer = _shortened(explorer.reason.partition("; ~/")[0], _LONGEST_REASON)  # here it is a key that resumes
+            room = max(_LONGEST_REASON, shutil.get_terminal_size().columns - 64)
+            answer = _shortened(explorer.reason.partition("; ~/")[0], room)  # here it is a key that resumes
         line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
         self._bar.set_description_str(line, refresh=False)
 
