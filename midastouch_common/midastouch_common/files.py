@@ -82,7 +82,9 @@ def readable(path: str | os.PathLike, what: str, fix: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        raise InputError(f"{path}: {what} ({error}); {fix}") from error
+        # NumPy takes any other file for a pickle
+        reason = "another format" if "allow_pickle" in str(error) else error
+        raise InputError(f"{path}: {what} ({reason}); {fix}") from error
 
 
 def read_yaml(path: str | os.PathLike, what: str) -> Any:
@@ -165,7 +167,7 @@ def sole_use(folder: str | os.PathLike) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise InputError(
-                f"{folder}: another run is writing there; wait until it ends, or start this one in another folder"
+                f"{folder}: another run is writing there; wait until it ends, or start this one from another folder"
             ) from error
         yield
 

@@ -105,7 +105,8 @@ class OnlyPublisher:
         problem, names = "", publishers(self._node, self._topic)
         if len(names) > 1:
             topic = self._node.resolve_topic_name(self._topic)
-            problem = f"{topic} has {len(names)} publishers: {', '.join(names)}; stop all but one of them"
+            fix = "stop all but one of them, or set another ROS_DOMAIN_ID if they are not yours"
+            problem = f"{topic} has {len(names)} publishers: {', '.join(names)}; {fix}"
         if problem and problem != self._logged:
             self._node.get_logger().warning(problem)
         self._logged = problem

@@ -30,8 +30,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    if not (args.show_args or args.prepare):
-        print(f"[midastouch] starting {args.setup}: each node reports once it has loaded", flush=True)
     from ..ros.launch_file import manual, values
     from ..ros.run import prepare, run_setup
 

@@ -32,6 +32,7 @@ def run_setup(name: str, words: Sequence[str]) -> int:
         given["use_rviz"] = "false"
     if given.get("mesh") and any(word.startswith("object:=") for word in words):
         raise InputError("object and mesh are both given; give one of them, as each names what is touched")
+    print(f"[midastouch] starting {name}: each node reports once it has loaded", flush=True)
     prepare(name, given)
     if name == "explore":
         return _explore(given)
