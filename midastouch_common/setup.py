@@ -23,6 +23,7 @@ setup(
         "numpy",
         "opencv-contrib-python-headless",
         "pykdtree",
+        "simplejpeg",
         "PyYAML",
         "scipy",
         "trimesh",

@@ -32,7 +32,7 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }  # fmt: skip
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
-PIP_ONLY = {"igl", "mcap", "pykdtree"}
+PIP_ONLY = {"igl", "mcap", "pykdtree", "simplejpeg"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
     "distributed", "h5py", "libusb_package", "mujoco", "onnx", "onnxscript", "open3d", "openvino", "pyarrow", "rerun",

@@ -1,26 +1,29 @@
 """Reading of image files and compressed images; damaged ones are refused.
 
 OpenCV fills the missing or damaged part of a JPEG with colours of its own, which a network takes for a touch. Pillow
-does so, too, unless the damage looks like a marker.
+does so, too, unless the damage looks like a marker; simplejpeg refuses it.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import zlib
 from collections.abc import Collection
 from pathlib import Path
 
 import cv2
 import numpy as np
-
-import midastouch_kernels as kernels
+import simplejpeg
 
 from .errors import InputError
 from .files import require_file
 
 SUFFIXES = ".png", ".jpg", ".jpeg"
 _JPEG_BEGIN, _PNG_BEGIN = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
+_MOST_PIXELS = 1 << 26
+_PADDED = re.compile(r"[1-7] extraneous bytes before marker 0xd9$")  # some cameras fill up their frames to whole words
+_REDUCTIONS = {cv2.IMREAD_REDUCED_COLOR_2: 2, cv2.IMREAD_REDUCED_COLOR_4: 4, cv2.IMREAD_REDUCED_COLOR_8: 8}
 
 
 class BrokenImageError(InputError):
@@ -30,18 +33,39 @@ class BrokenImageError(InputError):
 def decode_image(data: bytes | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.ndarray:
     """Return the pixels (H, W, 3) uint8 BGR of a JPEG, PNG or BMP, given as bytes or uint8 (N,).
 
-    `flags` are those of OpenCV's imdecode, for grey or reduced images. Raises BrokenImageError if the data are no
-    image, cut off or damaged; the message does not name the source.
+    `flags` are those of OpenCV's imdecode, for grey (H, W) or reduced images. Raises BrokenImageError if the data are
+    no image, cut off or damaged; the message does not name the source.
     """
     content = np.frombuffer(bytes(data), np.uint8)
-    if content[:2].tobytes() == _JPEG_BEGIN and (fault := kernels.jpeg_fault(content)):
-        raise BrokenImageError(f"JPEG of {len(content)} bytes {fault}")
+    if content[:2].tobytes() == _JPEG_BEGIN:
+        return _jpeg(content, "GRAY" if flags == cv2.IMREAD_GRAYSCALE else "BGR", _REDUCTIONS.get(flags, 1))
     if content[:8].tobytes() == _PNG_BEGIN and (fault := _png_fault(content.data)):
         raise BrokenImageError(f"PNG of {len(content)} bytes {fault}")
     pixels = cv2.imdecode(content, flags) if len(content) else None
     if pixels is None:
         raise BrokenImageError("not a readable image")
     return pixels
+
+
+def _jpeg(content: np.ndarray, colours: str, reduction: int) -> np.ndarray:
+    try:
+        height, width, *_ = simplejpeg.decode_jpeg_header(content)
+        if height * width > _MOST_PIXELS:
+            raise ValueError(f"{width} x {height} pixels are too many")
+        height, width = -(-height // reduction), -(-width // reduction)
+
+        def decoded(strict: bool) -> np.ndarray:
+            return simplejpeg.decode_jpeg(content, colours, min_height=height, min_width=width, strict=strict)
+
+        try:
+            pixels = decoded(strict=True)
+        except ValueError as error:
+            if not _PADDED.search(str(error)):
+                raise
+            pixels = decoded(strict=False)
+    except ValueError as error:
+        raise BrokenImageError(f"JPEG of {len(content)} bytes is cut off or damaged: {error}") from error
+    return pixels[..., 0] if colours == "GRAY" else pixels
 
 
 def _png_fault(content: memoryview) -> str:

@@ -13,6 +13,7 @@ DISTRIBUTIONS = {
     "onnxruntime": "onnxruntime",
     "pykdtree": "pykdtree",
     "rosbags": "rosbags",
+    "simplejpeg": "simplejpeg",
     "trimesh": "trimesh",
 }
 """Distribution on PyPI by module, for modules that neither Ubuntu nor ROS has a package of, to depend on."""

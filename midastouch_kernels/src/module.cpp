@@ -12,7 +12,6 @@ void bind_colour_table(nb::module_&);
 void bind_farthest_points(nb::module_&);
 void bind_image(nb::module_&);
 void bind_integration(nb::module_&);
-void bind_jpeg(nb::module_&);
 void bind_measurement(nb::module_&);
 void bind_motion(nb::module_&);
 void bind_pose_cells(nb::module_&);
@@ -55,7 +54,6 @@ NB_MODULE(MODULE_NAME, m) {
     bind_farthest_points(m);
     bind_image(m);
     bind_integration(m);
-    bind_jpeg(m);
     bind_measurement(m);
     bind_motion(m);
     bind_pose_cells(m);

@@ -21,6 +21,7 @@ _LIBRARIES = (
     ("cv2", "opencv-contrib-python-headless", "images, cameras"),
     ("trimesh", "trimesh", "mesh files"),
     ("pykdtree", "pykdtree", "nearest neighbours"),
+    ("simplejpeg", "simplejpeg", "images in JPEG"),
     ("igl", "libigl", "nearest surface points"),
     ("onnxruntime", "onnxruntime", "networks"),
     ("matplotlib", "matplotlib", "plots"),
