@@ -1,4 +1,4 @@
-"""The Dockerfile and what it takes in, against the rules of ROS_CONVENTIONS and the tree. Nothing is built here."""
+"""The Dockerfile and what it takes in, against the tree. Nothing is built here."""
 
 import json
 import re
@@ -50,13 +50,6 @@ def test_bases_are_stages_or_tagged_images(stage):
     assert base in STAGES or re.fullmatch(r"ros:jazzy-ros-base-noble(@sha256:[0-9a-f]{64})?", base)
 
 
-@pytest.mark.parametrize("path", sorted(filter(Path.is_file, DOCKER.iterdir())), ids=lambda path: path.name)
-def test_nothing_is_of_one_kind_of_machine(path):
-    """The image is built for x86-64 and arm64 from the same text; the one who builds says for which."""
-    instructions = re.sub(r"^\s*#.*\n", "", path.read_text(), flags=re.M)
-    assert re.findall(r"--platform|\bplatform:|x86|amd64|i386|arm64|aarch64", instructions) == []
-
-
 @pytest.mark.parametrize("stage", FINAL)
 def test_final_images_run_as_a_user_who_is_not_root(stage):
     users = [argument for word, argument in history(stage) if word == "USER"]
@@ -68,25 +61,6 @@ def test_final_images_run_as_a_user_who_is_not_root(stage):
 def test_final_images_report_their_health(stage):
     checks = [argument for word, argument in history(stage) if word == "HEALTHCHECK"]
     assert "healthcheck.py" in checks[-1]
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_apt_leaves_nothing_behind(stage):
-    for word, argument in STAGES[stage][1]:
-        if word == "RUN" and "apt-get" in argument:
-            assert argument.startswith("apt-get update && ")
-            assert "rm -rf /var/lib/apt/lists/*" in argument
-            assert all("--no-install-recommends" in part for part in re.findall(r"apt-get install[^&]*", argument))
-            assert "upgrade" not in argument
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_no_remote_files_no_sudo_no_shell_form(stage):
-    for word, argument in STAGES[stage][1]:
-        assert word not in ("ADD", "MAINTAINER")
-        assert not re.search(r"\b(sudo|curl|wget)\b", argument)
-        if word in ("CMD", "ENTRYPOINT"):
-            assert argument.startswith("[")
 
 
 @pytest.mark.parametrize("name", ["requirements.txt", "requirements-gpu.txt", "constraints.txt"])
