@@ -62,8 +62,11 @@ class GelLayer:
         self.deepest = 0.0
 
     def indented(self, pose: np.ndarray, least: float) -> float:
-        """Return the shortest way [m], of at least `least`, on which the gel gets off the object: for a face its depth,
-        for a wall at the gel's border the part of the gel that is behind it. pose: as for `force`."""
+        """Return the shortest way [m], of at least `least`, on which the gel gets off the object, rounded up to 0.1 mm.
+
+        For a face it is its depth, for a wall at the gel's border the part of the gel that is behind it. pose: as for
+        `force`.
+        """
         deepest = float(self._renderer.render(pose[None])[0].max())
         while least < deepest:
             shifts = se3.make(np.tile(np.eye(3), (len(_WAYS), 1, 1)), least * _WAYS)

@@ -100,9 +100,9 @@ def load_object(
         loaded = arguments.load_mesh(mesh)
     book = Codebook.load(path, mesh=loaded, tcn=networks.tcn.network_id)
     if book.meta["sensor_id"] != networks.sensor.content_id:
-        raise InputError(
-            f"{path}: built for the sensor {book.meta['sensor']}, not for {networks.sensor.name}; build it again"
-        )
+        command = how_to_build(str(mesh), sensor or networks.sensor.name, tcn)
+        fault = f"built for the sensor {book.meta['sensor']}, not for {networks.sensor.name}"
+        raise InputError(f"{path}: {fault}; build one for it: {command}")
     return loaded, book
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def test_what_a_sequence_does_not_allow_is_refused(run, real_slide, capsys):
     assert cli.main(["evaluate", str(real_slide), "eyebolt/00", *options]) == 2
     assert "sequences of different sensors (digit_real, digit_tacto)" in capsys.readouterr().err
     assert cli.main(["evaluate", str(real_slide), *options]) == 2
-    assert "built for the sensor digit_tacto, not for digit_real" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert re.search("built for the sensor digit_tacto, not for digit_real; .* --sensor digit_real", error)
 
 
 def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):

@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
     write, out = _writer(args.format), require_new_folder(args.out)  # before a long bag is read
     recordings = [Recording(path, arguments.gel_stream(args)) for path in args.bags]
+    print(f"reading and writing {counted(len(recordings), 'recording')}, some ten seconds each", flush=True)
     with atomic_path(out) as folder:
         folder.mkdir()
         frames = write(recordings, folder)
