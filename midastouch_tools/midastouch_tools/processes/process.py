@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import importlib.metadata
 import os
 import shutil
 import signal
@@ -50,6 +52,12 @@ def find_executable(name: str) -> str:
     raise InputError(f"executable '{name}' is not installed; run make, or build and source the workspace")
 
 
+@functools.cache
+def _ours() -> frozenset[str]:
+    scripts = importlib.metadata.entry_points(group="console_scripts")
+    return frozenset(each.name for each in scripts if ".executables:" in each.value)
+
+
 GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
 LAST_OUTPUT_S = 1.0
 _LAST_LINES = 15
@@ -62,7 +70,7 @@ class Process:
     """Process of a program, started by the constructor. Attribute: last_lines: the newest that it has printed."""
 
     def __init__(self, program: Program, environment: Mapping[str, str], output: Output):
-        self._born = time.monotonic()
+        self._born, self._executable = time.monotonic(), Path(program.command[0]).name
         self.last_lines: deque[str] = deque(maxlen=_LAST_LINES)
         # a session of its own: Ctrl-C reaches only us, and we end all in order
         self._popen = subprocess.Popen(
@@ -85,6 +93,11 @@ class Process:
     def age(self) -> float:
         """Seconds since its start."""
         return time.monotonic() - self._born
+
+    @property
+    def begins(self) -> bool:
+        """True for one of our executables that has printed nothing yet: they handle signals once they have."""
+        return not self.last_lines and self._executable in _ours()
 
     @property
     def runs(self) -> bool:
@@ -119,8 +132,8 @@ class Process:
 
 
 def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], object] | None = None) -> None:
-    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go. One that has printed nothing is
-    spared SIGINT: Python prints a traceback for it until a program handles it.
+    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go. Those that `begins` are spared
+    SIGINT, for which Python prints a traceback until they handle it.
 
     await_ends(processes, seconds) returns once all of them have ended, or time is up. An exception from it, such as
     KeyboardInterrupt, kills those that are left at once.
@@ -130,8 +143,7 @@ def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float
         for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), GRACE_S, strict=True):
             left = [process for process in processes if process.runs]
             for process in left:
-                spared = number == signal.SIGINT and not process.last_lines
-                process.send_signal(signal.SIGTERM if spared else number)
+                process.send_signal(signal.SIGTERM if number == signal.SIGINT and process.begins else number)
             if left:
                 (await_ends or _await_ends)(left, grace)
     finally:

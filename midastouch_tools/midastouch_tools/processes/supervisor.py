@@ -94,7 +94,7 @@ class Supervisor:
         end(running.values(), await_ends)
         for name, process in running.items():
             status = process.status()
-            if status not in (0, -signal.SIGINT) and (process.last_lines or status != -signal.SIGTERM):
+            if status not in (0, -signal.SIGINT) and not (process.begins and status == -signal.SIGTERM):
                 self.say(f"{name}: {'would not end' if status is None else _in_words(status)}")
 
     def say(self, text: str) -> None:

@@ -1,11 +1,13 @@
 """Where our executables are found, and what they are started with."""
 
+import os
+import time
 from pathlib import Path
 
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_tools.processes.process import find_executable, node_program
+from midastouch_tools.processes.process import Process, Program, end, find_executable, node_program
 
 
 def test_a_node_gets_its_parameters_and_options():
@@ -31,3 +33,18 @@ def test_those_of_a_sourced_workspace_come_first(tmp_path, monkeypatch):
 
 def test_executables_beside_python_are_found():
     assert Path(find_executable("python3")).exists()
+
+
+def test_a_node_that_has_not_loaded_yet_is_ended_without_a_traceback(tmp_path):
+    (script := tmp_path / "tdn").write_text(
+        f"#!/bin/sh\ntrap 'echo traceback' INT\ntrap 'echo ended; exit 0' TERM\n"
+        f"touch {tmp_path}/handles\nwhile :; do sleep 0.02; done\n"
+    )
+    script.chmod(0o755)
+    said = []
+    process = Process(Program("tdn", (str(script),)), os.environ, lambda _, line: said.append(line))
+    while not (tmp_path / "handles").exists():
+        assert process.runs
+        time.sleep(0.02)
+    end([process])
+    assert (process.status(), said) == (0, ["ended"])
