@@ -67,6 +67,13 @@ def test_a_jpeg_has_the_pixels_that_opencv_reads(flags, shape):
     np.testing.assert_array_equal(decode_image(padded, flags), cv2.imdecode(jpeg, flags))
 
 
+def test_a_jpeg_is_turned_as_its_camera_notes():
+    upside_down = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0"
+    jpeg = JPEGS["baseline"]
+    turned = jpeg[:2] + b"\xff\xe1" + (len(upside_down) + 2).to_bytes(2, "big") + upside_down + jpeg[2:]
+    np.testing.assert_array_equal(decode_image(turned), decode_image(jpeg)[::-1, ::-1])
+
+
 @pytest.mark.parametrize(("ending", "fault"), [(".png", "PNG of .* is cut off"), (".bmp", "not a readable image")])
 def test_other_formats_are_refused_if_they_are_cut_off(ending, fault):
     whole = encoded(ending)
