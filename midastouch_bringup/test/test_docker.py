@@ -63,6 +63,13 @@ def test_final_images_report_their_health(stage):
     assert "healthcheck.py" in checks[-1]
 
 
+@pytest.mark.parametrize("name", ["requirements.txt", "requirements-gpu.txt", "constraints.txt"])
+def test_python_packages_are_pinned(name):
+    lines = [line for line in (DOCKER / name).read_text().splitlines() if line and not line.startswith("#")]
+    assert lines
+    assert all(re.fullmatch(r"[\w.-]+(\[[\w,]+\])?==[\w.]+", line) for line in lines)
+
+
 @pytest.mark.parametrize(
     ("pins", "tested"), [("requirements.txt", ["base.txt", "dev.txt"]), ("requirements-gpu.txt", ["train.txt"])]
 )
@@ -182,6 +189,13 @@ def test_the_entrypoint_sources_both_setups_and_runs_the_command(machine):
     assert text.startswith("#!/usr/bin/env bash\n")
     _, said = machine(["/bin/bash", "-c"], text, "entrypoint.sh", "/usr/bin/printenv", "SOURCED")
     assert said == ":jazzy:install\n"
+
+
+def test_scripts_are_executable_and_the_entrypoint_ends_in_exec():
+    for name in ("entrypoint.sh", "healthcheck.py"):
+        assert (DOCKER / name).stat().st_mode & 0o111
+    subprocess.run(["bash", "-n", DOCKER / "entrypoint.sh"], check=True)
+    assert (DOCKER / "entrypoint.sh").read_text().endswith('exec "$@"\n')
 
 
 def test_the_set_up_with_a_system_ros_is_that_of_the_image(machine, tmp_path):

@@ -42,19 +42,30 @@ def test_a_jpeg_is_taken_whole_and_refused_without_its_end(tmp_path, name, dress
             read_image_file(path)
 
 
-@pytest.mark.parametrize("name", JPEGS)
-def test_a_jpeg_damaged_in_the_middle_is_refused(tmp_path, name):
+DAMAGE = {
+    "zeros": lambda data, at: data[:at] + bytes(200) + data[at + 200 :],
+    "noise": lambda data, at: data[:at] + np.random.default_rng(at).bytes(200) + data[at + 200 :],
+    "lost": lambda data, at: data[:at] + data[at + 200 :],
+    "ones": lambda data, at: data[:at] + b"\xff" * 20 + data[at + 20 :],
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+@pytest.mark.parametrize("name", [*JPEGS, ".png"])
+def test_an_image_damaged_in_the_middle_is_refused(tmp_path, name, damage):
     """Except where the codes fall into step again, so that all of them decode, which is rare."""
-    whole, path = JPEGS[name], tmp_path / "frame.jpg"
+    whole, path = {**JPEGS, ".png": encoded(".png")}[name], tmp_path / "frame.jpg"
     places = range(len(whole) // 3, 2 * len(whole) // 3, len(whole) // 60)
     refused = 0
     for at in places:
-        path.write_bytes(whole[:at] + np.random.default_rng(at).bytes(200) + whole[at + 200 :])
+        path.write_bytes(damage(whole, at))
         with contextlib.suppress(BrokenImageError):
             read_image_file(path)
             continue
         refused += 1
     assert refused >= 0.8 * len(places), f"{refused} of {len(places)}"
+    with pytest.raises(BrokenImageError, match=r"frame\.jpg: .*(damaged|cut off|not a readable).*; get the file again"):
+        read_image_file(path)
 
 
 @pytest.mark.parametrize("flags", [cv2.IMREAD_COLOR, cv2.IMREAD_GRAYSCALE, cv2.IMREAD_REDUCED_COLOR_4])
@@ -65,6 +76,15 @@ def test_a_jpeg_has_the_pixels_that_opencv_reads(flags, shape):
     # with bytes before the end, as of cameras that send whole words
     padded = jpeg.tobytes()[:-2] + bytes(4) + b"\xff\xd9"
     np.testing.assert_array_equal(decode_image(padded, flags), cv2.imdecode(jpeg, flags))
+
+
+def test_the_jpeg_of_a_camera_may_lack_the_usual_tables():
+    jpeg = JPEGS["baseline"]
+    while (at := jpeg.find(b"\xff\xc4")) > 0:
+        jpeg = jpeg[:at] + jpeg[at + 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big") :]
+    np.testing.assert_array_equal(decode_image(jpeg), decode_image(JPEGS["baseline"]))
+    with pytest.raises(BrokenImageError, match="is cut off"):
+        decode_image(jpeg[:-2])
 
 
 def test_a_jpeg_is_turned_as_its_camera_notes():

@@ -130,13 +130,15 @@ def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, als
         for key, unit in (("missing_trials", "trial"), ("missing_slides", "slide"))
         if result.get(key)
     ]
-    lines = [shown(experiment.tables(result)), *experiment.notes(result), *notes, *left]
-    print("\n".join(line for line in lines if line), flush=True)
-    if args.json:
-        from ..evidence.fingerprint import today
+    try:
+        lines = [shown(experiment.tables(result)), *experiment.notes(result), *notes, *left]
+        print("\n".join(line for line in lines if line), flush=True)
+    finally:  # also if nobody reads on, as after `| head`
+        if args.json:
+            from ..evidence.fingerprint import today
 
-        made = "+".join(today()[part] for part in (*experiment.parts, *also))
-        write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
+            made = "+".join(today()[part] for part in (*experiment.parts, *also))
+            write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
     return 0
 
 

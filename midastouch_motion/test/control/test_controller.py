@@ -230,6 +230,14 @@ def test_an_arm_that_stops_giving_its_force_is_stopped():
     assert "the newest force on wrench_topic is" in driver.ended()[0].message
 
 
+def test_a_gel_that_meets_something_stops_before_it_goes_back():
+    driver = driver_of("approach")
+    ahead = driver.run(20)[-1]
+    driver.depth = 3e-4
+    assert not driver.step()[0].any()
+    assert_goes_back("approach", ahead, driver.run(5))
+
+
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_each_motion_accelerates_from_rest_after_any_pause(motion):
     driver = driver_of(motion)

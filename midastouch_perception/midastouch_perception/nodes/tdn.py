@@ -203,22 +203,12 @@ class TdnNode(ManagedNode):
 
         A driver or a replay names its own trouble, but its mere start does not end the one that has been logged.
         """
-        if doubt := self._doubtful_background():
+        if doubt := self._background.doubt(self.parameters["still_threshold"]):
             return {"background": doubt}
         if self._any_image or (publishers(self, "image_raw") and not self.has_warned("no_image")):
             return {}
         topic = self.resolve_topic_name("image_raw")
         return {"no_image": f"no image on {topic}, so no pose: no node publishes it; start a driver or a replay"}
-
-    def _doubtful_background(self) -> str:
-        """Return why a no-contact image that was estimated from the first images is doubtful; empty if it is not."""
-        if self._background.change <= self.parameters["still_threshold"]:
-            return ""
-        kept = f", as none of {serial} is kept," if (serial := self.parameters["serial"]) else ""
-        return (
-            f"the background was estimated{kept} while the images changed; "
-            "lift the finger and call capture_background, or set the parameter background"
-        )
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Return level, message and values for the diagnostics."""
@@ -236,7 +226,7 @@ class TdnNode(ManagedNode):
             or (self._state.problem if self._fit.quiet is not None else "")  # before, it may find a deeper reason
         ):
             return diagnostics.WARN, problem, values
-        if doubt := self._doubtful_background():
+        if doubt := self._background.doubt(self.parameters["still_threshold"]):
             return diagnostics.WARN, doubt, values
         if (silent := time.monotonic() - self._heard) > SILENT_S:
             topic = self.resolve_topic_name("image_raw")

@@ -183,6 +183,17 @@ class SensorBackground:
         """Largest change [grey levels] among the images of the estimate; 0 if the image is not estimated."""
         return self._running.change if self._running is not None else 0.0
 
+    def doubt(self, still_threshold: float) -> str:
+        """Return why an estimate is doubtful, if its images changed by more than `still_threshold` [grey levels]; else
+        empty."""
+        if self.change <= still_threshold:
+            return ""
+        kept = f", as none of {self._store.path.stem} is kept," if self._store else ""
+        return (
+            f"the background was estimated{kept} while the images changed; "
+            "lift the finger and call capture_background, or set the parameter background"
+        )
+
     def observe(self, image: np.ndarray) -> None:
         """Take one more image (H, W, 3) uint8 of the sensor."""
         if self._running is None:
