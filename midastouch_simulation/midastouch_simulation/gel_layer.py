@@ -1,7 +1,8 @@
 """Forces between a gel and an object: an elastic layer that resists depth, and a bristle that sticks until it slips.
 
 The layer is a mattress: pressure is stiffness times penetration, along the gel's axis (K. L. Johnson, Contact
-Mechanics, sec. 4.3). The bristle is the layer's shear: it holds up to friction times the normal force (Dahl 1968).
+Mechanics, sec. 4.3), as far as a gel gives way: of a higher wall at its border, only that part presses. The bristle is
+the layer's shear: it holds up to friction times the normal force (Dahl 1968).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_motion.control.wrench import GEL_STIFFNESS
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.sensor_model import MAX_PENETRATION, SensorModel
 
 _PIXELS = 0.25  # fraction of the image's resolution: 0.3 mm on a DIGIT
 _FREE = 2e-5  # m: an object no deeper than this is out of the gel
@@ -85,7 +86,7 @@ class GelLayer:
         if self.deepest == 0.0:
             self._sheared = np.zeros(2)
             return np.zeros(6)
-        pressed = self._gel.stiffness * self._area * depth
+        pressed = self._gel.stiffness * self._area * np.minimum(depth, MAX_PENETRATION)
         normal = float(pressed.sum())
         centre = pressed @ self._where / normal
         self._sheared = self._sheared + period * velocity

@@ -154,3 +154,5 @@ def test_a_wall_at_its_border_presses_a_gel_in_sideways():
         layer.force(at_wall, np.zeros(2), 2e-3)
         assert layer.deepest > 2 * behind
         assert layer.indented(at_wall, 0.0) == pytest.approx(behind, abs=2e-4)
+    deep, deeper = (layer.force(se3.translation([0, 0, height]), np.zeros(2), 2e-3)[2] for height in (8e-3, 6e-3))
+    assert deeper == pytest.approx(deep), "no more than the gel gives way"

@@ -29,6 +29,7 @@ _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presse
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
 _FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
+_RIM = 1.2e-2  # m from a gel's apex to its corners
 _REST, _CAME_WITHIN = 1e-4, 1.0  # m: a way shorter than this hardly counts; s
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
@@ -151,6 +152,11 @@ class ContactServo:
         return self._measured.depth > 0
 
     @property
+    def touching_since(self) -> float:
+        """Stamp [s] of the first image of the contact that the last image shows; -inf if it shows none."""
+        return self._contact[0] if self.touching else -math.inf
+
+    @property
     def stamp(self) -> float:
         """Stamp of the newest image [s]."""
         return self._measured.stamp
@@ -259,6 +265,17 @@ class ContactServo:
         return min(self.limits.air_speed, self.limits.depth / self._blind)
 
     @property
+    def turn_speed(self) -> float:
+        """Speed of turns [rad/s] at which the gel's other side, which comes down, stays above the limit of depth until
+        the arm answers."""
+        left = max(self.limits.depth - self.depth, 0.0)
+        return min(self.limits.turn_speed, left / (_RIM * self._blind))
+
+    def flight_time(self, way: float, angle: float) -> float:
+        """Return the time [s] of a way [m] through the air with a turn [rad], by which the gel's rim moves, too."""
+        return max((way + _RIM * angle) / self.flight_speed, angle / self.limits.turn_speed)
+
+    @property
     def _blind(self) -> float:
         """Longest recent time [s] from a contact, which may begin right after an image, to the arm's answer to it."""
         return max(self._unseen) + self.arm_latency
@@ -266,10 +283,10 @@ class ContactServo:
     def slide_speed(self, depth: float) -> float:
         """Return the speed [m/s] along the surface: the gel slides no further than `depth` [m] before the arm answers.
 
-        It is slower if the gel is not at the depth, or not yet flat.
+        It is slower if the gel is not at the depth, and zero at twice the depth, or if it is not yet flat.
         """
-        held = min(self._not_deeper(depth), max(self.depth / depth, _SLOWEST))
-        turning = self.gain * float(np.linalg.norm(self.slope)) / self.limits.turn_speed
+        held = min(max(2.0 - self.depth / depth, 0.0), max(self.depth / depth, _SLOWEST), 1.0)
+        turning = self.gain * float(np.linalg.norm(self.slope)) / max(self.turn_speed, 1e-12)
         return min(self.limits.speed, depth / self.delay) * held / max(turning, 1.0)
 
     def pressed(self, depth: float, along: np.ndarray) -> np.ndarray:
@@ -286,14 +303,9 @@ class ContactServo:
         """
         predicted, gain = self._predicted(), self.gain
         deeper, *slopes = self._drift + gain * (predicted - (depth, 0.0, 0.0))
-        # in a corner the gel's other side comes down as it turns
-        rising = self._not_deeper(depth) * np.array(slopes)
+        rising = _within(np.array(slopes), self.turn_speed)
         # the surface rises ahead, and so does the gel
         return np.array([*along, predicted[1:] @ along + deeper, rising[1], -rising[0], 0.0])
-
-    def _not_deeper(self, depth: float) -> float:
-        """Return the fraction of a motion that is left to a gel deeper than `depth` [m]; 0 at twice the depth."""
-        return min(max(2.0 - self.depth / depth, 0.0), 1.0)
 
     def _predicted(self) -> np.ndarray:
         """Return depth and slope (3,) once the arm has carried out all commands."""

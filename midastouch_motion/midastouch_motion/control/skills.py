@@ -19,7 +19,7 @@ _NO_FARTHER_FOR = 3.0  # s without progress, after which a slide fails; the gel 
 _STEP = 5e-4  # m
 _STALLED_FOR = 0.3  # s without progress in which a gel turns with the surface; in more it would turn about an edge
 _REACH = 1e-3  # m: a lost contact is looked for down to this far below the wanted depth
-_THICK, _RIM = 5e-3, 1.2e-2  # m, thickness of a gel, and from its apex to its corners
+_THICK = 5e-3  # m, thickness of a gel
 _THERE = 1e-3, np.radians(1.0)  # m, rad: a gel this near to a pose has arrived
 
 
@@ -173,21 +173,6 @@ class SlideSkill:
         return np.array([0, 0, -servo.approach_speed(self._depth), 0, 0, 0.0])
 
 
-class LiftSkill(_Moving):
-    """Motion straight off the surface, by a height [m]."""
-
-    leaves = True
-
-    def __init__(self, height: float):
-        super().__init__()
-        self._height = height
-
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
-        if self._gone(pose) >= self._height:
-            return SkillEnd(True, f"lifted by {1e3 * self._height:.0f} mm")
-        return np.array([0, 0, servo.limits.air_speed, 0, 0, 0.0])
-
-
 class BackOffSkill(_Moving):
     """Motion off the surface and back to where the gel came from, until the depth is half of its limit, and at most as
     far as a gel is thick.
@@ -216,6 +201,43 @@ class BackOffSkill(_Moving):
         return np.concatenate([servo.limits.speed * self._way, np.zeros(3)])
 
 
+class _Return(BackOffSkill):
+    """Motion back from a contact that a motion has met after `gone` [m], which has failed then."""
+
+    def __init__(self, gone: float):
+        super().__init__(clear=True)
+        self._met = SkillEnd(False, f"touched on the way after {1e3 * gone:.0f} mm")
+
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
+        answer = super().step(servo, now, pose)
+        return self._met if isinstance(answer, SkillEnd) else answer
+
+
+class LiftSkill(_Moving):
+    """Motion straight off the surface, by a height [m]. A further contact on the way ends it, after the gel has backed
+    off."""
+
+    leaves = True
+
+    def __init__(self, height: float):
+        super().__init__()
+        self._height = height
+        self._begun: float | None = None  # s
+        self._back: _Return | None = None
+
+    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
+        gone = self._gone(pose)
+        self._begun = now if self._begun is None else self._begun
+        if self._back is None and servo.touching_since > self._begun:
+            self._back = _Return(gone)
+            return np.zeros(6)
+        if self._back is not None:
+            return self._back.step(servo, now, pose)
+        if gone >= self._height:
+            return SkillEnd(True, f"lifted by {1e3 * self._height:.0f} mm")
+        return np.array([0, 0, servo.flight_speed, 0, 0, 0.0])
+
+
 class ApproachSkill(_Moving):
     """Motion through the air to a pose (4, 4) in the base frame, straight and turning, both done at once.
 
@@ -224,9 +246,8 @@ class ApproachSkill(_Moving):
 
     def __init__(self, goal: np.ndarray):
         super().__init__()
-        self._goal, self._free = goal, False
-        self._back: BackOffSkill | None = None
-        self._touched = SkillEnd(False, "")
+        self._goal = goal
+        self._back: BackOffSkill | None = BackOffSkill(clear=True)
 
     @property
     def leaves(self) -> bool:  # type: ignore[override] # nobody sets it
@@ -234,23 +255,19 @@ class ApproachSkill(_Moving):
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
-        if not self._free:
-            self._back = self._back or BackOffSkill(clear=True)
-            if not isinstance(answer := self._back.step(servo, now, pose), SkillEnd):
-                return answer
-            self._free, self._back = True, None
         if self._back is None and servo.touching:
-            self._back = BackOffSkill(clear=True)
-            self._touched = SkillEnd(False, f"touched on the way after {1e3 * gone:.0f} mm")
+            self._back = _Return(gone)
             return np.zeros(6)
         if self._back is not None:
             answer = self._back.step(servo, now, pose)
-            return self._touched if isinstance(answer, SkillEnd) else answer
+            if not isinstance(answer, SkillEnd) or not answer.success:
+                return answer
+            self._back = None
         way = pose[:3, :3].T @ (self._goal[:3, 3] - pose[:3, 3])
         turn = se3.log(se3.inverse(pose) @ self._goal)[3:]
         far, angle = float(np.linalg.norm(way)), float(np.linalg.norm(turn))
         if far < _THERE[0] and angle < _THERE[1]:
             return SkillEnd(True, f"there, after {1e3 * gone:.0f} mm")
         # slower at the end, because the known pose of the gel is old, too
-        seconds = max((far + _RIM * angle) / servo.flight_speed, angle / servo.limits.turn_speed, 1.0 / servo.gain)
+        seconds = max(servo.flight_time(far, angle), 1.0 / servo.gain)
         return np.concatenate([way, turn]) / seconds

@@ -118,3 +118,12 @@ def test_soft_gel_displaces_more_than_the_shape_within_its_contact():
 def test_an_approach_is_no_faster_than_a_contact_may_be():
     servo = servo_at(0.0, 0.0)
     assert servo.approach_speed(1.0) == Limits().speed
+
+
+@pytest.mark.parametrize("depth", [2e-4, 5e-4, 9e-4])
+def test_a_turn_brings_the_gel_s_corners_down_by_what_is_left_of_the_depth(depth):
+    servo = servo_at(0.0, depth, (0.5, 0.0))
+    turn = np.linalg.norm(servo.pressed(5e-4, np.zeros(2))[3:])
+    blind = 0.2 + servo.arm_latency
+    assert turn * 1.2e-2 * blind == pytest.approx(1e-3 - depth)
+    assert turn < Limits().turn_speed

@@ -198,6 +198,18 @@ def test_lift_goes_straight_up(world):
     assert there.depth(run.pose) == 0
 
 
+def test_a_lift_that_meets_what_overhangs_goes_back_down():
+    """From a floor at 0 to a ceiling 8 mm above it."""
+    there, arm = rehearsed(lambda pose: max(-pose[2, 3], pose[2, 3] - 8e-3, 0.0))
+    assert there.carry_out(TouchSkill(DEPTH, 0.02), 20.0).success
+    highest = []
+    ended = there.carry_out(LiftSkill(0.02), 20.0, lambda _: highest.append(arm.pose[2, 3]))
+    assert not ended.success
+    assert "touched on the way after 9 mm" in ended.message
+    assert 8e-3 < max(highest) < 9e-3
+    assert 2e-3 < arm.pose[2, 3] < 8e-3
+
+
 def test_an_approach_reaches_a_turned_pose_through_the_air(world):
     there = world("ball", image_delay=0.08, arm_latency=0.08)
     start = above(there.mesh, np.random.default_rng(8), 0.02)
