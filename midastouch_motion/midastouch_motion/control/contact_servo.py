@@ -142,7 +142,7 @@ class ContactServo:
         self._last = np.zeros(6)
         self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
-        self._now = -math.inf
+        self._now = self._begun = -math.inf  # s; when the present motion began
         self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
         self._deepest = self._measured  # deepest image since the gel last moved along the surface, or off it
         self.fallen = False
@@ -152,9 +152,9 @@ class ContactServo:
         return self._measured.depth > 0
 
     @property
-    def touching_since(self) -> float:
-        """Stamp [s] of the first image of the contact that the last image shows; -inf if it shows none."""
-        return self._contact[0] if self.touching else -math.inf
+    def met(self) -> bool:
+        """Whether the present motion has met what the last image shows."""
+        return self.touching and self._contact[0] > self._begun
 
     @property
     def stamp(self) -> float:
@@ -238,11 +238,11 @@ class ContactServo:
     def way_back(self) -> np.ndarray:
         """Unit vector (3,) in the gel's frame on which the present motion goes back, because what it has passed within
         a second is free; off the surface, too, if it began there or has touched it for some time."""
-        begin, way = self._now, np.zeros(3)
+        begin, way = max(self._begun, self._now - _CAME_WITHIN), np.zeros(3)
         for start, end, twist in reversed(self._commands):
-            if (not twist.any() and way.any()) or start < self._now - _CAME_WITHIN:
+            if start < begin:
                 break
-            begin, way = start, way + (min(end, self._now) - start) * twist[:3]
+            way += (min(end, self._now) - start) * twist[:3]
         back = -way / max(float(np.linalg.norm(way)), _REST)
         first, last = self._contact
         recently = self._now - self._settles
@@ -330,6 +330,11 @@ class ContactServo:
         # a gel that has just touched may be faster than the limit: it slows down at once
         twist[:3] = _within(self._last[:3] + _within(twist[:3] - self._last[:3], change), speed)
         return self._keep(now, twist)
+
+    def begin(self, now: float) -> np.ndarray:
+        """Begin a motion at rest: return the zero twist, and keep it for the prediction."""
+        self._begun = now
+        return self.stop(now)
 
     def stop(self, now: float) -> np.ndarray:
         """Return the zero twist, which stops at once, and keep it for the prediction."""

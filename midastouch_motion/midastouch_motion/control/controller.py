@@ -80,7 +80,7 @@ class Controller:
         untared = self.wrench.tare() if free else ""
         if self._since is None:
             self._since = now
-            return self.servo.stop(now), None  # the motion accelerates from zero
+            return self.servo.begin(now), None  # the motion accelerates from zero
         stop, late = self.guard.stop(now, seen), self.guard.late(now, seen)
         jump = self._following.jump(seen, self.servo.limits)
         problem = stop or late or untared or ("" if self.skill.leaves else jump)

@@ -222,13 +222,11 @@ class LiftSkill(_Moving):
     def __init__(self, height: float):
         super().__init__()
         self._height = height
-        self._begun: float | None = None  # s
         self._back: _Return | None = None
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
-        self._begun = now if self._begun is None else self._begun
-        if self._back is None and servo.touching_since > self._begun:
+        if self._back is None and servo.met:
             self._back = _Return(gone)
             return np.zeros(6)
         if self._back is not None:
