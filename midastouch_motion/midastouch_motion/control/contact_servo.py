@@ -264,11 +264,10 @@ class ContactServo:
         """Speed [m/s] at which a wall that meets the gel's rim gets no deeper than the limit before the arm answers."""
         return min(self.limits.air_speed, self.limits.depth / self._blind)
 
-    @property
-    def turn_speed(self) -> float:
-        """Speed of turns [rad/s] at which the gel's other side, which comes down, stays above the limit of depth until
-        the arm answers."""
-        left = max(self.limits.depth - self.depth, 0.0)
+    def turn_speed(self, depth: float) -> float:
+        """Return the speed of turns [rad/s] at which the gel's other side, which comes down in a corner, stays above
+        twice the `depth` [m] until the arm answers."""
+        left = max(2.0 * depth - self.depth, 0.0)
         return min(self.limits.turn_speed, left / (_RIM * self._blind))
 
     def flight_time(self, way: float, angle: float) -> float:
@@ -286,7 +285,7 @@ class ContactServo:
         It is slower if the gel is not at the depth, and zero at twice the depth, or if it is not yet flat.
         """
         held = min(max(2.0 - self.depth / depth, 0.0), max(self.depth / depth, _SLOWEST), 1.0)
-        turning = self.gain * float(np.linalg.norm(self.slope)) / max(self.turn_speed, 1e-12)
+        turning = self.gain * float(np.linalg.norm(self.slope)) / max(self.turn_speed(depth), 1e-12)
         return min(self.limits.speed, depth / self.delay) * held / max(turning, 1.0)
 
     def pressed(self, depth: float, along: np.ndarray) -> np.ndarray:
@@ -303,7 +302,7 @@ class ContactServo:
         """
         predicted, gain = self._predicted(), self.gain
         deeper, *slopes = self._drift + gain * (predicted - (depth, 0.0, 0.0))
-        rising = _within(np.array(slopes), self.turn_speed)
+        rising = _within(np.array(slopes), self.turn_speed(depth))
         # the surface rises ahead, and so does the gel
         return np.array([*along, predicted[1:] @ along + deeper, rising[1], -rising[0], 0.0])
 
