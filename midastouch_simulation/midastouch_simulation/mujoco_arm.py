@@ -51,7 +51,8 @@ class Setting:
 class MujocoArm:
     """Simulated arm with a gel.
 
-    An arm that meets the table, or its own sensor, stands still from then on, as in a UR's protective stop.
+    An arm that meets the table, or its own sensor, stands still from then on, as in a UR's protective stop. At a
+    singularity it follows only twists that lead away from it, as with MoveIt Servo.
 
     Attributes: time [s] since it was made; deepest [m], how far the object is in the gel; stopped, whether it has met
     something.
@@ -173,6 +174,8 @@ class MujocoArm:
             self._twist, self._until = twist, begins + self._timeout
         if self.time < self._until:
             speeds = self._joints.speeds_of(self._twist)
+            if not (self._joints.follows() or self._joints.leads_out(speeds)):
+                return
             self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
 
     def _press(self) -> None:

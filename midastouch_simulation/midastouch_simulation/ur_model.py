@@ -30,8 +30,11 @@ FLANGE_FROM_GEL = se3.make(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.07]
 _STIFF, _SOFT = (2e4, 4e2), (2e3, 4e1)  # N m / rad and N m s / rad of the position loops: shoulder and elbow; wrist
 _RADII = (0.06, 0.055, 0.045, 0.04, 0.04, 0.035)  # m
 _STANDS_ON = 0.02  # m, lever of the friction against a turn
-_DAMPED = 0.01  # damping of the least squares that turn a twist into joint speeds; matters if the arm is stretched
-_FOLLOWED = 0.9  # fraction of every twist that the arm must follow: a depth cannot be held with less
+_LEVERS = np.array([1.0, 1.0, 1.0, 0.3, 0.3, 0.3])  # m, of a twist's turn: about an arm's, so that both parts count
+_DAMPED = 3e-3  # m, damping of the least squares that turn a twist into joint speeds; matters if the arm is stretched
+_FOLLOWED = 0.98  # fraction of every twist that the arm must follow: a depth cannot be held with less
+_LED_ON = 0.99  # the same where a way ends: the arm must be led on from there
+_SOON = 1e-2  # s
 _CLOSE = 1e-4, 1e-3  # m, rad: a pose counts as reached
 _MOST_ITERATIONS = 200
 _LONGEST_STEP = 0.2  # rad
@@ -151,24 +154,34 @@ class Kinematics:
         """True while a link touches the table, or the sensor's housing touches a link or the table."""
         return self._data.ncon > 0
 
+    def follows(self, part: float = _FOLLOWED) -> bool:
+        """Return whether the gel can follow this part of every twist: not if the arm is stretched, or two of its axes
+        are in line."""
+        return bool(self._weakest**2 >= part * (self._weakest**2 + _DAMPED**2))
+
+    def leads_out(self, speeds: np.ndarray) -> bool:
+        """Return whether joint speeds (6,) lead to where the gel follows twists better."""
+        soon = Kinematics(self._mujoco, self._model, self._mujoco.MjData(self._model))
+        soon.positions = self.positions + _SOON * speeds
+        return soon._weakest > self._weakest
+
     @property
-    def follows(self) -> bool:
-        """True while the gel can follow every twist: not if the arm is stretched, or two of its axes are in line."""
-        weakest = np.linalg.svd(self._jacobian, compute_uv=False)[-1]
-        return bool(weakest**2 >= _FOLLOWED * (weakest**2 + _DAMPED**2))
+    def _weakest(self) -> float:
+        return float(np.linalg.svd(self._jacobian, compute_uv=False)[-1])
 
     def speeds_of(self, twist: np.ndarray) -> np.ndarray:
         """Return joint speeds (6,) [rad/s] that give the drawn gel a twist (6,) in its frame: damped least squares."""
         jacobian = self._jacobian
-        return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), twist)
+        return jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED**2 * np.eye(6), _LEVERS * twist)
 
     @property
     def _jacobian(self) -> np.ndarray:
-        """Jacobian (6, 6): twist of the gel, in its frame, per joint speed."""
+        """Jacobian (6, 6) [m]: twist of the gel, in its frame, times `_LEVERS`, per joint speed."""
         linear, angular = np.zeros((2, 3, self._model.nv))
         self._mujoco.mj_jacSite(self._model, self._data, linear, angular, self._gel.id)
         turned = self.pose[:3, :3].T
-        return np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
+        twists = np.concatenate([turned @ linear[:, self._speeds], turned @ angular[:, self._speeds]])
+        return _LEVERS[:, None] * twists
 
     def reach(self, goal: np.ndarray, passing: bool = False) -> bool:
         """Move the joints until the drawn gel is at a pose (4, 4); return whether it is, follows twists there, and
@@ -177,7 +190,7 @@ class Kinematics:
             error = se3.log(se3.inverse(self.pose) @ goal)
             there = bool(np.linalg.norm(error[:3]) < _CLOSE[0] and np.linalg.norm(error[3:]) < _CLOSE[1])
             if there or (self.meets and not passing):
-                return there and not self.meets and self.follows
+                return there and not self.meets and self.follows(_LED_ON)
             step = self.speeds_of(error)
             self.positions += step * min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
         return False

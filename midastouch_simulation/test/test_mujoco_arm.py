@@ -56,6 +56,17 @@ def test_what_it_reaches_it_can_be_led_on_from():
     assert farthest.pose[0, 3] - begin > 0.8 * speed * (seconds - 0.05)
 
 
+def test_at_a_singularity_it_stands_still_rather_than_leave_its_way():
+    stretched = se3.translation([0.8705, 0.1, 0.26])
+    for turn, moves in ((0.3, False), (-0.3, True)):
+        far = MujocoArm(BALL, SENSOR, Setting(BASE_FROM_OBJECT, stretched))
+        begin, twist = far.pose, np.array([5e-3, 0.0, 0.0, 0.0, turn, 0.0])
+        push(far, list(twist), 1.0)
+        went = se3.log(se3.inverse(begin) @ far.pose)
+        assert bool(np.linalg.norm(went[3:]) > 0.2) == moves
+        assert np.linalg.norm(went[:3] - twist[:3] * (went[4] / turn)) < 2e-3
+
+
 def test_what_it_reaches_is_on_a_way_without_what_it_meets():
     there = arm(0.03)
     here = there.pose

@@ -30,9 +30,11 @@ _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further ou
 _MISREAD = 1e-4  # m, median error of the depth that images show
 _FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
 _RIM = 1.2e-2  # m from a gel's apex to its corners
-_REST, _CAME_WITHIN = 1e-4, 1.0  # m: a way shorter than this hardly counts; s
+_REST = 1e-4  # m: a way shorter than this hardly counts
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
+CAME_WITHIN = 1.0
+"""How far back the way of a motion is known to be free [s]."""
 LONGEST_PERIOD = 0.1
 """How long a twist is assumed to act [s]. An arm that receives no new twist for longer stops on its own."""
 
@@ -235,20 +237,21 @@ class ContactServo:
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
     @property
-    def way_back(self) -> np.ndarray:
-        """Unit vector (3,) in the gel's frame on which the present motion goes back, because what it has passed within
-        a second is free; off the surface, too, if it began there or has touched it for some time."""
-        begin, way = max(self._begun, self._now - _CAME_WITHIN), np.zeros(3)
+    def way_back(self) -> tuple[np.ndarray, np.ndarray]:
+        """How the present motion goes back, because what it has passed within a second is free: a unit vector (3,) in
+        the gel's frame, and the turn (3,) [rad]; off the surface, too, if it began there or has touched it for some
+        time."""
+        begin, way = max(self._begun, self._now - CAME_WITHIN), np.zeros(6)
         for start, end, twist in reversed(self._commands):
             if start < begin:
                 break
-            way += (min(end, self._now) - start) * twist[:3]
-        back = -way / max(float(np.linalg.norm(way)), _REST)
+            way += (min(end, self._now) - start) * twist
+        back = -way[:3] / max(float(np.linalg.norm(way[:3])), _REST)
         first, last = self._contact
         recently = self._now - self._settles
         if (first < max(begin, recently) and last > recently) or not back.any():
-            back[2] = 1.0
-        return back / np.linalg.norm(back)
+            back[2] += 1.0
+        return back / np.linalg.norm(back), -way[3:]
 
     @property
     def _settles(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from midastouch_common import se3
 
-from .contact_servo import ContactServo
+from .contact_servo import CAME_WITHIN, ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m, s: a touch is done once it has stayed this near to the wanted depth this long
 _TURN, _SETTLES = np.pi / 2, 3.0  # rad, s: a touch has the time of this turn, and this time more, to settle
@@ -191,14 +191,17 @@ class BackOffSkill(_Moving):
         super().__init__()
         self._clear, self._least = clear, least
         self._way: np.ndarray | None = None
+        self._turn, self._until = np.zeros(3), 0.0  # rad/s, s
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
-        self._way = servo.way_back if self._way is None else self._way
+        if self._way is None:
+            self._way, turn = servo.way_back
+            self._turn, self._until = turn / CAME_WITHIN, now + CAME_WITHIN  # at the speed at which it came
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         gone = self._gone(pose)
         if (off and gone >= self._least) or gone > _THICK:
             return SkillEnd(True, "backed off")
-        return np.concatenate([servo.limits.speed * self._way, np.zeros(3)])
+        return np.concatenate([servo.limits.speed * self._way, self._turn * (now < self._until)])
 
 
 class _Return(BackOffSkill):

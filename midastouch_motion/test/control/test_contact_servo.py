@@ -135,6 +135,6 @@ def test_a_gel_goes_back_on_the_way_of_the_present_motion_alone():
         servo.begin(now)
         servo.command(now + 0.1, np.array(twist))
         servo.stop(now + 0.4)
-        np.testing.assert_allclose(servo.way_back, -np.array(twist[:3]) / 5e-3, atol=1e-6)
+        np.testing.assert_allclose(servo.way_back[0], -np.array(twist[:3]) / 5e-3, atol=1e-6)
     servo.begin(0.95)
-    np.testing.assert_allclose(servo.way_back, [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(servo.way_back[0], [0.0, 0.0, 1.0])

@@ -119,7 +119,7 @@ def test_a_transform_that_jumps_stops_all_but_a_way_off_the_surface(motion, jump
 
 
 def assert_goes_back(motion, ahead, back):
-    """The twists `back` lead back on the way of the twist `ahead`, and off a surface on which the gel stayed."""
+    """The twists `back` lead back on way and turn of the twist `ahead`, and off a surface on which the gel stayed."""
     way = -ahead[:3] / np.linalg.norm(ahead[:3])
     if motion == "slide":
         way = np.array([*way[:2], 1.0]) / np.linalg.norm([*way[:2], 1.0])
@@ -127,7 +127,8 @@ def assert_goes_back(motion, ahead, back):
     speeds = np.linalg.norm(back[:, :3], axis=1)
     assert (speeds > 0).all()
     np.testing.assert_allclose(back[:, :3] / speeds[:, None], np.tile(way, (len(back), 1)), atol=0.05)
-    assert not back[:, 3:].any(), "without a turn"
+    turned = back[:, 3:] @ ahead[3:]
+    assert (turned < 0).all() if motion == "approach" else not turned.any(), "and turns back"
 
 
 @pytest.mark.parametrize("motion", ["approach", "touch", "slide"])
