@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
@@ -29,12 +30,11 @@ _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presse
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
 _FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
-_RIM = 1.2e-2  # m from a gel's apex to its corners
-_REST = 1e-4  # m: a way shorter than this hardly counts
+_APART, _PASSED = 2e-4, 25  # m, between the poses of a trail, and how many there are
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
-CAME_WITHIN = 1.0
-"""How far back the way of a motion is known to be free [s]."""
+RIM = 1.2e-2
+"""From a gel's apex to its corners [m]."""
 LONGEST_PERIOD = 0.1
 """How long a twist is assumed to act [s]. An arm that receives no new twist for longer stops on its own."""
 
@@ -146,6 +146,7 @@ class ContactServo:
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
         self._now = self._begun = -math.inf  # s; when the present motion began
         self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
+        self._trail: deque[tuple[float, np.ndarray]] = deque(maxlen=_PASSED)  # s, and the poses then
         self._deepest = self._measured  # deepest image since the gel last moved along the surface, or off it
         self.fallen = False
 
@@ -237,21 +238,16 @@ class ContactServo:
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
 
     @property
-    def way_back(self) -> tuple[np.ndarray, np.ndarray]:
-        """How the present motion goes back, because what it has passed within a second is free: a unit vector (3,) in
-        the gel's frame, and the turn (3,) [rad]; off the surface, too, if it began there or has touched it for some
-        time."""
-        begin, way = max(self._begun, self._now - CAME_WITHIN), np.zeros(6)
-        for start, end, twist in reversed(self._commands):
-            if start < begin:
-                break
-            way += (min(end, self._now) - start) * twist
-        back = -way[:3] / max(float(np.linalg.norm(way[:3])), _REST)
+    def trail(self) -> list[np.ndarray]:
+        """Poses (4, 4) that the gel has passed on the last millimetres of the present motion, up to now."""
+        return [pose for _, pose in self._trail]
+
+    @property
+    def stays(self) -> bool:
+        """Whether the gel is on a surface that it has touched for some time, or all along its `trail`."""
         first, last = self._contact
         recently = self._now - self._settles
-        if (first < max(begin, recently) and last > recently) or not back.any():
-            back[2] += 1.0
-        return back / np.linalg.norm(back), -way[3:]
+        return first < max(self._trail[0][0] if self._trail else self._now, recently) and last > recently
 
     @property
     def _settles(self) -> float:
@@ -271,11 +267,11 @@ class ContactServo:
         """Return the speed of turns [rad/s] at which the gel's other side, which comes down in a corner, stays above
         twice the `depth` [m] until the arm answers."""
         left = max(2.0 * depth - self.depth, 0.0)
-        return min(self.limits.turn_speed, left / (_RIM * self._blind))
+        return min(self.limits.turn_speed, left / (RIM * self._blind))
 
     def flight_time(self, way: float, angle: float) -> float:
         """Return the time [s] of a way [m] through the air with a turn [rad], by which the gel's rim moves, too."""
-        return max((way + _RIM * angle) / self.flight_speed, angle / self.limits.turn_speed)
+        return max((way + RIM * angle) / self.flight_speed, angle / self.limits.turn_speed)
 
     @property
     def _blind(self) -> float:
@@ -336,7 +332,14 @@ class ContactServo:
     def begin(self, now: float) -> np.ndarray:
         """Begin a motion at rest: return the zero twist, and keep it for the prediction."""
         self._begun = now
+        self._trail.clear()
         return self.stop(now)
+
+    def pass_by(self, now: float, pose: np.ndarray) -> None:
+        """Take note of the gel's pose (4, 4) at a time [s]."""
+        moved = se3.log(se3.inverse(self._trail[-1][1]) @ pose) if self._trail else np.full(6, _APART)
+        if np.linalg.norm(moved[:3]) + RIM * np.linalg.norm(moved[3:]) >= _APART:
+            self._trail.append((now, pose.copy()))
 
     def stop(self, now: float) -> np.ndarray:
         """Return the zero twist, which stops at once, and keep it for the prediction."""

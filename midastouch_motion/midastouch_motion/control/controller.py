@@ -81,6 +81,7 @@ class Controller:
         if self._since is None:
             self._since = now
             return self.servo.begin(now), None  # the motion accelerates from zero
+        self.servo.pass_by(now, seen.gel)
         stop, late = self.guard.stop(now, seen), self.guard.late(now, seen)
         jump = self._following.jump(seen, self.servo.limits)
         problem = stop or late or untared or ("" if self.skill.leaves else jump)
@@ -99,8 +100,13 @@ class Controller:
             return self._end(now, self._reason or answer)
         self._moving, self._since = True, now
         twist = self.servo.command(now, answer) if answer.any() else self.servo.stop(now)
-        if problem := self.guard.outside(seen, twist) or self._following.problem(now, twist, seen):
+        if problem := self.guard.outside(seen, twist):
             return self._end(now, self._reason or SkillEnd(False, problem))
+        if problem := self._following.problem(now, twist, seen):
+            if self.skill.leaves:
+                return self._end(now, self._reason or SkillEnd(False, problem))
+            self._go_back(problem, BackOffSkill(clear=True))
+            return self.servo.stop(now), None
         return twist, None
 
     def _must_go_back(self, now: float, seen: Seen) -> bool:
@@ -112,8 +118,12 @@ class Controller:
             back = BackOffSkill(clear=True, least=MAX_PENETRATION)
         else:
             return False
-        self._reason, self.skill = SkillEnd(False, problem), back
+        self._go_back(problem, back)
         return True
+
+    def _go_back(self, problem: str, back: BackOffSkill) -> None:
+        """Begin to pull the gel back, after which the motion ends for a reason."""
+        self._reason, self.skill, self._following = SkillEnd(False, problem), back, _Following()
 
     def _unexplained(self, now: float) -> str:
         """Return why the gel must be pulled back for the force on it; empty if it need not be.

@@ -11,7 +11,7 @@ import numpy as np
 
 from midastouch_common import se3
 
-from .contact_servo import CAME_WITHIN, ContactServo
+from .contact_servo import RIM, ContactServo
 
 _SETTLED, _SETTLED_FOR = 1e-4, 0.2  # m, s: a touch is done once it has stayed this near to the wanted depth this long
 _TURN, _SETTLES = np.pi / 2, 3.0  # rad, s: a touch has the time of this turn, and this time more, to settle
@@ -20,6 +20,7 @@ _STEP = 5e-4  # m
 _STALLED_FOR = 0.3  # s without progress in which a gel turns with the surface; in more it would turn about an edge
 _REACH = 1e-3  # m: a lost contact is looked for down to this far below the wanted depth
 _THICK = 5e-3  # m, thickness of a gel
+_RISEN = 0.5  # part of a way along the gel's axis, from which a gel that rises meets something beside or above it
 _THERE = 1e-3, np.radians(1.0)  # m, rad: a gel this near to a pose has arrived
 
 
@@ -174,8 +175,8 @@ class SlideSkill:
 
 
 class BackOffSkill(_Moving):
-    """Motion off the surface and back to where the gel came from, until the depth is half of its limit, and at most as
-    far as a gel is thick.
+    """Motion back on the way that the gel has come, which is free, and off a surface on which it stays, until the depth
+    is half of its limit; beyond that way straight off, and at most as far as a gel is thick in all.
 
     Parameters
     ----------
@@ -190,18 +191,29 @@ class BackOffSkill(_Moving):
     def __init__(self, clear: bool = False, least: float = 0.0):
         super().__init__()
         self._clear, self._least = clear, least
-        self._way: np.ndarray | None = None
-        self._turn, self._until = np.zeros(3), 0.0  # rad/s, s
+        self._trail: list[np.ndarray] | None = None
+        self._stays, self._then, self._on = False, 0.0, 0.0  # s; m from the trail's last pose on
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
-        if self._way is None:
-            self._way, turn = servo.way_back
-            self._turn, self._until = turn / CAME_WITHIN, now + CAME_WITHIN  # at the speed at which it came
+        if self._trail is None:
+            self._trail, self._stays, self._then = servo.trail, servo.stays, now
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         gone = self._gone(pose)
         if (off and gone >= self._least) or gone > _THICK:
             return SkillEnd(True, "backed off")
-        return np.concatenate([servo.limits.speed * self._way, self._turn * (now < self._until)])
+        self._on, self._then = self._on + servo.limits.speed * (now - self._then), now
+        while len(self._trail) > 1:
+            way = se3.log(se3.inverse(self._trail[-1]) @ self._trail[-2])
+            length = float(np.linalg.norm(way[:3])) + RIM * float(np.linalg.norm(way[3:]))
+            if self._on < length:
+                way /= length
+                if self._stays and way[2] > -_RISEN:
+                    way[2] += 1.0
+                    way[:3] /= np.linalg.norm(way[:3])
+                return servo.limits.speed * way
+            self._on -= length
+            self._trail.pop()
+        return np.array([0.0, 0.0, servo.limits.speed, 0.0, 0.0, 0.0])
 
 
 class _Return(BackOffSkill):

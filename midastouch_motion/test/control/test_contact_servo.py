@@ -127,14 +127,3 @@ def test_a_turn_brings_the_gel_s_corners_down_to_twice_the_depth_at_most(depth):
     blind = 0.2 + servo.arm_latency
     assert turn * 1.2e-2 * blind == pytest.approx(2 * 5e-4 - depth)
     assert turn < Limits().turn_speed
-
-
-def test_a_gel_goes_back_on_the_way_of_the_present_motion_alone():
-    servo = ContactServo(Limits(), 0.05)
-    for now, twist in ((0.0, [0.0, 0.0, 5e-3, 0, 0, 0]), (0.5, [5e-3, 0.0, 0.0, 0, 0, 0])):
-        servo.begin(now)
-        servo.command(now + 0.1, np.array(twist))
-        servo.stop(now + 0.4)
-        np.testing.assert_allclose(servo.way_back[0], -np.array(twist[:3]) / 5e-3, atol=1e-6)
-    servo.begin(0.95)
-    np.testing.assert_allclose(servo.way_back[0], [0.0, 0.0, 1.0])

@@ -8,12 +8,13 @@ from midastouch_common import se3
 from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
-from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
+from midastouch_motion.control.skills import ApproachSkill, BackOffSkill, LiftSkill, SlideSkill, TouchSkill
 from midastouch_simulation.rehearsal import Rehearsal
 
 from ..conftest import above
 
 DEPTH = 0.5e-3
+CORNER = [2e-3, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2e-3, 0.0, 0.1, 0.0]
 DELAYS = [(0.02, 0.02, 60.0), (0.05, 0.05, 30.0), (0.08, 0.08, 30.0)]
 
 
@@ -196,6 +197,22 @@ def test_lift_goes_straight_up(world):
     way = touch.pose[:3, :3].T @ (run.pose[:3, 3] - touch.pose[:3, 3])
     np.testing.assert_allclose(way, [0, 0, 0.02], atol=2e-3)
     assert there.depth(run.pose) == 0
+
+
+def test_what_backs_off_retraces_the_last_way_of_its_motion_alone():
+    """A way around a corner, and a turn; then a motion that has not moved."""
+    servo, pose = ContactServo(Limits(), 0.05), np.eye(4)
+    there = [pose := pose @ se3.exp(np.array(way) / 10) for way in 10 * [CORNER[0]] + 10 * [CORNER[1]]]
+    for begins in (True, False):
+        servo.begin(0.0)
+        for passed in there if begins else []:
+            servo.pass_by(0.0, passed)
+        servo.measure(0.1, Measured(0.1, 2e-3, np.zeros(2), np.zeros(2)))
+        skill, pose = BackOffSkill(), there[-1]
+        for period in range(43):
+            pose = pose @ se3.exp(0.01 * skill.step(servo, 0.1 + 0.01 * period, pose))
+        expected = there[4] if begins else there[-1] @ se3.translation([0.0, 0.0, 4.3e-3])
+        np.testing.assert_allclose(pose, expected, atol=5e-4)
 
 
 def test_a_lift_that_meets_what_overhangs_goes_back_down():
