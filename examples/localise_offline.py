@@ -59,6 +59,7 @@ def main(
 ) -> None:
     """Print the state and the error of the published pose, every ten frames."""
     slide, mesh = load_sequence(folder), ObjectMesh.load(mesh_path)
+    print(f"{folder}, a slide over {slide.object_name}, localised on {mesh.name}")
     particle_filter = ParticleFilter(mesh, Codebook.load(codebook_path, mesh))
     symmetry = particle_filter.objects[0].symmetry.exact
     pipeline = TouchPipeline(load_tdn(), load_tcn(), time.perf_counter)

@@ -32,6 +32,7 @@ BASE_FROM_OBJECT = se3.translation([0.5, 0.0, 0.2])
 SECOND = 1_000_000_000  # ns
 TICK, TIMEOUT = SECOND // 100, SECOND // 5
 START_S = 10.0  # s, until nodes that run are known
+FREE = 40  # images
 KNOWN = 5e-3  # m, error of a filter that has taken the start
 SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; m above its start
 
@@ -40,8 +41,9 @@ class Engine(Node):
     """Node that publishes the poses of gel and object on TF, and prints how well the filter knows the gel's pose.
 
     motion: returns the gel's pose T_obj_gel (4, 4) at a number of seconds after the start, for ascending times; it
-    lasts `seconds`. It starts once the filter sees that nothing touches; with `start_given` the node sends it the pose,
-    to a few millimetres, until it has it. An engine's time is its own: this one waits for a slow filter.
+    lasts `seconds`. It starts once `tdn` has its no-contact image, the median of its first 32 images; with
+    `start_given` the node sends the filter the pose, to a few millimetres, until it has it. An engine's time is its
+    own: this one waits for a slow filter.
     """
 
     def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, start_given: bool):
@@ -49,6 +51,7 @@ class Engine(Node):
         self.motion, self.seconds, self.start_given = motion, seconds, start_given
         self.now = self.answered = time.time_ns()
         self.began, self.done, self.state, self.error = None, False, "no filter_status yet", np.nan
+        self.free = 0  # images that show no contact
         self.past = deque(maxlen=1000)  # time [ns] and pose
         self.tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self.start = self.create_publisher(PoseWithCovarianceStamped, "initialpose", qos.COMMAND)
@@ -74,7 +77,8 @@ class Engine(Node):
 
     def on_status(self, status: FilterStatus) -> None:
         """Begin once the filter works."""
-        if status.state == FilterStatus.STATE_NO_CONTACT and self.began is None:
+        self.free += status.state == FilterStatus.STATE_NO_CONTACT
+        if self.free > FREE and self.began is None:
             if self.start_given and not self.error < KNOWN:
                 self.start.publish(start_at(self.past[-1][1]))  # again, as a node that was just found may miss it
             else:

@@ -111,6 +111,17 @@ def _handled() -> list[signal.Signals]:
     return [n for n in _NUMBERS if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
 
 
+@contextlib.contextmanager
+def sparing_children() -> Iterator[None]:
+    """Spare processes that are started inside SIGINT: Ctrl-C reaches them, too, and even while they still import they
+    would end in a traceback. They inherit that it is blocked; here it arrives afterwards."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
     """Return a command whose process gets SIGTERM when the thread that started it, and so this process, is gone.
 

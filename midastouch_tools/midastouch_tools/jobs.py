@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from multiprocessing.connection import Connection
 from typing import TypeVar
 
 from midastouch_common.errors import InputError
+from midastouch_common.stop_signals import sparing_children
 
 R = TypeVar("R")
 _AHEAD = 2  # tasks per worker that are handed over before they are needed
@@ -76,15 +76,15 @@ class _Processes(ProcessPoolExecutor):
         absent = [name for name in _ONE_THREAD if name not in os.environ]
         os.environ.update(dict.fromkeys(absent, "1"))
         try:
-            return super().submit(*task)  # starts a process if none is idle
+            with sparing_children():
+                return super().submit(*task)  # starts a process if none is idle
         finally:
             for name in absent:
                 del os.environ[name]
 
 
 def _begin(parent: Connection) -> None:
-    """Begin a worker: it leaves Ctrl-C to its parent, and ends when the parent closes its side or dies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Begin a worker: it ends when the parent closes its side or dies."""
 
     def watch() -> None:
         parent.poll(None)

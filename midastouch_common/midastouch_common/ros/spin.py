@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 
 import rclpy
@@ -44,6 +45,7 @@ def stop() -> None:
 
 def _spin(make_nodes: Callable[[], Iterable[Node]], args: list[str] | None) -> int:
     end_at_once()
+    warnings.filterwarnings("ignore", "failed to send response", RuntimeWarning)  # its client has gone: no harm done
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # base of several types of rclpy that have no public name

@@ -253,8 +253,9 @@ def calibrate(
     if figures["explained_after"] < _LEAST_AGREEMENT:
         raise InputError(
             f"the presses do not agree with one ball of {1e3 * ball_diameter:g} mm (a calibration explains "
-            f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
-            "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
+            f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball "
+            "more often, straight and without sliding, give its diameter, and see that nothing touches in the "
+            "no-contact image"
         )
     figures |= depth_errors(seen, penetrations, held_out, background, sensor)
     figures |= {f"depth_radius_{when}": radius / figures[f"curvature_{when}"] for when in ("before", "after")}

@@ -17,6 +17,7 @@ from safetensors.torch import load_file, save_file
 import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
+from midastouch_common.stop_signals import sparing_children
 
 from .setting import TrainingOptions
 
@@ -102,6 +103,8 @@ class TrainingRun:
         print(f"figures and a checkpoint come every {every} steps and at the end; Ctrl-C keeps the last", flush=True)
         recent: list[float] = []
         reported = time.monotonic()
+        with sparing_children():
+            batches = iter(batches)  # starts the rendering processes
         for batch in batches:
             self.model.train(self._from_scratch and self.progress < _SETTLED)
             loss = loss_of(batch)

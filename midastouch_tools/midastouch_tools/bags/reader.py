@@ -153,7 +153,8 @@ def _unpacked(path: Path, _changed_ns: int) -> Reader:
 
 def _information(path: Path) -> dict[str, Any]:
     file = path / "metadata.yaml"
-    with files.readable(file, "not the metadata of a bag", f"write it again: ros2 bag reindex {path}"):
+    fix = f"give the .mcap file inside, or write it again: ros2 bag reindex {path}"
+    with files.readable(file, "not the metadata of a bag", fix):
         return dict(yaml.safe_load(file.read_text())["rosbag2_bagfile_information"])
 
 

@@ -33,6 +33,10 @@ OBJECTS = "/object_hypotheses"
 CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"
 
 
+class NoResults(InputError):
+    """Raised if a bag has no frame with a result."""
+
+
 @dataclasses.dataclass(frozen=True)
 class RunRecord:
     """A run: snapshots in order of time, n_particles and filter_ms of each, node_ms: mean work per frame by node."""
@@ -67,11 +71,11 @@ def read_run(path: str | Path) -> RunRecord:
     Raises
     ------
     InputError
-        The bag cannot be read or holds no frame with a result.
+        The bag cannot be read; `NoResults` if it holds no frame with a result.
     """
     topics = {STATUS, MODES, PARTICLES, POSE, CODE, PENETRATION, OBJECTS, DIAGNOSTICS}
     counts = {topic.name: number for topic, number in message_counts(path).items() if number and topic.name in topics}
-    no_results = InputError(
+    no_results = NoResults(
         f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
         f"that with the node recorder (how to play it: midastouch inspect-bag {path})"
     )

@@ -25,6 +25,7 @@ from .message_types import live_name, message_class
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # the middleware's name for a node of which only the topics were heard of
 _LOOK_S = 0.02
 _LONG_S = 4.0  # for nodes that run to be discovered
+_CONNECTS_S = 2.0  # for subscribers that are known; those whose QoS does not match never connect
 
 
 class FilterAnswers:
@@ -82,6 +83,9 @@ class Listeners:
                 logged = text
                 self._node.get_logger().info(text)
             time.sleep(_LOOK_S)  # Python's: rclpy's raises if the process is told to stop meanwhile
+        there = time.monotonic()
+        while not (stopped() or self._output.connected) and time.monotonic() - there < _CONNECTS_S:
+            time.sleep(_LOOK_S)
 
     @property
     def unheard(self) -> str:
@@ -131,6 +135,7 @@ class ReplayOutput:
             for topic in topics
         }
         self._clock = node.create_publisher(Clock, "/clock", 10) if clock else None
+        self._node = node
 
     @property
     def topics(self) -> list[str]:
@@ -140,6 +145,12 @@ class ReplayOutput:
     def listeners(self, topic: str) -> int:
         """Number of subscribers of a topic."""
         return self._publishers[topic].get_subscription_count()
+
+    @property
+    def connected(self) -> bool:
+        """True once every subscriber that is known, such as a recorder, gets what is sent."""
+        every = self._publishers.values()
+        return all(each.get_subscription_count() >= self._node.count_subscribers(each.topic_name) for each in every)
 
     def send(self, message: Message) -> None:
         """Publish a message on the topic of its name."""

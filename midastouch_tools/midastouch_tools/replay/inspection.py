@@ -1,6 +1,7 @@
 """Inspection of a bag before it is played: what it holds, what of it can be used, what is missing, how to continue.
 
-A few messages are looked at, by the checks of `ReplaySource`, so that a long bag takes no longer than a short one.
+A few messages are looked at, by the checks of `ReplaySource`, and as many are read as a few seconds allow, so that a
+long bag takes hardly longer than a short one.
 """
 
 from __future__ import annotations
@@ -8,9 +9,10 @@ from __future__ import annotations
 import math
 import re
 import shlex
+import time
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 
 from midastouch_common.errors import InputError
@@ -41,6 +43,7 @@ _SERIAL = re.compile(r"(?<![A-Za-z0-9])D\d{5}(?!\d)")  # of a DIGIT
 _FIRST = 5  # images, of which some may be broken
 _LONG_PATH = 6  # frames
 _REACH = 10.0  # m, longer than any link of an arm
+_READING_S = 3.0
 _OTHER_CLOCK_S = 1.0  # stamps that are further apart than the bag is long
 
 
@@ -87,6 +90,13 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
     }
     rows = [_row(topic, count, duration, streams) for topic, count in counts.items()]
     found = Inspection(duration, sorted(rows))
+    try:
+        read = _read(path) / max(sum(counts.values()), 1)
+    except InputError as error:
+        found.missing.append(f"whole messages: {error}")
+        return found
+    if read < 1.0:
+        found.notes.append(f"only the first {read:.0%} of its messages were read; damage further on is not known")
     images = _chosen(streams.values())
     if images is None:
         found.missing.append(_no_images(counts, streams.values()))
@@ -118,8 +128,14 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
     return found
 
 
+def _read(path: Path) -> int:
+    """Read messages of a bag for some seconds; return how many. Raises InputError if one of them is damaged."""
+    until = time.monotonic() + _READING_S
+    return sum(1 for _ in takewhile(lambda _: time.monotonic() < until, bag_messages(path)))
+
+
 def _row(topic: Topic, count: int, duration: float, streams: dict[str, ImageStream]) -> tuple[str, str, int, str, str]:
-    rate = f"{count / duration:.1f}" if duration and not topic.latched else "-"
+    rate = f"{count / duration:.1f}" if count > 1 and duration and not topic.latched else "-"
     content = streams[topic.name].content if topic.name in streams else ""
     return topic.name, topic.type_name.replace("/msg/", "/"), count, rate, content
 

@@ -17,6 +17,7 @@ from ..bags.run_record import read_run
 from ..codebooks import cached_codebook
 from ..datasets import Sequence, load_sequence
 from ..datasets.slide_simulation import cached_slide
+from ..datasets.writer import write_image
 from ..demo import NODES, SLIDE_LENGTH
 from ..demo.result import demo_result, result_rows, write_page
 from ..result_file import write_json
@@ -46,6 +47,7 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
         bag = fresh / "run.mcap"
         with atomic_path(bag) as temporary:
             seconds = record_run(sequence, _parameters(mesh, size, sequence, fresh), temporary, fresh / "log", domain)
+        write_image(bag.with_suffix(".background.png"), sequence.background)  # for a replay of it
         print(f"4/5  reading {out / bag.name}", flush=True)
         record = read_run(bag)
         print("5/5  pictures", flush=True)

@@ -165,6 +165,7 @@ class Console(Node):
     def _on_explorer(self, status: ExplorerStatus) -> None:
         self._explorer = status
         self._show()
+        self._bar.update()
         if status.state in _END_STATES and self.ended is None:
             self.ended = ExplorationEnd.of(status)
 

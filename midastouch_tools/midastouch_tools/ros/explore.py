@@ -11,13 +11,12 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
-from ..bags.run_record import MODES, OBJECTS, PARTICLES, PENETRATION, read_run
+from ..bags.run_record import MODES, OBJECTS, PARTICLES, PENETRATION, NoResults, read_run
 from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
@@ -60,13 +59,15 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"\nreading the recording, {bag.stat().st_size / 1e6:.0f} MB", flush=True)
     changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
-        if changed and console.since_change_ns is None:
-            raise InputError("it ended before the filter had an answer about the new object")
-        record = read_run(bag)
-    except InputError as error:  # it ended before the filter had an answer
+        record = read_run(bag) if not changed or console.since_change_ns is not None else None
+    except NoResults:
+        record = None
+    if record is None:
+        why = "the run ended before the filter had an answer" + " about the new object" * changed
         result = ending(console.ended, Path(console.mesh).stem, seconds)
         _tell(result, out)
-        write_words(result, str(error), out)
+        write_words(result, why, out)
+        print(f"nothing to draw: {why}", flush=True)
         return 0 if console.ended.by_hand else 1
     if changed:
         record = record.last(1e-9 * console.since_change_ns).of_known_object()

@@ -84,8 +84,12 @@ def _explore(given: dict[str, str]) -> int:
 
     out = exploration()
     given |= {"prepare": "false", "start_paused": "true"}
-    with whole_folder(out, keep_failed=True) as fresh:
-        programs = launch_file.programs("explore", given, fresh / "parameters")
-        status = run_exploration(programs, given, fresh, own_domain())
+    try:
+        with whole_folder(out, keep_failed=True) as fresh:
+            programs = launch_file.programs("explore", given, fresh / "parameters")
+            status = run_exploration(programs, given, fresh, own_domain())
+    except KeyboardInterrupt:
+        print(f"nothing of this run is kept; {out} is as it was before", file=sys.stderr)
+        raise
     print(f"pictures and table: {out / 'index.html'}\nrecording: {out / RECORDING}")
     return status

@@ -181,6 +181,23 @@ def test_what_is_missing_is_named(inspected, messages, missing, command):
     assert command in out
 
 
+def test_damage_further_on_is_missing(inspected, simulated_sequence):
+    """In a chunk of which no image is looked at."""
+
+    def damaged(path):
+        assert main(["to-bag", str(simulated_sequence(n=40).path), "--out", str(path)]) == 0
+        data = bytearray(path.read_bytes())
+        at = len(data) // 2
+        data[at : at + 1000] = bytes(1000)
+        path.write_bytes(data)
+        return path
+
+    status, out, _ = inspected(damaged, "bag.mcap")
+    assert status == 1
+    assert "mcap recover" in out.partition("missing:")[2]
+    assert "continue with" not in out
+
+
 def test_a_sequence_is_no_bag(inspected, simulated_sequence):
     status, _, err = inspected(lambda _: simulated_sequence(n=2).path)
     assert status == 2
