@@ -43,13 +43,13 @@ def answer(buffer: Buffer, step: dict):
             return buffer.get_latest_common_time(step["target"], step["source"]).nanoseconds
         else:
             asked = step["target"], step["source"], Time(nanoseconds=step["stamp"])
-            if step["do"] == "can":
-                return bool(buffer.can_transform(*asked))
             found = buffer.lookup_transform(*asked).transform
+            if step["do"] == "can":
+                return True
             p, q = found.translation, found.rotation
             return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
     except Exception as error:
-        return type(error).__name__
+        return False if step["do"] == "can" else type(error).__name__
     return None
 
 

@@ -31,6 +31,9 @@ class SkillEnd(NamedTuple):
     message: str
 
 
+_BACKED_OFF = SkillEnd(True, "backed off")
+
+
 class Skill(Protocol):
     """A motion. Attributes: path [m] so far; leaves, whether it leads straight off the surface."""
 
@@ -184,13 +187,15 @@ class BackOffSkill(_Moving):
         True to go on until nothing touches.
     least : [m]
         Way that is gone in any case, for a gel whose depth is not known.
+    end
+        Its result.
     """
 
     leaves = True
 
-    def __init__(self, clear: bool = False, least: float = 0.0):
+    def __init__(self, clear: bool = False, least: float = 0.0, end: SkillEnd = _BACKED_OFF):
         super().__init__()
-        self._clear, self._least = clear, least
+        self._clear, self._least, self._end = clear, least, end
         self._trail: list[np.ndarray] | None = None
         self._stays, self._then, self._on = False, 0.0, 0.0  # s; m from the trail's last pose on
 
@@ -200,7 +205,7 @@ class BackOffSkill(_Moving):
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         gone = self._gone(pose)
         if (off and gone >= self._least) or gone > _THICK:
-            return SkillEnd(True, "backed off")
+            return self._end
         self._on, self._then = self._on + servo.limits.speed * (now - self._then), now
         while len(self._trail) > 1:
             way = se3.log(se3.inverse(self._trail[-1]) @ self._trail[-2])
@@ -216,16 +221,9 @@ class BackOffSkill(_Moving):
         return np.array([0.0, 0.0, servo.limits.speed, 0.0, 0.0, 0.0])
 
 
-class _Return(BackOffSkill):
-    """Motion back from a contact that a motion has met after `gone` [m], which has failed then."""
-
-    def __init__(self, gone: float):
-        super().__init__(clear=True)
-        self._met = SkillEnd(False, f"touched on the way after {1e3 * gone:.0f} mm")
-
-    def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
-        answer = super().step(servo, now, pose)
-        return self._met if isinstance(answer, SkillEnd) else answer
+def _met_on_the_way(gone: float) -> BackOffSkill:
+    """Return the motion back from what a motion has met after `gone` [m], which then fails."""
+    return BackOffSkill(clear=True, end=SkillEnd(False, f"touched on the way after {1e3 * gone:.0f} mm"))
 
 
 class LiftSkill(_Moving):
@@ -237,12 +235,12 @@ class LiftSkill(_Moving):
     def __init__(self, height: float):
         super().__init__()
         self._height = height
-        self._back: _Return | None = None
+        self._back: BackOffSkill | None = None
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
         if self._back is None and servo.met:
-            self._back = _Return(gone)
+            self._back = _met_on_the_way(gone)
             return np.zeros(6)
         if self._back is not None:
             return self._back.step(servo, now, pose)
@@ -269,7 +267,7 @@ class ApproachSkill(_Moving):
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
         if self._back is None and servo.touching:
-            self._back = _Return(gone)
+            self._back = _met_on_the_way(gone)
             return np.zeros(6)
         if self._back is not None:
             answer = self._back.step(servo, now, pose)

@@ -10,11 +10,29 @@ import numpy as np
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common.frames import BASE_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import SECOND, stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_transform
+from midastouch_common.ros.parameters import Parameter
 from midastouch_msgs.msg import FilterStatus
 
+PARAMETERS = (
+    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
+    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of digit_sim"),
+    Parameter("seed", 0, "Of all that is drawn at random", minimum=0, maximum=2**31 - 1),
+    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
+    Parameter(
+        "untouched_frames",
+        32,
+        "Images of the untouched sensor before it moves: as many as tdn estimates its background from",
+        minimum=1,
+        maximum=1000,
+    ),
+    Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
+    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
+)
+"""Of nodes that move a simulated sensor at the pace of the filter."""
 AT_REST_S = 1.0  # between images while nothing moves: the last may be lost, and the filter would turn stale
 _IN_FLIGHT = 3  # most images without an answer; digit_sim leaves some out when more are due at once
 

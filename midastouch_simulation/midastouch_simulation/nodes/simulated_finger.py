@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_common.frames import GEL_FRAME, TRUTH_GEL_FRAME
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.addresses import load_mesh
 from midastouch_common.ros.conversions import stamp_from_ns, stamped_pose
@@ -31,23 +31,11 @@ from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
 
 from ..world import World
-from .pace import Pace
+from . import pace
 
 PARAMETERS = (
-    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
-    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of digit_sim"),
-    Parameter("seed", 0, "Of where the finger begins, and how steady it is", minimum=0, maximum=2**31 - 1),
-    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
+    *pace.PARAMETERS,
     Parameter("speed", 0.05, "Of the finger on the surface", "m/s", minimum=1e-3, maximum=0.3),
-    Parameter(
-        "untouched_frames",
-        32,
-        "Answered images of the untouched sensor before it moves: as many as tdn estimates its background from",
-        minimum=1,
-        maximum=1000,
-    ),
-    Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
-    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
     Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
 )
 
@@ -83,7 +71,7 @@ class SimulatedFingerNode(PipelineNode):
         self._motions: deque[_Motion] = deque()
         self._untouched, self._ended = 0, ""
         frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
-        self._frames, self._pace = frames, Pace(self, settings["fps"])
+        self._frames, self._pace = frames, pace.Pace(self, settings["fps"])
         diagnostics.Diagnostics(self, self._describe)
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
         offer(self, Trigger, "~/push", self._on_push)

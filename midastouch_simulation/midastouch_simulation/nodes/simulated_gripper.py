@@ -12,7 +12,7 @@ import numpy as np
 from rclpy.clock import Clock, ClockType
 
 from midastouch_common import se3
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.frames import GEL_FRAME
 from midastouch_common.message_arrays import pose_from_msg, transform_from_msg
 from midastouch_common.pose_metric import pose_errors
 from midastouch_common.ros import diagnostics, qos, spin
@@ -24,28 +24,16 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.group import Symmetry
 
 from ..gripper import Gripped, SimulatedGripper
-from .pace import Pace
+from . import pace
 
 SIDES = "left", "right"
 """Namespaces of the two sensors; the filter runs in the first."""
 PARAMETERS = (
-    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
-    Parameter("sensor_model", "digit_tacto", "Geometry of the sensors, as of digit_sim"),
-    Parameter("seed", 0, "Of where it pinches, and where it puts the object down", minimum=0, maximum=2**31 - 1),
-    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
+    *pace.PARAMETERS,
     Parameter(
         "pinches", 6, "It ends once the filter is sure in one, at the latest in the last", minimum=1, maximum=1000
     ),
-    Parameter(
-        "untouched_frames",
-        32,
-        "Untouched images of each sensor before it closes: as many as tdn estimates its background from",
-        minimum=1,
-        maximum=1000,
-    ),
-    Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
     Parameter("gripper_frame_id", "gripper", "Frame of the gripper, between its fingers"),
-    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
 )
 
 _NEAR_MM = 5.0  # of the truth: right
@@ -61,7 +49,7 @@ class SimulatedGripperNode(PipelineNode):
         sensor, rng = SensorModel.load(settings["sensor_model"]), np.random.default_rng(settings["seed"])
         self._gripper = SimulatedGripper(load_mesh(settings["mesh"]), sensor, rng)
         self._frames = [settings[f"{name}_frame_id"] for name in ("base", "gripper", "object")]
-        self._pace, self._untouched = Pace(self, settings["fps"]), Counter[str]()
+        self._pace, self._untouched = pace.Pace(self, settings["fps"]), Counter[str]()
         self._state, self._modes, self._on_end, self.gave_up = "", PoseModes(), on_end, False
         self._pinched, self._over, self._way = 0, False, self._gripper.pinch()
         diagnostics.Diagnostics(self, self._describe)

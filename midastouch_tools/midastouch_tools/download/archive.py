@@ -1,14 +1,9 @@
-"""Untrusted archives: checksums and unpacking.
-
-If no checksum is published, later downloads must equal the first one, whose sum is kept in SHA256SUMS. Zip archives may
-hold only plain files below the target folder.
-"""
+"""Unpacking of untrusted archives: they may hold only plain files below the target folder."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import re
 import shutil
 import stat
 import zipfile
@@ -16,37 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, sha256
+from midastouch_common.files import atomic_path
 
-SUMS_FILE = "SHA256SUMS"
 RESERVE = 32 << 20
 """Bytes that stay free on the disk."""
-
-
-def recorded(folder: Path) -> dict[str, str]:
-    """Read {file name: SHA-256} from a folder's list, in the format of `sha256sum`; InputError if it is malformed."""
-    path = folder / SUMS_FILE
-    if not path.is_file():
-        return {}
-    found = {}
-    for line in path.read_text(errors="replace").splitlines():
-        match = re.fullmatch(r"([0-9a-f]{64})  (.+)", line)
-        if not match:
-            raise InputError(f"{path}: not a list of SHA-256 sums, at '{line[:80]}'; correct or delete it")
-        found[match[2]] = match[1]
-    return found
-
-
-def check_or_record(folder: Path, name: str, file: Path) -> None:
-    """Compare the sum of `file` with the one recorded under `name`, or record it; InputError if they differ."""
-    known, found = recorded(folder), sha256(file)
-    if known.get(name, found) != found:
-        raise InputError(
-            f"{file}: is not the {name} of {folder / SUMS_FILE}; if it was renewed on purpose, delete that line"
-        )
-    sums = known | {name: found}
-    with atomic_path(folder / SUMS_FILE) as temporary:
-        temporary.write_text("".join(f"{digest}  {known}\n" for known, digest in sorted(sums.items())))
 
 
 def extract(path: Path, folder: Path) -> int:

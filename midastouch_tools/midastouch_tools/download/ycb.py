@@ -15,10 +15,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path, sha256
+from midastouch_common.files import atomic_path
 from midastouch_common.missing_modules import pip_install
 
-from .archive import check_or_record, extract, readable_archive, recorded
+from .archive import extract, readable_archive
 from .transfer import fetch
 
 SERVER = "https://ycb-benchmarks.s3.amazonaws.com/data"
@@ -36,22 +36,18 @@ FOLDERS = {
 def download_mesh(name: str, folder: Path, server: str, progress: Callable = lambda done, total: None) -> Path:
     """Download the 16k-face scan of an object such as 025_mug to `folder/NAME.ply`, metres; returns that path.
 
-    A mesh that is already there, unchanged, is not fetched again; an archive must have the SHA-256 of the first
-    download into this folder. Raises InputError as `fetch` does, for a name of no object, and for an archive that is
-    damaged or holds no mesh.
+    A mesh that is already there is not fetched again. Raises InputError as `fetch` does, for a name of no object, and
+    for an archive that is damaged or holds no mesh.
     """
     if not re.fullmatch(r"\d{3}(-[a-z])?_[a-z0-9_]+", name):
         raise InputError(f"{name}: not the name of a YCB object; they look like 025_mug or 065-a_cups")
-    archive = f"{name}_google_16k.tgz"
-    packed, mesh = folder / archive, folder / f"{name}.ply"
-    known = recorded(folder)
-    if mesh.is_file() and sha256(mesh) == known.get(mesh.name):
+    archive, mesh = f"{name}_google_16k.tgz", folder / f"{name}.ply"
+    if mesh.is_file():
         return mesh
-    fetch(f"{server}/google/{archive}", packed, known.get(archive), progress=progress)
+    packed = folder / archive
+    fetch(f"{server}/google/{archive}", packed, progress=progress)
     with atomic_path(mesh) as temporary:
         _take_mesh(packed, temporary)
-    check_or_record(folder, archive, packed)
-    check_or_record(folder, mesh.name, mesh)
     packed.unlink()
     return mesh
 
@@ -70,9 +66,8 @@ def _take_mesh(packed: Path, mesh: Path) -> None:
 def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Path]:
     """Fetch a part of the dataset into `folder/PART` and unpack its archives; returns the folders unpacked.
 
-    gdown: the program; None: the one next to this Python or on PATH. It continues what an earlier call has begun. No
-    checksums are published, so every archive must equal the first download. Raises InputError if gdown is missing or
-    fails, if an archive differs from the first download, and as `extract` does.
+    gdown: the program; None: the one next to this Python or on PATH. It continues what an earlier call has begun.
+    Raises InputError if gdown is missing or fails, and as `extract` does.
     """
     program = gdown or shutil.which("gdown", path=str(Path(sys.executable).parent)) or shutil.which("gdown")
     if program is None:
@@ -85,7 +80,6 @@ def download_part(part: str, folder: Path, gdown: str | None = None) -> list[Pat
         raise InputError(f"{FOLDERS[part]}: gdown failed ({error}); call again to continue") from error
     unpacked = []
     for archive in sorted(target.glob("*.zip")):
-        check_or_record(target, archive.name, archive)
         out = archive.with_suffix("")
         if not out.exists():
             extract(archive, out)

@@ -1,6 +1,5 @@
 """YCB meshes and YCB-Slide, from servers of our own in their layout."""
 
-import hashlib
 import io
 import stat
 import tarfile
@@ -34,29 +33,17 @@ def mug(server):
     return server
 
 
-def test_a_mesh_arrives_by_name_and_its_sums_are_kept(mug, tmp_path):
+def test_a_mesh_arrives_by_name(mug, tmp_path):
     path = download_mesh("025_mug", tmp_path / "ycb", mug.url)
     assert path == tmp_path / "ycb" / "025_mug.ply"
     assert ObjectMesh.load(path).diagonal == pytest.approx(0.08 * 3**0.5, rel=0.05)
-    assert sorted(p.name for p in path.parent.iterdir()) == ["025_mug.ply", "SHA256SUMS"]
-    assert f"{hashlib.sha256(MESH).hexdigest()}  025_mug.ply\n" in (path.parent / "SHA256SUMS").read_text()
+    assert [p.name for p in path.parent.iterdir()] == ["025_mug.ply"]
 
 
-def test_what_is_there_is_not_fetched_again_unless_damaged(mug, tmp_path):
-    path = download_mesh("025_mug", tmp_path, mug.url)
-    download_mesh("025_mug", tmp_path, mug.url)
-    assert len(mug.requests) == 1
-    path.write_bytes(b"ply")
-    download_mesh("025_mug", tmp_path, mug.url)
-    assert path.read_bytes() == MESH
-
-
-def test_another_archive_than_at_first_is_refused(mug, tmp_path):
-    download_mesh("025_mug", tmp_path, mug.url).unlink()
-    mug.files["/google/025_mug_google_16k.tgz"] = archive_of(MESH + b"\n")
-    with pytest.raises(InputError, match=r"025_mug_google_16k\.tgz.*changed"):
+def test_what_is_there_is_not_fetched_again(mug, tmp_path):
+    for _ in range(2):
         download_mesh("025_mug", tmp_path, mug.url)
-    assert [p.name for p in tmp_path.iterdir()] == ["SHA256SUMS"]
+    assert len(mug.requests) == 1
 
 
 def test_an_archive_of_another_layout_is_said(mug, tmp_path):
@@ -134,7 +121,6 @@ def test_a_part_is_fetched_and_unpacked(tmp_path):
     called = (tmp_path / "called").read_text().split()
     assert called == ["--folder", FOLDERS["sim"], "--continue", "--output", str(out / "sim")]
     assert download_part("sim", out, program) == []
-    assert "048_hammer.zip" in (out / "sim/SHA256SUMS").read_text()
 
 
 def test_what_a_call_left_nested_when_it_was_killed_is_put_right(tmp_path):

@@ -182,14 +182,6 @@ class Buffer:
         p.x, p.y, p.z, q.x, q.y, q.z, q.w = pose
         return found
 
-    def can_transform(self, target_frame: str, source_frame: str, time: Time) -> bool:
-        """Return whether a look-up succeeds."""
-        try:
-            self.lookup_transform(target_frame, source_frame, time)
-        except TransformException:
-            return False
-        return True
-
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """Return the newest time at which a look-up succeeds; 0 if only static transforms link the frames."""
         with self._lock:
