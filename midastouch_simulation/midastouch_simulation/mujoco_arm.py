@@ -174,9 +174,8 @@ class MujocoArm:
             self._twist, self._until = twist, begins + self._timeout
         if self.time < self._until:
             speeds = self._joints.speeds_of(self._twist)
-            if not (self._joints.follows() or self._joints.leads_out(speeds)):
-                return
-            self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
+            if self._joints.follows() or self._joints.leads_out(speeds):
+                self._data.ctrl += PERIOD * speeds * min(1.0, JOINT_SPEED / max(float(np.abs(speeds).max()), 1e-9))
 
     def _press(self) -> None:
         """Apply the gel's forces to the arm and to the object."""

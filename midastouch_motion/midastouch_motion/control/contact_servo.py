@@ -269,10 +269,6 @@ class ContactServo:
         left = max(2.0 * depth - self.depth, 0.0)
         return min(self.limits.turn_speed, left / (RIM * self._blind))
 
-    def flight_time(self, way: float, angle: float) -> float:
-        """Return the time [s] of a way [m] through the air with a turn [rad], by which the gel's rim moves, too."""
-        return max((way + RIM * angle) / self.flight_speed, angle / self.limits.turn_speed)
-
     @property
     def _blind(self) -> float:
         """Longest recent time [s] from a contact, which may begin right after an image, to the arm's answer to it."""
@@ -336,7 +332,13 @@ class ContactServo:
         return self.stop(now)
 
     def pass_by(self, now: float, pose: np.ndarray) -> None:
-        """Take note of the gel's pose (4, 4) at a time [s]."""
+        """Take note of the gel's pose.
+
+        Parameters
+        ----------
+        now : [s]
+        pose : (4, 4), of the gel in the base frame
+        """
         moved = se3.log(se3.inverse(self._trail[-1][1]) @ pose) if self._trail else np.full(6, _APART)
         if np.linalg.norm(moved[:3]) + RIM * np.linalg.norm(moved[3:]) >= _APART:
             self._trail.append((now, pose.copy()))

@@ -227,8 +227,7 @@ def _met_on_the_way(gone: float) -> BackOffSkill:
 
 
 class LiftSkill(_Moving):
-    """Motion straight off the surface, by a height [m]. A further contact on the way ends it, after the gel has backed
-    off."""
+    """Motion straight off the surface, by a height [m], until something else touches; then the gel backs off."""
 
     leaves = True
 
@@ -280,5 +279,5 @@ class ApproachSkill(_Moving):
         if far < _THERE[0] and angle < _THERE[1]:
             return SkillEnd(True, f"there, after {1e3 * gone:.0f} mm")
         # slower at the end, because the known pose of the gel is old, too
-        seconds = max(servo.flight_time(far, angle), 1.0 / servo.gain)
+        seconds = max((far + RIM * angle) / servo.flight_speed, angle / servo.limits.turn_speed, 1.0 / servo.gain)
         return np.concatenate([way, turn]) / seconds
