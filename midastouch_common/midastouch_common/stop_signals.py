@@ -115,6 +115,9 @@ def _handled() -> list[signal.Signals]:
 def sparing_children() -> Iterator[None]:
     """Spare processes that are started inside SIGINT: Ctrl-C reaches them, too, and even while they still import they
     would end in a traceback. They inherit that it is blocked; here it arrives afterwards."""
+    from multiprocessing.resource_tracker import ensure_running  # here, for the reason of `bound_to_us`
+
+    ensure_running()  # which unblocks SIGINT when it starts
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from midastouch_common.stop_signals import sparing_children
+
 PROGRAM = """
 import contextlib, os, sys
 from midastouch_common.stop_signals import Stopped, end_at_once, interruptible, stop_event
@@ -153,3 +155,11 @@ def test_a_signal_breaks_off_work_but_not_its_clean_up(run, number, options) -> 
     it.until("ended")
     it.go_on()
     assert it.end() == (3, "")
+
+
+def test_processes_that_are_started_spared_never_hear_ctrl_c():
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+    with sparing_children():
+        spared = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert spared == "True\n"
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
