@@ -117,14 +117,24 @@ def test_what_pip_is_to_install_is_pinned():
     assert {facts["pip"][key] for key in wanted & facts["pip"].keys()} <= pinned
 
 
+# all that the shell lines call
+PROGRAMS = {
+    *("apt-get", "rosdep", "pip", "python3", "set", "."),
+    *("find", "install", "mkdir", "rm", "groupadd", "useradd", "userdel"),
+}
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_setup_files_are_sourced_where_unset_variables_are_allowed(stage):
     """They read some that nobody has set (tests/facts/setup_files.yaml)."""
     for word, argument in STAGES[stage][1]:
         if word == "SHELL":
             assert json.loads(argument) == ["/bin/bash", "-euo", "pipefail", "-c"]
+        if word == "RUN":
+            assert {part.split()[0] for part in argument.split(" && ")} <= PROGRAMS
         assert re.fullmatch(r"(?:set \+u && \. \S+/setup\.bash && set -u && )?((?!setup\.bash).)*", argument)
     entrypoint = (DOCKER / "entrypoint.sh").read_text().splitlines()
+    assert entrypoint[0] == "#!/usr/bin/env bash"
     assert entrypoint[-4:-1] == ["set -e", *(f"source /opt/{of}/setup.bash" for of in ("ros/jazzy", "midastouch"))]
 
 

@@ -118,11 +118,11 @@ def sparing_children() -> Iterator[None]:
     from multiprocessing.resource_tracker import ensure_running  # here, for the reason of `bound_to_us`
 
     ensure_running()  # which unblocks SIGINT when it starts
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_SETMASK, former)
 
 
 def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:

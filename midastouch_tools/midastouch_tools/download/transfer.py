@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import http.client
 import re
 import shutil
@@ -76,7 +77,13 @@ def _write(response: http.client.HTTPResponse, path: Path, progress: Callable) -
                 raise _BrokeOff(f"broke off after {have} bytes ({error})") from error
             if not block:
                 break
-            file.write(block)
+            try:
+                file.write(block)
+                file.flush()
+            except OSError as error:
+                if error.errno != errno.ENOSPC:
+                    raise
+                raise InputError(f"{path.parent}: the disk is full; make room and call again") from error
             have += len(block)
             progress(have, total)
     if total is not None and have != total:

@@ -11,6 +11,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
+from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
@@ -59,11 +60,12 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"\nreading the recording, {bag.stat().st_size / 1e6:.0f} MB", flush=True)
     changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
-        record = read_run(bag) if not changed or console.since_change_ns is not None else None
-    except NoResults:
-        record = None
-    if record is None:
-        why = "the run ended before the filter had an answer" + " about the new object" * changed
+        if changed and console.since_change_ns is None:
+            raise NoResults
+        record = read_run(bag)
+    except InputError as error:
+        early = "the run ended before the filter had an answer" + " about the new object" * changed
+        why = early if isinstance(error, NoResults) else str(error)
         result = ending(console.ended, Path(console.mesh).stem, seconds)
         _tell(result, out)
         write_words(result, why, out)

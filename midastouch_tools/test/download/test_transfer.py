@@ -85,10 +85,29 @@ def test_a_disk_that_is_too_small_is_noticed_before(server, url, path, monkeypat
     assert not path.exists()
 
 
-def test_a_disk_that_fills_up_is_left_as_it_was(url, path):
-    def full(done, total):
-        raise OSError(errno.ENOSPC, "No space left on device")
+def test_a_disk_that_fills_up_is_left_as_it_was(url, path, monkeypatch):
+    opened = Path.open
 
-    with pytest.raises(OSError, match=r"No space left on device.*drill\.tgz"):
-        fetch(url, path, progress=full)
+    def full(self, mode="r", *arguments, **options):
+        file = opened(self, mode, *arguments, **options)
+        if self.suffix != ".tgz":
+            return file
+
+        class Full:
+            def __enter__(self):
+                return self
+
+            def __exit__(self, *_):
+                file.close()
+
+            def write(self, block):
+                file.write(block[:10])
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        return Full()
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(InputError, match=r"new folder.*make room"):
+        fetch(url, path)
+    monkeypatch.undo()
     assert left(path) == []
