@@ -7,7 +7,7 @@ from stays import stays
 def test_run_reaches_its_launch_through_few_functions(monkeypatch, tmp_path):
     pytest.importorskip("launch.on_wheels", reason="a system ROS has another launch service")
     monkeypatch.chdir(tmp_path)
-    found = stays(["run", "localization", "object:=handle_tool"])
+    found = stays(["run", "localization", "objects:=handle_tool"])
     assert [name.rpartition(".")[2] for name, waits in found.items() if waits] == [
         "cli:main", "run:run", "run:run_setup", "launch_file:carry_out"
     ]  # fmt: skip

@@ -142,6 +142,11 @@ class Localiser:
         return self._object.filter if self._object is not None and self._started else None
 
     @property
+    def unknown(self) -> float:
+        """Probability that another object is touched: not the mesh, or none of the catalogue."""
+        return 0.0 if self.filter is None else self.filter.identity[1]
+
+    @property
     def waiting_for(self) -> str:
         """Reason why no filter is running; empty while one is."""
         if self._object is None:

@@ -242,6 +242,11 @@ class PaperFilter:
         return order[np.arange(wanted) % n] if wanted > n else np.sort(order[:wanted])
 
     @property
+    def identity(self) -> tuple[np.ndarray, float]:
+        """As of `ParticleFilter`; it never considers another object."""
+        return np.ones(1), 0.0
+
+    @property
     def poses(self) -> np.ndarray:
         """Particles `T_obj_gel` (N, 4, 4); N = 0 while uninitialised."""
         return self._particles.poses if self._particles else np.empty((0, 4, 4))

@@ -102,10 +102,11 @@ def exploration_result(
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of a result, or of an ending alone."""
     motions = f"{counted(result['slides'], 'slide')}, {counted(result['lifts'], 'lift')}"
+    known = result.get("state") == "converged"
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
     rows = [
         ["exploration", ended],
-        ["the pose is known, and right", "yes" if result["right"] else "no"],
+        ["the pose is known, and right", "yes" if result["right"] else "no" if known else "not known"],
         ["path on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
         ["time on the clock, with the start of the nodes", f"{result['seconds']:.0f} s"],
     ]

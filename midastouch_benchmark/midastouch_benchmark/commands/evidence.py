@@ -21,7 +21,7 @@ def add_parser(subparsers) -> None:
         "../shared beside it. The same command continues where it was stopped.",
     )
     parser.add_argument("reports", nargs="*", default=[], metavar="NAME", help="only these (default: all)")
-    parser.add_argument("--list", action="store_true", help="show what would be made, and how long that takes")
+    parser.add_argument("--list", action="store_true", help="show what would be made")
     parser.add_argument(
         "--check", action="store_true", help="make nothing; exit 1 while a headline figure is of other code"
     )
@@ -33,7 +33,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..evidence import fingerprint
-    from ..evidence.driver import carry_out, in_words, plan
+    from ..evidence.driver import carry_out, plan
     from ..tables.reports import COMMANDS
     from ..tables.table import listed, terminal
 
@@ -49,13 +49,9 @@ def run(args: argparse.Namespace) -> int:
         print("\n".join(f"{name}: of other code" for name in old) or "every headline figure is of today's code")
         return 1 if old else 0
     if args.list:
-        rows = [
-            (each.name, "headline" if each.headline else "", each.state, in_words(each.takes(args.jobs)), each.command)
-            for each in steps
-        ]
-        print(terminal(listed(("report", "", "fingerprint", "takes", "command"), rows)))
-        for what, some in (("headline", [each for each in open_ if each.headline]), ("all", open_)):
-            print(f"{what}: {len(some)} to make, {in_words(sum(each.takes(args.jobs) for each in some))}")
+        rows = [(each.name, "headline" if each.headline else "", each.state, each.command) for each in steps]
+        print(terminal(listed(("report", "", "fingerprint", "command"), rows)))
+        print(f"{len(open_)} to make, {sum(each.headline for each in open_)} of them headline")
         return 0
     if not fingerprint.is_of_today():
         raise InputError(f"reports/fingerprint.json is of other code; run: {fingerprint.RENEW}")

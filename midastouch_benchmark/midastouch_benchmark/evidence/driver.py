@@ -1,7 +1,7 @@
 """Reports that are made again: their plan, and the driver that carries it out and continues where it was stopped.
 
 The reports whose figures stand on the pages that a user reads come first, then the others, each group in the order of
-`COMMANDS`. The time of a report is that of the last time it was made here; without one, its trials give an estimate.
+`COMMANDS`.
 
 Each report is made by the very command that its table names. The commands themselves keep finished trials; unfinished
 reports are kept apart, and only a complete one replaces the committed one.
@@ -10,7 +10,6 @@ reports are kept apart, and only a complete one replaces the committed one.
 from __future__ import annotations
 
 import datetime
-import json
 import re
 import shutil
 import subprocess
@@ -24,15 +23,10 @@ from midastouch_common.errors import InputError
 from midastouch_tools.result_file import read_json
 
 from ..tables.documents import headline
-from ..tables.reports import COMMANDS, NO_ESTIMATES, ROOT, fingerprint_of, report, reported, stale
+from ..tables.reports import COMMANDS, NO_ESTIMATES, ROOT, fingerprint_of, reported, stale
 
 KEPT = Path("out/evidence")
-"""Folder of unfinished reports, and of the times that reports made here have taken."""
-_SECONDS = KEPT / "seconds.json"
-_OVERHEAD = 1.6  # of a trial's filter time: errors over all particles, reading, disturbing
-_FRAMES_PER_M = 667.0  # of a simulated slide
-_EXPLORED = 0.05  # s of one core a frame that is rendered, perceived and filtered
-_UNKNOWN = 600.0  # s, of a report without trials
+"""Folder of unfinished reports."""
 _SHARED_OUT = tuple(
     f"midastouch {name}" for name in ("benchmark", "identify", "ideal-observer", "evaluate-exploration")
 )
@@ -41,22 +35,17 @@ _SHARED_OUT = tuple(
 @dataclass(frozen=True)
 class Step:
     """One report. name; command: as of `COMMANDS`; headline: whether a user reads its figures; state: of its newest
-    file: "today", the fingerprint of other code, "unknown" or "missing"; seconds: that one core needs for it."""
+    file: "today", the fingerprint of other code, "unknown" or "missing"."""
 
     name: str
     command: str
     headline: bool
     state: str
-    seconds: float
 
     @property
     def shared_out(self) -> bool:
         """True if its trials run in parallel, and continue where they were stopped."""
         return self.command.startswith(_SHARED_OUT)
-
-    def takes(self, jobs: int) -> float:
-        """Return the seconds that it takes with `jobs` processes."""
-        return self.seconds / (jobs if self.shared_out else 1)
 
 
 def plan(names: list[str] | None = None) -> list[Step]:
@@ -65,38 +54,10 @@ def plan(names: list[str] | None = None) -> list[Step]:
     states = dict.fromkeys(there, "today") | {name: fingerprint_of(name) or "unknown" for name in stale(there)}
     ordered = [*first, *(name for name in COMMANDS if name not in first)]
     return [
-        Step(name, COMMANDS[name], name in first, states.get(name, "missing"), _seconds(name, there))
+        Step(name, COMMANDS[name], name in first, states.get(name, "missing"))
         for name in ordered
         if name in (names or COMMANDS) and name not in NO_ESTIMATES
     ]
-
-
-def measured_seconds() -> dict[str, float]:
-    """Return the times of reports that were made here, in seconds of one core, by name."""
-    return json.loads(_SECONDS.read_text()) if _SECONDS.is_file() else {}
-
-
-def remember_seconds(name: str, seconds: float) -> None:
-    """Keep the time that a report took."""
-    _SECONDS.parent.mkdir(parents=True, exist_ok=True)
-    _SECONDS.write_text(json.dumps(measured_seconds() | {name: seconds}, indent=1))
-
-
-def _seconds(name: str, there: list[str]) -> float:
-    """Return the seconds of one core, as measured here, or by the times and paths in the trials."""
-    if name in (known := measured_seconds()):
-        return known[name]
-    if name not in there:
-        return _UNKNOWN
-    total = 0.0
-    for trial in report(name).get("trials") or []:
-        if "filter_cpu_ms" in trial:
-            total += _OVERHEAD * 1e-3 * trial["filter_cpu_ms"] * trial["frames"]
-        elif "cpu_ms" in trial:
-            total += 2 * 1e-3 * trial["cpu_ms"] * _FRAMES_PER_M * trial["length_m"]
-        elif "path_m" in trial:
-            total += _EXPLORED * _FRAMES_PER_M * trial["path_m"]
-    return total or _UNKNOWN
 
 
 Say = Callable[[str], object]
@@ -112,24 +73,19 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
     end = time.monotonic() + 60 * minutes if minutes else None
     failed = []
     for number, step in enumerate(steps):
-        left = sum(each.takes(jobs) for each in steps[number:])
-        say(f"{step.name} ({number + 1} of {len(steps)}); about {in_words(left)} left")
+        say(f"{step.name} ({number + 1} of {len(steps)})")
         if end is not None and time.monotonic() >= end:
             say(f"the time is up; the same command continues with {step.name}")
             break
-        began = time.monotonic()
         try:
-            whole = _make(step, jobs, None if end is None else max((end - began) / 60, 0.1))
+            whole = _make(step, jobs, None if end is None else max((end - time.monotonic()) / 60, 0.1))
         except InputError as error:
             say(str(error))
             failed.append(step.name)
             continue
-        took = time.monotonic() - began
         if not whole:
             say(f"{step.name}: not all trials are done; the same command continues with it")
             break
-        # a resumed report takes less time than a whole one
-        remember_seconds(step.name, max(took * (jobs if step.shared_out else 1), step.seconds / 2))
     return failed
 
 
@@ -157,9 +113,3 @@ def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> st
     if step.shared_out:
         words += f" --jobs {jobs}" + (f" --minutes {minutes:.1f}" if minutes else "")
     return f"{words} --json {made}"
-
-
-def in_words(seconds: float) -> str:
-    """Return a duration as text, such as "2 h 10 min"."""
-    minutes = max(round(seconds / 60), 1)
-    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"

@@ -18,8 +18,8 @@ def too_deep(depths: list[float]) -> str:
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """Return figures by policy, over all trials and by object; fractions and medians have 95 % intervals.
 
-    trials: their number; right, wrong: fractions that end converged at such a pose; alike: fraction that ends with
-    hypotheses that nothing tells apart; path_m: median until converged and right, infinite for all others;
+    trials: their number; right: fraction that ends with the right answer; wrong: that ends converged with a wrong one;
+    alike: that ends with hypotheses that nothing tells apart; path_m: median until right, infinite for all others;
     asked_ms: 95 % quantile over trials of the CPU time of the slowest answer; seconds: of an arm, as path_m;
     indented_mm: of an arm, the largest of all trials; too_deep: how many of them pressed their gel in by more than
     `TOO_DEEP_MM`; deep_along: the same along the gel's axis;
@@ -40,7 +40,7 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
 def _of_policy(trials: list[dict]) -> dict:
     figures = Figures.by_seed(trials)
     converged = [t["ending"] == "converged" for t in trials]
-    right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
+    right = [t["right"] and t["ending"] in ("converged", "another object") for t in trials]
     alike = [t["ending"] == "alike" for t in trials]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]

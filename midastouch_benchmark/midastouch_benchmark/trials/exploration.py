@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +18,16 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.active_touch.suggestion import Advice, Advisor, Wanted
+from midastouch_filter.active_touch.suggestion import Advice, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED, UNINITIALISED
 from midastouch_filter.core.touch import measurement_of
-from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.identification.catalogue import Entry
+from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
+from midastouch_filter.identification.identity import UNKNOWN
+from midastouch_filter.loaded_object import object_of
+from midastouch_filter.localiser import Localiser
 from midastouch_motion.exploration.acts import Plan
 from midastouch_motion.exploration.exploration import Exploration
 from midastouch_motion.exploration.reach import EVERYWHERE
@@ -36,9 +42,10 @@ from midastouch_tools.datasets.slide_simulation import NOISE_R, NOISE_T
 
 from ..evidence import fingerprint
 from .cache import Cache
+from .identification import books_of, catalogue_of, right_answer
 from .setup import Networks
 from .trial import FRAME_TIME
-from .trial_log import Campaign, source_digest
+from .trial_log import Campaign, Workforce, source_digest
 from .yardstick import Yardstick
 
 POLICIES = {
@@ -46,21 +53,26 @@ POLICIES = {
     "lifts": "the same, asked for lifts, too",
     "random": "slides and lifts in random directions",
     "arm": "of an arm in MuJoCo, where `suggest_motion` says, which is asked for lifts, too",
+    "arm_catalogue": "the same; which of all objects it is, is not known",
+    "arm_stranger": "the same; the object is none of the known ones, and to say so is right",
 }
 _BY_DEFAULT = "suggested", "lifts", "random"  # those that need no further package
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
+_OPEN, _KNOWN, _FOREIGN = "given up", "converged", "another object"  # endings
 
 
 @dataclasses.dataclass(frozen=True)
 class ExplorationPlan(Campaign):
     """Settings of a run. cache: of codebooks and symmetries; config: of the filter; policies: of `POLICIES`; trials:
-    per object and policy, with seeds from 0; length [m]: after which a trial is given up."""
+    per object and policy, with seeds from 0; length [m]: after which a trial is given up; catalogue: mesh files of all
+    objects."""
 
     cache: Cache
     config: FilterConfig
     policies: tuple[str, ...] = _BY_DEFAULT
     trials: int = 10
     length: float = 1.0
+    catalogue: tuple[Path, ...] = ()
     LOG_NAME = "exploration.jsonl"
 
     def describe(self) -> dict:
@@ -83,15 +95,32 @@ class ExplorationPlan(Campaign):
 
     def depends_on(self, mesh: ObjectMesh) -> dict:
         """Return everything on which a trial depends, except its labels."""
-        return self.describe() | {"policies": None, "trials": None, "codebook": self.cache.codebook_digest(mesh)}
+        return self.describe() | {"policies": None, "trials": None, "catalogue": self._books}
+
+    @cached_property
+    def _books(self) -> list[list[str]]:
+        return books_of(self.cache, self.catalogue)
+
+    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+        """Run the trials that the log does not hold yet over these objects, which are the catalogue."""
+        plan = dataclasses.replace(self, catalogue=tuple(mesh.path for mesh in meshes))
+        return super(ExplorationPlan, plan).run(meshes, workforce)
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Explore with one policy from one place."""
-        particle_filter = ParticleFilter(mesh, self.cache.codebook(mesh), self.config, labels["seed"])
-        particle_filter.initialise_uniform()
+        policy, seed = labels["policy"], labels["seed"]
         yardstick = Yardstick.of(mesh, self.cache.symmetry(mesh).exact)
-        who = labels["policy"], labels["seed"]
-        return _Trial(mesh, self.cache.networks, particle_filter, *who, yardstick, self.length).run()
+        trial = _Trial(mesh, self.cache.networks, policy, seed, yardstick, self.length)
+        if policy in ("arm_catalogue", "arm_stranger"):
+            catalogue = catalogue_of(self.cache, self.catalogue, self.config)
+            if policy == "arm_stranger":
+                catalogue = catalogue.without(catalogue.duplicates.get(mesh.name, mesh.name))
+            unsure = CatalogueLocaliser(catalogue, self.config, seed, trial.believe)
+            return trial.run(unsure, right_answer(catalogue, mesh.name))
+        localiser = Localiser(None, wait=False)
+        localiser.set_object(object_of(mesh, self.cache.codebook(mesh), self.config, seed))
+        trial.believed = mesh
+        return trial.run(localiser, mesh.name)
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
@@ -99,61 +128,60 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
     for name in names or ():
         if name not in POLICIES:
             raise InputError(f"--policy {name}: not known; there are {', '.join(POLICIES)}")
-    if names and "arm" in names:
+    if any(name.startswith("arm") for name in names or ()):
         require_mujoco()
     return tuple(dict.fromkeys(names or _BY_DEFAULT))
 
 
 class _Trial:
-    """Exploration of one object by one finger, until its pose is known."""
+    """Exploration of one object by one finger, until its pose is known. Attribute: believed: the mesh that the filter
+    believes in."""
 
     def __init__(
-        self,
-        mesh: ObjectMesh,
-        networks: Networks,
-        particle_filter: ParticleFilter,
-        policy: str,
-        seed: int,
-        yardstick: Yardstick,
-        length: float,
+        self, mesh: ObjectMesh, networks: Networks, policy: str, seed: int, yardstick: Yardstick, length: float
     ):
         self._rng = np.random.default_rng(seed)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
-        self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
+        self._pipeline = networks.pipeline()
         self._arm = None
-        if policy == "arm":
+        if policy.startswith("arm"):
             from .arm_world import ArmWorld  # it needs ROS for its settings, and other fingers do not
 
             self._arm = ArmWorld(mesh, networks.sensor, self._perceive, self._rng)
         self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
         reach = self._arm.reach if self._arm else EVERYWHERE
         self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
-        self._policy, self._mesh, self._yardstick = policy, mesh, yardstick
-        self._measured: np.ndarray | None = None
-        self._length = length
-        self._path = 0.0
+        self._policy, self._yardstick, self._length = policy, yardstick, length
+        self.believed: ObjectMesh | None = None
+        self._stamp, self._path = 0, 0.0
         self._before: np.ndarray | None = None
         self._converged_at: float | None = None
         self._alike = 0
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
-    def run(self) -> dict:
-        """Explore, and return the result.
+    def believe(self, leading: Entry) -> None:
+        """Take the mesh of an object that begins to lead."""
+        self.believed = leading.mesh
 
-        ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m:
-        from the first touch to where that began; error_mm: of the last pose, modulo symmetry; right: whether it is;
-        asked_ms: median and longest CPU time of an answer. With an arm, its explorer decides when the pose is known,
-        and only the path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel,
-        along its axis; indented_mm: of the shortest ways off the object, the longest.
+    def run(self, localiser: Localiser, truth: str) -> dict:
+        """Explore, and return the result; truth: the right answer to which object it is.
+
+        ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart), "another object" (than
+        the known ones) or "given up"; path_m: from the first touch to where that began; error_mm: of the last pose,
+        modulo symmetry; right: whether object and pose are, or it is another object and the ending says so; asked_ms:
+        median and longest CPU time of an answer. With an arm, its explorer decides when the pose is known, and only the
+        path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel, along its axis;
+        indented_mm: of the shortest ways off the object, the longest.
         """
+        self._localiser, self._truth = localiser, truth
         ending, began = self._follow(self._exploration.touch())
-        while self._path < self._length and ending == "given up" and self._exploration.verdict is None:
+        while self._path < self._length and ending == _OPEN and self._exploration.verdict is None:
             state = UNINITIALISED if self.estimate is None else self.estimate.status.state
             _, plan = self._exploration.decide(self._advice(), self._around(), state)
             ending, began = self._follow(plan)
-        began = self._length if ending == "given up" else began
+        began = self._length if ending == _OPEN else began
         return {
             "ending": ending,
             "path_m": float(began),
@@ -161,13 +189,13 @@ class _Trial:
             "seconds": self._arm.rig.rehearsal.now if self._arm else None,
             "deepest_mm": 1e3 * self._arm.deepest if self._arm else None,
             "indented_mm": 1e3 * self._arm.indented if self._arm else None,
-            **self._answer(),
+            **self._answer(ending),
         }
 
-    def _answer(self) -> dict:
-        """Return the error of the last estimate and whether it is right; None and False without one."""
-        if self.estimate is None or not self.estimate.modes:
-            return {"error_mm": None, "right": False}
+    def _answer(self, ending: str) -> dict:
+        """Return the error of the last estimate, and whether the answer is right; None without an estimate on it."""
+        if self._truth == UNKNOWN or self.estimate is None or self._localiser.object.name != self._truth:
+            return {"error_mm": None, "right": ending == _FOREIGN and self._truth == UNKNOWN}
         truth, pose = self._before, self.estimate.pose[None]
         return {
             "error_mm": 1e3 * float(pose_errors(self._yardstick.counted(pose, truth), truth)[0][0]),
@@ -179,7 +207,7 @@ class _Trial:
         if self._policy == "random" or self.estimate is None or not self._exploration.motions.touching:
             return None
         began = time.process_time()
-        advice = self._advisor.advise(Wanted(lifts=self._policy in ("lifts", "arm")))
+        advice = self._localiser.advise(Wanted(lifts=self._policy != "suggested"))
         self._asked_ms.append(1e3 * (time.process_time() - began))
         self._alike = self._alike + 1 if advice.indistinguishable else 0
         return advice
@@ -189,7 +217,7 @@ class _Trial:
         gel = self._world.base_from_gel
         if self.estimate is None:
             return Surroundings(gel)
-        return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self._mesh)
+        return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self.believed)
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
         """Carry out a plan, at most until the trial's end; return the ending and the path [m] to it."""
@@ -197,18 +225,20 @@ class _Trial:
             self._frame(pose)
             lasts = self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH
             if self._arm is None and lasts:
-                return "converged", self._converged_at
-        if self._arm is not None and self._is_known():
-            return "converged", self._path
-        return ("alike" if self._alike >= 2 else "given up"), self._path
-
-    def _is_known(self) -> bool:
-        """Return whether the pose is known after a motion, as the node `explorer` judges that."""
-        if self.estimate is not None:
-            status = self.estimate.status
-            self._exploration.judge(status.state, status.reason, measured=True)
+                return _KNOWN, self._converged_at
+        if self._arm is not None:
+            self._judge()
         verdict = self._exploration.verdict
-        return verdict is not None and verdict.known
+        if verdict is not None and (verdict.known or verdict.foreign):
+            return (_KNOWN if verdict.known else _FOREIGN), self._path
+        return ("alike" if self._alike >= 2 else _OPEN), self._path
+
+    def _judge(self) -> None:
+        """Judge the filter's answer after a motion, as the node `explorer` does."""
+        state, why = UNINITIALISED, self._localiser.waiting_for
+        if self.estimate is not None:
+            state, why = self.estimate.status.state, self.estimate.status.reason
+        self._exploration.judge(state, why, measured=True, unknown=self._localiser.unknown)
 
     def _perceive(self, pose: np.ndarray) -> TouchReading:
         """Return the touch that an image at a pose (4, 4) shows."""
@@ -223,16 +253,14 @@ class _Trial:
         else:
             touch, measured = self._perceive(pose), measure_poses(pose[None], self._rng, NOISE_T, NOISE_R)[0]
         measurement = measurement_of(touch)
-        if self.estimate is None and not measurement.in_contact:
+        if self._before is None and not measurement.in_contact:
             return
-        odometry = None if self._measured is None else se3.inverse(self._measured) @ measured
         if self._before is not None and (self._arm is None or measurement.in_contact):
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
-        self._measured, self._before = measured, pose
-        self.estimate = self._filter.step(
-            odometry, measurement, elapsed=self._arm.rig.frame_time if self._arm else FRAME_TIME
-        )
-        if self.estimate.status.state != CONVERGED:
+        self._before = pose
+        self._stamp += round(1e9 * (self._arm.rig.frame_time if self._arm else FRAME_TIME))
+        self.estimate = self._localiser.process(measured, measurement, stamp=self._stamp)
+        if self.estimate is None or self.estimate.status.state != CONVERGED:
             self._converged_at = None
         elif self._converged_at is None:
             self._converged_at = self._path

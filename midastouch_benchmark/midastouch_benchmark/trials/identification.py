@@ -56,8 +56,7 @@ class IdentityPlan(Campaign):
 
     @cached_property
     def _books(self) -> list[list[str]]:
-        meshes = map(ObjectMesh.load, self.catalogue)
-        return sorted([mesh.sha256, self.cache.codebook_digest(mesh)] for mesh in meshes)
+        return books_of(self.cache, self.catalogue)
 
     def depends_on(self, mesh: ObjectMesh) -> dict:
         """Return everything on which a trial depends, except its labels."""
@@ -65,7 +64,7 @@ class IdentityPlan(Campaign):
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Return the `trials` of a slide: with the object in the catalogue and, if there are others, without."""
-        catalogue, slide = _catalogue(self.cache, self.catalogue, self.config), labels["slide"]
+        catalogue, slide = catalogue_of(self.cache, self.catalogue, self.config), labels["slide"]
         entry = catalogue.entry(catalogue.duplicates.get(mesh.name, mesh.name))
         frames = self.cache.frames(entry.mesh, slide)
         labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
@@ -85,8 +84,14 @@ class IdentityPlan(Campaign):
         return [trial for both in done for trial in both["trials"]], missing
 
 
+def books_of(cache: Cache, paths: Sequence[Path]) -> list[list[str]]:
+    """Return what trials over a catalogue of these mesh files depend on."""
+    return sorted([mesh.sha256, cache.codebook_digest(mesh)] for mesh in map(ObjectMesh.load, paths))
+
+
 @cache
-def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
+def catalogue_of(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
+    """Return the catalogue of the objects of these mesh files."""
     books = [cache.codebook_path(ObjectMesh.load(path)) for path in paths]
     return read_catalogue(books, lambda path: None, config, cache.sensor)
 

@@ -1,14 +1,10 @@
 """Reports made again in their order, from where it was stopped."""
 
-import json
-
 import pytest
 
 from midastouch_benchmark.evidence import driver
 from midastouch_benchmark.evidence.driver import Step
 from midastouch_benchmark.tables import reports
-
-TODAY = {"perception": "aaaaaaaa", "estimates": "bbbbbbbb"}
 
 
 @pytest.fixture
@@ -19,7 +15,7 @@ def root(tmp_path, monkeypatch):
 
 
 def step(name: str, code: str, command: str = "midastouch benchmark") -> Step:
-    return Step(name, f"{command} # {code}", True, "unknown", 600.0)
+    return Step(name, f"{command} # {code}", True, "unknown")
 
 
 @pytest.fixture
@@ -40,7 +36,6 @@ def test_whole_reports_replace_earlier_ones(root, shell):
     assert driver.carry_out([step("a", "{}"), step("b", '{"missing_trials": 0}')], jobs=2, say=lambda _: None) == []
     assert sorted(path.name for path in root.glob("reports/*/*.json")) == ["a.json", "b.json", "c.json"]
     assert [path.name for path in earlier.iterdir()] == ["c.json"]
-    assert set(driver.measured_seconds()) == {"a", "b"}
 
 
 def test_after_a_report_with_missing_trials_nothing_follows(root, shell):
@@ -48,7 +43,7 @@ def test_after_a_report_with_missing_trials_nothing_follows(root, shell):
     driver.carry_out([step("a", '{"missing_trials": 3}'), step("b", "{}")], jobs=1, say=said.append)
     assert not list(root.glob("reports/*/*.json"))
     assert (root / "ran").read_text() == "a\n"
-    assert "about 20 min left" in said[0]
+    assert "1 of 2" in said[0]
     assert "continues" in said[-1]
 
 
@@ -69,12 +64,6 @@ def test_campaigns_are_shared_out_and_bounded(tmp_path):
         step("c", "", "midastouch simulate a && midastouch evaluate-perception tdn a"), tmp_path, 1, None
     )
     assert prepared.count(" -m midastouch_tools.cli ") == 2
-    assert (shared.takes(2), alone.takes(2)) == (300, 600)
-
-
-@pytest.mark.parametrize(("seconds", "words"), [(10, "1 min"), (3_000, "50 min"), (7_800, "2 h 10 min")])
-def test_times_in_words(seconds, words):
-    assert driver.in_words(seconds) == words
 
 
 def test_headline_reports_come_first_and_say_what_they_are_of(monkeypatch):
@@ -82,18 +71,3 @@ def test_headline_reports_come_first_and_say_what_they_are_of(monkeypatch):
     steps = driver.plan()
     assert [each.name for each in steps if each.headline] == [each.name for each in steps[:2]] == ["kidnap", "identify"]
     assert {each.name for each in steps} == set(reports.COMMANDS) - set(reports.NO_ESTIMATES)
-
-
-def test_times_come_from_trials_and_then_from_experience(root, monkeypatch):
-    content = {"fingerprint": "bbbbbbbb", "trials": [{"filter_cpu_ms": 10.0, "frames": 100}] * 200}
-    path = root / "accuracy.json"
-    path.write_text(json.dumps(content))
-    for module in (driver, reports):
-        monkeypatch.setattr(module, "reported", lambda: ["accuracy"])
-    monkeypatch.setattr(driver, "headline", lambda: ["accuracy"])
-    monkeypatch.setattr(reports, "report_path", lambda name: path)
-    monkeypatch.setattr(reports, "ids_of_today", lambda: TODAY)
-    (first,) = driver.plan(["accuracy"])
-    assert (first.state, first.seconds) == ("today", pytest.approx(1.6 * 200))
-    driver.remember_seconds("accuracy", 77.0)
-    assert driver.plan(["accuracy"])[0].seconds == 77.0

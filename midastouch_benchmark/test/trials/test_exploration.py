@@ -54,17 +54,17 @@ def test_the_same_command_goes_on_and_finds_the_same(explored):
     assert run() == first
 
 
-def trials_of(folder, mesh, policy, length, trials=1):
+def trials_of(folder, policy, length, *meshes, trials=1):
     """Tried with a small codebook and few particles."""
     config = FilterConfig(max_particles=1000, threads=1)
     plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
-    return plan.run([mesh], Workforce())[0]
+    return plan.run(meshes, Workforce())[0]
 
 
 @pytest.mark.slow
 def test_an_arm_in_mujoco_explores_too(tmp_path):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install -r tools/requirements/mujoco.txt")
-    (trial,) = trials_of(tmp_path, ObjectMesh.load(bundled_objects()["handle_tool"]), "arm", 0.05)
+    (trial,) = trials_of(tmp_path, "arm", 0.05, ObjectMesh.load(bundled_objects()["handle_tool"]))
     assert trial["seconds"] > 3
     assert trial["path_m"] >= 0.05 or trial["ending"] != "given up"
 
@@ -75,7 +75,7 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
     monkeypatch.setattr(
         exploration, "measurement_of", lambda answer: Measurement(False) if next(numb, False) else measured(answer)
     )
-    (trial,) = trials_of(tmp_path, ObjectMesh.load(bundled_objects()["eyebolt"]), "suggested", 0.01)
+    (trial,) = trials_of(tmp_path, "suggested", 0.01, ObjectMesh.load(bundled_objects()["eyebolt"]))
     assert trial["path_m"] > 0
 
 
@@ -83,5 +83,16 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
 def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
     """As with the second seed on this flange."""
     CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
-    trials = trials_of(tmp_path, ObjectMesh.load(tmp_path / "flange_4.ply"), "random", 0.01, trials=2)
+    trials = trials_of(tmp_path, "random", 0.01, ObjectMesh.load(tmp_path / "flange_4.ply"), trials=2)
     assert all(trial["path_m"] > 0 for trial in trials)
+
+
+@pytest.mark.slow
+def test_an_arm_is_told_neither_object_nor_pose(tmp_path):
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install -r tools/requirements/mujoco.txt")
+    meshes = [ObjectMesh.load(bundled_objects()[name]) for name in ("handle_tool", "eyebolt")]
+    for policy, right in ("arm_catalogue", "converged"), ("arm_stranger", "another object"):
+        trials = trials_of(tmp_path, policy, 0.05, *meshes)
+        assert {trial["object"] for trial in trials} == {"handle_tool", "eyebolt"}
+        assert all(trial["right"] <= (trial["ending"] in (right, "given up")) for trial in trials)
+        assert all(trial["error_mm"] is None for trial in trials if policy == "arm_stranger")

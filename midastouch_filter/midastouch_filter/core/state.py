@@ -17,8 +17,9 @@ STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE, SEARCHIN
 WAITING = "waiting"
 """State in the status of a frame whose answer is still to come; the filter itself is never in it."""
 
-# probability of another object: lost above the first until below the second, and not converged above the third
-_FOREIGN, _OWN, _DOUBTED = 0.95, 0.5, 0.3
+FOREIGN = 0.95
+"""Probability of another object above which the filter is lost, until it is below `_OWN`."""
+_OWN, _DOUBTED = 0.5, 0.3  # the latter: not converged above it
 _FOUND = 2.0  # nats: a trend below 0 is lost, and found again above this
 _LISTED = 0.9  # probability that the truth is among the published modes, below which the filter is searching
 
@@ -47,6 +48,8 @@ class Status:
         Milliseconds per stage, with the deferred work after the last answer.
     symmetry
         Phrase on the object's symmetry.
+    unknown
+        Probability that another object is touched.
     foreign
         True if the state is `lost` because another object is touched.
     """
@@ -63,6 +66,7 @@ class Status:
     skipped: dict[str, int] = field(default_factory=dict)
     ms: dict[str, float] = field(default_factory=dict)
     symmetry: str = ""
+    unknown: float = 0.0
     foreign: bool = False
 
 
@@ -112,7 +116,7 @@ class StateMachine:
             self._lost = self._converged = self._foreign = False
             return UNINITIALISED, "no start given yet"
         self._lost = bool(e.restarted) or e.trend < (_FOUND if self._lost else 0.0)
-        self._foreign = e.unknown > (_OWN if self._foreign else _FOREIGN)
+        self._foreign = e.unknown > (_OWN if self._foreign else FOREIGN)
         narrow, why_not = self._narrow(e)
         self._converged = narrow and not self._lost
         if not e.in_contact:

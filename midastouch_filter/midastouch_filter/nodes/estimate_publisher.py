@@ -200,6 +200,7 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
             ("spread_translation", "spread_t"),
             ("spread_rotation", "spread_r"),
             ("likelihood_trend", "likelihood_trend"),
+            ("unknown", "unknown"),
         )
     }
     return FilterStatus(

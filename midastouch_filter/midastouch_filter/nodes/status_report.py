@@ -20,12 +20,15 @@ class StatusReport:
     Attributes: counts of what the node itself left out; each status lists them with those of the filter, the
     fingers and the publishers.
 
-    Args: out; fingers; note: returns the text that every reason ends with, "" for nothing.
+    Args: out; fingers; note: returns the text that every reason ends with, "" for nothing; unknown: returns the
+    probability of another object.
     """
 
-    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str]):
+    def __init__(
+        self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str], unknown: Callable[[], float]
+    ):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "odd_stamps": 0, "time_jumps": 0, "no_map": 0}
-        self._out, self._fingers, self._note = out, fingers, note
+        self._out, self._fingers, self._note, self._unknown = out, fingers, note, unknown
         self.forget()
 
     def forget(self) -> None:
@@ -64,4 +67,5 @@ class StatusReport:
     def _complete(self, status: Status) -> Status:
         skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
         reason, note = self._fingers.qualify(status.reason), self._note()
-        return dataclasses.replace(status, skipped=skipped, reason=f"{reason}; {note}" if note else reason)
+        reason = f"{reason}; {note}" if note else reason
+        return dataclasses.replace(status, skipped=skipped, reason=reason, unknown=self._unknown())

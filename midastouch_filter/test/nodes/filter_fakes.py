@@ -49,6 +49,7 @@ class FakeFilter:
         self.alike = False
         self.wanted: list[Wanted] = []
         self.spoil = False
+        self.identity = np.ones(1), 0.0
         self._pose = np.eye(4)
 
     def initialise_uniform(self) -> None:

@@ -77,7 +77,7 @@ def test_the_object_is_named_with_its_pose(graph, shelf, folder):
     }
     assert max(scores, key=scores.get) == "bumpy_3"
     assert sum(scores.values()) == pytest.approx(1.0, abs=1e-3)
-    assert "unknown" in scores
+    assert bench.statuses[-1].unknown == pytest.approx(scores["unknown"], abs=1e-3)
     best = bench.detections[-1].detections[0]
     assert best.header.frame_id == "base_link"
     assert np.allclose(pose_from_msg(best.results[0].pose.pose), BASE, atol=0.05)

@@ -32,8 +32,8 @@ def test_nothing_that_is_not_finite_is_published(graph):
     status = bench.frame(SECOND, T_BASE_OBJ)
     assert status.state == "lost"
     assert "reinitialize_global_localization" in status.reason
-    bench.filter.spoil = False
-    bench.frame(2 * SECOND, T_BASE_OBJ)
+    bench.filter.spoil, bench.filter.identity = False, (np.ones(1), 0.25)
+    assert bench.frame(2 * SECOND, T_BASE_OBJ).unknown == 0.25
     graph.spin_until(lambda: poses and modes)
     assert [stamp_ns(m.header.stamp) for m in poses + modes] == [2 * SECOND] * 2
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midastouch_filter.active_touch.suggestion import Advice
-from midastouch_filter.core.state import CONVERGED, SEARCHING
+from midastouch_filter.core.state import CONVERGED, FOREIGN, SEARCHING
 
 from .acts import Plan
 from .motions import Motion, Motions
@@ -21,16 +21,18 @@ TELLS = 0.1
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
 _LEAPS = 0.25  # fraction of leaps among random motions: slides alone stay near their start for long
 _MOST_FRUITLESS = 3  # in a row: motions that measure nothing or are not possible, suggestions that do not help
-_SURE = 2  # motions in a row after which the filter is sure: a wrong answer seldom survives another one
+_SURE = 2  # motions in a row after which an answer of the filter is taken: a wrong one seldom survives another one
 _RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, times the object's diagonal, as in simulated slides
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """End of an exploration: `known` is True if the pose is known; `words` give the reason."""
+    """End of an exploration: `known` is True if the pose is known, `foreign` if another object is touched; `words` give
+    the reason."""
 
     known: bool
     words: str
+    foreign: bool = False
 
 
 class Exploration:
@@ -67,7 +69,7 @@ class Exploration:
         """Start again, as after a change of the object: no path, no motions, no verdict."""
         self.motions = Motions(self._reach, self._down, self._held)
         self.verdict: Verdict | None = None
-        self._unmeasured = self._refused = self._hopeless = self._stuck = self._sure = 0
+        self._unmeasured = self._refused = self._hopeless = self._stuck = self._sure = self._foreign = 0
         self._doubtful = False  # True if the object is probably not where it is believed to be
 
     def touch(self) -> Plan[None]:
@@ -163,7 +165,7 @@ class Exploration:
             False, f"the finger is stuck: it can neither slide on nor touch elsewhere: {self.motions.why_not}"
         )
 
-    def judge(self, state: str, why: str, measured: bool) -> None:
+    def judge(self, state: str, why: str, measured: bool, unknown: float = 0.0) -> None:
         """Set the verdict after a motion, if it is time; an earlier verdict stays.
 
         Parameters
@@ -172,13 +174,18 @@ class Exploration:
             State of the filter, and its reason.
         measured
             True if the filter has measured the touched surface.
+        unknown
+            Probability that another object is touched.
         """
         if self.verdict is not None:
             return
         self._unmeasured = 0 if measured or not self.motions.touching else self._unmeasured + 1
         self._sure = self._sure + 1 if state == CONVERGED else 0
+        self._foreign = self._foreign + 1 if unknown > FOREIGN else 0
         if self._sure >= _SURE:
             self.verdict = Verdict(True, f"the filter knows the pose: {why}")
+        elif self._foreign >= _SURE:
+            self.verdict = Verdict(False, f"another object is touched, with {unknown:.1%}: {why}", foreign=True)
         elif self._unmeasured >= _MOST_FRUITLESS:
             words = (
                 f"the filter has measured nothing for {_MOST_FRUITLESS} motions: "

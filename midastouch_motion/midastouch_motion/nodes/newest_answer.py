@@ -13,9 +13,9 @@ from midastouch_msgs.msg import FilterStatus
 
 
 class NewestAnswer:
-    """Attributes: state, reason: of the newest answer, empty before the first; stamp [ns]: of its image; measured: True
-    if the filter has measured anything since it was set to False; heard_at [s]: time of the answer on the monotonic
-    clock.
+    """Attributes: state, reason: of the newest answer, empty before the first; unknown: probability of another object;
+    stamp [ns]: of its image; measured: True if the filter has measured anything since it was set to False; heard_at
+    [s]: time of the answer on the monotonic clock.
 
     Args: newest(): stamp [ns] of the gel's newest pose; on_answer: called after each answer.
     """
@@ -23,7 +23,7 @@ class NewestAnswer:
     def __init__(self, node: Node, newest: Callable[[], int], on_answer: Callable[[], None]):
         self._newest, self._on_answer = newest, on_answer
         self.state, self.reason, self.stamp, self.measured = "", "", 0, False
-        self.heard_at = time.monotonic()
+        self.unknown, self.heard_at = 0.0, time.monotonic()
         node.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(depth=100))
 
     @property
@@ -37,6 +37,7 @@ class NewestAnswer:
         if status.state == FilterStatus.STATE_WAITING or stamp > self._newest():
             return
         self.state, self.reason, self.stamp, self.heard_at = status.state, status.reason, stamp, time.monotonic()
+        self.unknown = status.unknown
         # a filter that does not know the object yet does not report contact, which counts as measured
         self.measured = self.measured or status.state != FilterStatus.STATE_NO_CONTACT
         self._on_answer()

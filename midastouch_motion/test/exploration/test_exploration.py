@@ -245,6 +245,16 @@ def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
     assert "modulo symmetry: 6 poses alike" in exploration.verdict.words
 
 
+def test_it_ends_once_two_motions_say_that_it_is_another_object(exploration):
+    for unknown in (0.96, 0.9, 0.99):
+        exploration.judge("lost", "", measured=True, unknown=unknown)
+        assert exploration.verdict is None
+    exploration.judge("lost", "these touches are not of this mesh", measured=True, unknown=0.97)
+    assert not exploration.verdict.known
+    assert exploration.verdict.foreign
+    assert exploration.verdict.words == "another object is touched, with 97.0%: these touches are not of this mesh"
+
+
 HOPELESS = advice(indistinguishable=True, message="(1, 2, 3) mm")
 
 

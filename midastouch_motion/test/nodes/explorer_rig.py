@@ -24,12 +24,13 @@ class AnsweredFinger:
     """A finger over the ball, and a filter that answers with `state` where it touches, else with `untouched`.
 
     Attributes: node; gels T_base_gel, objects T_base_obj and poses T_obj_gel (4, 4), and stamps [ns], of each image;
-    silent, whether the filter is; reason, which it gives.
+    silent, whether the filter is; reason and unknown, which it gives.
     """
 
     def __init__(self, graph, **parameters):
         self.graph, self.silent = graph, False
         self.state, self.untouched, self.reason = "ambiguous", FilterStatus.STATE_NO_CONTACT, ""
+        self.unknown = 0.0
         self.poses, self.objects, self.gels, self.stamps = [], [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
@@ -44,7 +45,8 @@ class AnsweredFinger:
         self.stamps.append(stamp_ns(stamp))
         if not self.silent:
             state = self.state if self.touches else self.untouched
-            self._answers.publish(FilterStatus(state=state, reason=self.reason, header=Header(stamp=stamp)))
+            header = Header(stamp=stamp)
+            self._answers.publish(FilterStatus(state=state, reason=self.reason, unknown=self.unknown, header=header))
 
     @property
     def touches(self):

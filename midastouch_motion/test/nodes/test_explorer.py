@@ -116,6 +116,12 @@ def test_places_that_nothing_tells_apart_end_it(rig):
     assert status.lifts >= 3  # it went to look elsewhere
 
 
+def test_another_object_than_the_known_ones_ends_it(rig):
+    rig.until("exploring", "somewhere")
+    rig.state, rig.reason, rig.unknown = "lost", "these touches are not of this mesh", 0.98
+    rig.until("gave_up", "another object is touched, with 98.0%: these touches are not of this mesh")
+
+
 def test_an_answer_that_is_lost_is_asked_for_again(rig):
     rig.until("exploring", "somewhere")
     rig.silent = True

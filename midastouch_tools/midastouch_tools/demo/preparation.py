@@ -46,6 +46,15 @@ def require_there(given: Mapping[str, str]) -> None:
             raise InputError(f"{name}:={address}: no such file or folder; check the path{also}")
 
 
+def require_built(given: Mapping[str, str]) -> None:
+    """Raise InputError if the codebook that `object` stands for is not there."""
+    if given["object"] and not (given["codebook"] or given["objects"]):
+        name, sensor = given["object"], given["sensor_model"]
+        if not (path := codebook_path(name, sensor)).is_file():
+            how = f" --sensor {sensor}" if sensor else ""
+            raise InputError(f"object:={name}: {path} is not built yet: midastouch build-codebook {name}{how}")
+
+
 def explored(given: Mapping[str, str]) -> dict[str, str]:
     """Return mesh and codebook of the object of an exploration, as given or of the bundled object; and `objects`, the
     candidates for the filter, including the object itself, empty if there is no other. As explore.launch.py does it."""

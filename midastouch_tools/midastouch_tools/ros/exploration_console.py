@@ -171,11 +171,12 @@ class Console(Node):
 
     def _show(self) -> None:
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started
-        answer = object_answer(self._objects, self._given)
+        answer, pose = object_answer(self._objects, self._given), f"best pose {known.mode_mass:.0%}"
         if self._paused:
+            pose = pose if known.mode_mass or self._given else answer
             room = max(_LONGEST_REASON, shutil.get_terminal_size().columns - 64)
             answer = _shortened(explorer.reason.partition("; ~/")[0], room)  # here it is a key that resumes
-        line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, known.mode_mass)
+        line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, pose)
         self._bar.set_description_str(line, refresh=False)
 
 
@@ -190,16 +191,14 @@ def file_of(address: str) -> str:
     return str(resolve(address, "mesh").resolve())
 
 
-def progress_line(
-    state: str, path_length: float, seconds: float, answer: str, filter_state: str, mode_mass: float
-) -> str:
+def progress_line(state: str, path_length: float, seconds: float, answer: str, filter_state: str, pose: str) -> str:
     """Return a line of at most 100 columns: the explorer's state, its path [m], seconds since the start, which object
-    it is, the filter's state and the probability of its best pose [0 to 1].
+    it is, the filter's state and its best pose in words.
 
     answer: from `object_answer`, or what became of a person's order.
     """
     done = f"{state}, {1e3 * path_length:.0f} mm, {seconds:.0f} s"
-    return f"{done} | {answer} | {filter_state}, best pose {mode_mass:.0%}"
+    return f"{done} | {answer} | {filter_state}, {pose}"
 
 
 def object_answer(objects: Mapping[str, float], given: str) -> str:

@@ -80,7 +80,12 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
     print("drawing the pictures", flush=True)
-    write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
+    try:
+        write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
+    except KeyboardInterrupt:  # the run is over, and what it found is kept
+        write_words(result, "the drawing was interrupted", out)
+        close_bars()
+        print("the drawing was interrupted: the page has no pictures", flush=True)
     return 0 if result["right"] or console.ended.by_hand else 1
 
 

@@ -15,7 +15,7 @@ from midastouch_perception.mesh_report import MeshReport
 from midastouch_perception.objects import bundled_mesh
 from midastouch_perception.sensor_model import SensorModel
 
-from ..demo.preparation import prepare_codebooks, prepare_slide, quick_codebooks, require_there
+from ..demo.preparation import prepare_codebooks, prepare_slide, quick_codebooks, require_built, require_there
 from ..processes.local_domain import own_domain
 from ..replay.source import ReplaySource, parsed_remaps
 from . import launch_file
@@ -49,7 +49,8 @@ def prepare(name: str, given: dict[str, str]) -> None:
     """Make the files that a launch file still lacks in the current folder; only `demo` and `explore` need any.
 
     Of a mesh without a codebook the report is printed, as `midastouch build-codebook` does. Raises InputError before
-    anything is made: for named files that do not exist, meshes that cannot be used, and objects that are not bundled.
+    anything is made: for named files that do not exist, meshes that cannot be used, and objects that are not bundled or
+    whose codebook is not built.
     """
     require_there(given)
     if name == "demo":
@@ -62,7 +63,9 @@ def prepare(name: str, given: dict[str, str]) -> None:
 
             require_mujoco()
         prepare_codebooks(quick_codebooks(given))
-    elif given.get("mesh") and not given.get("codebook"):
+    elif "init_mode" in given:  # there is a filter
+        require_built(given)
+    if name not in ("demo", "explore") and given.get("mesh") and not given.get("codebook"):
         sensor = SensorModel.load(given.get("sensor_model") or SIMULATED)
         MeshReport.tell(load_mesh(given["mesh"]), sensor, lambda line: print(line, file=sys.stderr))
 

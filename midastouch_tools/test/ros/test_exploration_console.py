@@ -12,7 +12,7 @@ from midastouch_tools.ros.exploration_console import Console, object_answer, pro
 
 def test_the_line_holds_what_one_waits_for():
     answer = object_answer({"bowl": 0.3, "mug": 0.62, "unknown": 0.08}, "")
-    line = progress_line("exploring", 0.0451, 23.4, answer, "searching", 0.354)
+    line = progress_line("exploring", 0.0451, 23.4, answer, "searching", "best pose 35%")
     assert line == "exploring, 45 mm, 23 s | perhaps mug | searching, best pose 35%"
     assert object_answer({"bowl": 0.05, "mug": 0.95}, "") == "mug"
     assert object_answer({"bowl": 0.4, "unknown": 0.6}, "") == "no object yet"
@@ -26,7 +26,7 @@ def test_without_probabilities_the_answer_is_the_given_object():
 
 def test_the_longest_line_fits_a_hundred_columns():
     answer = object_answer({"o" * 80: 0.5}, "")
-    assert len(progress_line("exploring", 99.999, 99_999, answer, "uninitialised", 1.0)) <= 100
+    assert len(progress_line("exploring", 99.999, 99_999, answer, "uninitialised", "best pose 100%")) <= 100
 
 
 @pytest.mark.dds

@@ -56,6 +56,7 @@ def test_arguments_go_over_the_defaults():
         ("demo", "background:=none.png", "background:=none.png: no such file"),
         ("demo", "object:=sofa", "sofa: not bundled; there are"),
         ("filter", "codebook:=none.npz", r"no such file.*midastouch build-codebook MESH --out none\.npz"),
+        ("live_ur", "object:=ball", "ball_digit_real.npz is not built yet: .* ball --sensor digit_real"),
         ("filter", "mesh:=package://none/a.ply", "no package 'none' is installed"),
     ],
 )
@@ -238,7 +239,7 @@ def test_a_recording_without_poses_is_named_before_it_plays(carried_out, simulat
 
     def play(name: str, *messages: Message) -> str:
         write(tmp_path / f"{name}.mcap", *messages)
-        run_setup("replay", [f"bag:={tmp_path / name}.mcap", "object:=ball"])
+        run_setup("replay", [f"bag:={tmp_path / name}.mcap", "objects:=ball"])
         return capsys.readouterr().out
 
     assert play("whole", static, moving, image).endswith(f"\n[midastouch] reading {tmp_path}/whole.mcap\n")
