@@ -92,7 +92,7 @@ def test_an_arm_is_told_neither_object_nor_pose(tmp_path):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install -r tools/requirements/mujoco.txt")
     meshes = [ObjectMesh.load(bundled_objects()[name]) for name in ("handle_tool", "eyebolt")]
     for policy, right in ("arm_catalogue", "converged"), ("arm_stranger", "another object"):
-        trials = trials_of(tmp_path, policy, 0.05, *meshes)
+        trials = trials_of(tmp_path, policy, 0.005, *meshes)
         assert {trial["object"] for trial in trials} == {"handle_tool", "eyebolt"}
         assert all(trial["right"] <= (trial["ending"] in (right, "given up")) for trial in trials)
         assert all(trial["error_mm"] is None for trial in trials if policy == "arm_stranger")
