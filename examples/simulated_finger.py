@@ -107,6 +107,8 @@ def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
 
 def run(motion: Callable[[float], np.ndarray], seconds: float, start_given: bool = False) -> None:
     """Move the finger until the motion is over; end with the program's manual if sensor or filter do not run."""
+    if sys.argv[1:]:
+        sys.exit(sys.modules["__main__"].__doc__)  # it takes no arguments
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     engine = Engine(motion, seconds, start_given)
     begin = time.monotonic()

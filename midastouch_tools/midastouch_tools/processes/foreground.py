@@ -25,11 +25,12 @@ def interrupted_by_signals() -> Iterator[None]:
 
     The signal's number is its argument, for `exit_status`. Outside of the main thread nothing is changed. What has set
     other handlers meanwhile, as nodes do, keeps them. A signal waits for the end of an import: libraries such as
-    trimesh take whatever is raised meanwhile for a module that is missing, and go on.
+    trimesh take whatever is raised meanwhile for a module that is missing, and go on. Python itself drops what is
+    raised in a `__del__`.
     """
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        if not _importing(frame):
+        if not _is_lost_in(frame):
             raise KeyboardInterrupt(number)
         again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
         again.daemon = True
@@ -45,11 +46,13 @@ def interrupted_by_signals() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
-def _importing(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported in a frame."""
-    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+def _is_lost_in(frame: FrameType | None) -> bool:
+    """Return whether what is raised in a frame is lost: a module is being imported, or an object deleted."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib") or frame.f_code.co_name == "__del__":
+            return True
         frame = frame.f_back
-    return frame is not None
+    return False
 
 
 @contextlib.contextmanager

@@ -26,7 +26,7 @@ from ..processes.process import Process, Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import close_bars
 from ..replay.keyboard import Keyboard
-from ..result_file import write_json
+from ..result_file import read_json, write_json
 from ..text_table import text_table
 from .exploration_console import Console, file_of, keys_help
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
@@ -41,11 +41,11 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
 
     programs: the nodes, including `explorer`, which is held back until the recorder hears all; given: the arguments of
     explore.launch.py. domain: ROS_DOMAIN_ID, on this machine alone. The status is 0 if object and pose are known and
-    right, or if a person ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal once it
-    has ended.
+    right, or if a person ended it, by key or signal; otherwise 1. Raises KeyboardInterrupt for a further signal while
+    the nodes end; one after that leaves out what is not finished.
     """
     what = explored(given)
-    touched, codebook, objects = file_of(what["mesh"]), what["codebook"], what["objects"]
+    touched, objects = file_of(what["mesh"]), what["objects"]
     bag, started = out / RECORDING, time.monotonic()
     unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
     finger = given["arm"] == "finger"
@@ -57,6 +57,21 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         if wait(0.0):
             raise KeyboardInterrupt
     seconds = time.monotonic() - started
+    try:
+        result = _conclude(console, what, bag, out, seconds)
+    except KeyboardInterrupt:  # the run is over, and what it found so far is kept
+        close_bars()
+        found = out / "result.json"
+        result = read_json(found) if found.is_file() else ending(console.ended, Path(console.mesh).stem, seconds)
+        write_json(found, result)
+        write_words(result, "the reading of the recording, or the drawing, was interrupted", out)
+        print("interrupted: the recording is kept, the page has no pictures", flush=True)
+    return 0 if result["right"] or console.ended.by_hand else 1
+
+
+def _conclude(console: Console, what: Mapping[str, str], bag: Path, out: Path, seconds: float) -> dict:
+    """Read the recording and write result and page; return the result. what: as of `explored`."""
+    touched, codebook = file_of(what["mesh"]), what["codebook"]
     print(f"\nreading the recording, {bag.stat().st_size / 1e6:.0f} MB", flush=True)
     changed = console.mesh != touched  # by key: the earlier part is about another object
     try:
@@ -70,7 +85,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         _tell(result, out)
         write_words(result, why, out)
         print(f"nothing to draw: {why}", flush=True)
-        return 0 if console.ended.by_hand else 1
+        return result
     if changed:
         record = record.last(1e-9 * console.since_change_ns).of_known_object()
         new = {"mesh": console.mesh, "codebook": "", "objects": ""}
@@ -80,13 +95,8 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
     print("drawing the pictures", flush=True)
-    try:
-        write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
-    except KeyboardInterrupt:  # the run is over, and what it found is kept
-        write_words(result, "the drawing was interrupted", out)
-        close_bars()
-        print("the drawing was interrupted: the page has no pictures", flush=True)
-    return 0 if result["right"] or console.ended.by_hand else 1
+    write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
+    return result
 
 
 def _tell(result: dict, out: Path) -> None:

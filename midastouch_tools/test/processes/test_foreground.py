@@ -306,6 +306,19 @@ def test_an_import_that_swallows_what_a_signal_raises_does_not_swallow_the_signa
         work()
 
 
+def test_a_signal_while_an_object_is_deleted_comes_after_that():
+    class Dying:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def work():
+        Dying()
+        time.sleep(30.0)  # bounds a failing test only
+
+    with pytest.raises(KeyboardInterrupt), interrupted_by_signals():
+        work()
+
+
 def test_handlers_of_nodes_stay_unless_there_is_more_to_do(signals_are_heard):
     former = signal.getsignal(signal.SIGTERM)
     try:

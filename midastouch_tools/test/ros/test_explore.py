@@ -68,16 +68,18 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
         assert name in (out / "index.html").read_text()
 
 
-def test_it_begins_with_a_catalogue_and_is_kept_without_pictures(short, tmp_path, monkeypatch):
-    """The filter has no pose before the first touch, and Ctrl-C comes while the pictures are drawn."""
-    monkeypatch.setattr(explore, "write_page", Mock(side_effect=KeyboardInterrupt))
+@pytest.mark.parametrize("step", ["read_run", "write_page"])
+def test_it_begins_with_a_catalogue_and_is_kept_without_pictures(short, tmp_path, monkeypatch, step):
+    """The filter has no pose before the first touch, and Ctrl-C comes while the result is made."""
+    monkeypatch.setattr(explore, step, Mock(side_effect=KeyboardInterrupt))
     assert cli.main(["build-codebook", "ball", "--size", "400"]) == 0
     words = ["objects:=out/codebooks/ball.npz" if word == "objects:=" else word for word in short]
     cli.main(["run", "explore", *words])
     result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
     assert result["slides"] + result["lifts"] > 0
     assert (tmp_path / "out" / "explore" / "run.mcap").is_file()
-    assert "the drawing was interrupted" in (tmp_path / "out" / "explore" / "index.html").read_text()
+    assert ("answer" in result) == (step == "write_page")
+    assert "was interrupted" in (tmp_path / "out" / "explore" / "index.html").read_text()
 
 
 @pytest.mark.parametrize("end", ["q", "\x03"], ids=["q", "Ctrl-C"])
