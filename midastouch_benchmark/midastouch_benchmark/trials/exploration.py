@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,6 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED, UNINITIALISED
 from midastouch_filter.core.touch import measurement_of
-from midastouch_filter.identification.catalogue import Entry
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_filter.loaded_object import object_of
@@ -57,6 +55,7 @@ POLICIES = {
     "arm_stranger": "the same; the object is none of the known ones, and to say so is right",
 }
 _BY_DEFAULT = "suggested", "lifts", "random"  # those that need no further package
+_OF_A_CATALOGUE = {"arm_catalogue", "arm_stranger"}
 _CONVERGED_PATH = 0.015  # m, over which `converged` must last
 _OPEN, _KNOWN, _FOREIGN = "given up", "converged", "another object"  # endings
 
@@ -95,11 +94,9 @@ class ExplorationPlan(Campaign):
 
     def depends_on(self, mesh: ObjectMesh) -> dict:
         """Return everything on which a trial depends, except its labels."""
-        return self.describe() | {"policies": None, "trials": None, "catalogue": self._books}
-
-    @cached_property
-    def _books(self) -> list[list[str]]:
-        return books_of(self.cache, self.catalogue)
+        out = self.describe() | {"policies": None, "trials": None, "codebook": self.cache.codebook_digest(mesh)}
+        needed = not _OF_A_CATALOGUE.isdisjoint(self.policies)
+        return out | {"catalogue": books_of(self.cache, self.catalogue)} if needed else out
 
     def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
         """Run the trials that the log does not hold yet over these objects, which are the catalogue."""
@@ -109,18 +106,17 @@ class ExplorationPlan(Campaign):
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Explore with one policy from one place."""
         policy, seed = labels["policy"], labels["seed"]
-        yardstick = Yardstick.of(mesh, self.cache.symmetry(mesh).exact)
-        trial = _Trial(mesh, self.cache.networks, policy, seed, yardstick, self.length)
-        if policy in ("arm_catalogue", "arm_stranger"):
+        localiser, meshes, truth = Localiser(None, wait=False), {mesh.name: mesh}, mesh.name
+        if policy in _OF_A_CATALOGUE:
             catalogue = catalogue_of(self.cache, self.catalogue, self.config)
             if policy == "arm_stranger":
                 catalogue = catalogue.without(catalogue.duplicates.get(mesh.name, mesh.name))
-            unsure = CatalogueLocaliser(catalogue, self.config, seed, trial.believe)
-            return trial.run(unsure, right_answer(catalogue, mesh.name))
-        localiser = Localiser(None, wait=False)
-        localiser.set_object(object_of(mesh, self.cache.codebook(mesh), self.config, seed))
-        trial.believed = mesh
-        return trial.run(localiser, mesh.name)
+            localiser, truth = CatalogueLocaliser(catalogue, self.config, seed), right_answer(catalogue, mesh.name)
+            meshes = {entry.name: entry.mesh for entry in catalogue.entries}
+        else:
+            localiser.set_object(object_of(mesh, self.cache.codebook(mesh), self.config, seed))
+        yardstick, networks = Yardstick.of(mesh, self.cache.symmetry(mesh).exact), self.cache.networks
+        return _Trial(mesh, networks, (localiser, meshes), truth, policy, seed, yardstick, self.length).run()
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
@@ -134,16 +130,24 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
 
 
 class _Trial:
-    """Exploration of one object by one finger, until its pose is known. Attribute: believed: the mesh that the filter
-    believes in."""
+    """Exploration of one object by one finger, until its pose is known. believes: localiser, and the meshes of its
+    objects by name; truth: the right answer to which object it is."""
 
     def __init__(
-        self, mesh: ObjectMesh, networks: Networks, policy: str, seed: int, yardstick: Yardstick, length: float
+        self,
+        mesh: ObjectMesh,
+        networks: Networks,
+        believes: tuple[Localiser, dict[str, ObjectMesh]],
+        truth: str,
+        policy: str,
+        seed: int,
+        yardstick: Yardstick,
+        length: float,
     ):
         self._rng = np.random.default_rng(seed)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
-        self._pipeline = networks.pipeline()
+        self._pipeline, (self._localiser, self._meshes), self._truth = networks.pipeline(), believes, truth
         self._arm = None
         if policy.startswith("arm"):
             from .arm_world import ArmWorld  # it needs ROS for its settings, and other fingers do not
@@ -153,7 +157,6 @@ class _Trial:
         reach = self._arm.reach if self._arm else EVERYWHERE
         self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
         self._policy, self._yardstick, self._length = policy, yardstick, length
-        self.believed: ObjectMesh | None = None
         self._stamp, self._path = 0, 0.0
         self._before: np.ndarray | None = None
         self._converged_at: float | None = None
@@ -161,12 +164,8 @@ class _Trial:
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
-    def believe(self, leading: Entry) -> None:
-        """Take the mesh of an object that begins to lead."""
-        self.believed = leading.mesh
-
-    def run(self, localiser: Localiser, truth: str) -> dict:
-        """Explore, and return the result; truth: the right answer to which object it is.
+    def run(self) -> dict:
+        """Explore, and return the result.
 
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart), "another object" (than
         the known ones) or "given up"; path_m: from the first touch to where that began; error_mm: of the last pose,
@@ -175,7 +174,6 @@ class _Trial:
         path in contact counts; seconds: simulated, until then; deepest_mm: of the object in the gel, along its axis;
         indented_mm: of the shortest ways off the object, the longest.
         """
-        self._localiser, self._truth = localiser, truth
         ending, began = self._follow(self._exploration.touch())
         while self._path < self._length and ending == _OPEN and self._exploration.verdict is None:
             state = UNINITIALISED if self.estimate is None else self.estimate.status.state
@@ -217,7 +215,7 @@ class _Trial:
         gel = self._world.base_from_gel
         if self.estimate is None:
             return Surroundings(gel)
-        return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self.believed)
+        return Surroundings(gel, gel @ se3.inverse(self.estimate.pose), self._meshes[self._localiser.object.name])
 
     def _follow(self, plan: Plan[None]) -> tuple[str, float]:
         """Carry out a plan, at most until the trial's end; return the ending and the path [m] to it."""

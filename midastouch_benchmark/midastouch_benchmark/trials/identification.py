@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterable, Sequence
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 
 from midastouch_common.mesh import ObjectMesh
@@ -54,13 +54,12 @@ class IdentityPlan(Campaign):
         """Return the labels of the slides."""
         return [[{"slide": slide}] for slide in self.slides]
 
-    @cached_property
-    def _books(self) -> list[list[str]]:
-        return books_of(self.cache, self.catalogue)
-
     def depends_on(self, mesh: ObjectMesh) -> dict:
         """Return everything on which a trial depends, except its labels."""
-        return {"identify": self.describe() | {"slides": self.cache.slides.name}, "catalogue": self._books}
+        return {
+            "identify": self.describe() | {"slides": self.cache.slides.name},
+            "catalogue": books_of(self.cache, self.catalogue),
+        }
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Return the `trials` of a slide: with the object in the catalogue and, if there are others, without."""
@@ -84,7 +83,8 @@ class IdentityPlan(Campaign):
         return [trial for both in done for trial in both["trials"]], missing
 
 
-def books_of(cache: Cache, paths: Sequence[Path]) -> list[list[str]]:
+@cache
+def books_of(cache: Cache, paths: tuple[Path, ...]) -> list[list[str]]:
     """Return what trials over a catalogue of these mesh files depend on."""
     return sorted([mesh.sha256, cache.codebook_digest(mesh)] for mesh in map(ObjectMesh.load, paths))
 

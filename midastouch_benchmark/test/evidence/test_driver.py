@@ -66,6 +66,18 @@ def test_campaigns_are_shared_out_and_bounded(tmp_path):
     assert prepared.count(" -m midastouch_tools.cli ") == 2
 
 
+def test_a_report_of_this_code_is_of_today(tmp_path, monkeypatch):
+    path = tmp_path / "accuracy.json"
+    path.write_text('{"fingerprint": "bbbbbbbb"}')
+    for module in (driver, reports):
+        monkeypatch.setattr(module, "reported", lambda: ["accuracy"])
+    monkeypatch.setattr(driver, "headline", lambda: ["accuracy"])
+    monkeypatch.setattr(reports, "report_path", lambda name: path)
+    monkeypatch.setattr(reports, "ids_of_today", lambda: {"perception": "aaaaaaaa", "estimates": "bbbbbbbb"})
+    (first,) = driver.plan(["accuracy"])
+    assert first.state == "today"
+
+
 def test_headline_reports_come_first_and_say_what_they_are_of(monkeypatch):
     monkeypatch.setattr(driver, "headline", lambda: ["kidnap", "identify"])
     steps = driver.plan()

@@ -77,7 +77,7 @@ class CodeProcessor:
             on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self._problem("bad_transforms", reason),
         )
-        self.report = StatusReport(out, self._fingers, lambda: localiser.coarse, lambda: localiser.unknown)
+        self.report = StatusReport(out, self._fingers, localiser)
 
     def _subscribe(self, maps: bool) -> None:
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 from midastouch_common.ros import diagnostics
 
 from ..core.estimate import Estimate
 from ..core.state import LOST, STALE, UNINITIALISED, WAITING, Status
 from ..loaded_object import RunningFilter
+from ..localiser import Localiser
 from .estimate_publisher import EstimatePublisher, Placed
 from .finger_topics import FingerTopics
 
@@ -20,15 +20,12 @@ class StatusReport:
     Attributes: counts of what the node itself left out; each status lists them with those of the filter, the
     fingers and the publishers.
 
-    Args: out; fingers; note: returns the text that every reason ends with, "" for nothing; unknown: returns the
-    probability of another object.
+    Args: out; fingers; localiser: of the object, whose `coarse` every reason ends with.
     """
 
-    def __init__(
-        self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str], unknown: Callable[[], float]
-    ):
+    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, localiser: Localiser):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "odd_stamps": 0, "time_jumps": 0, "no_map": 0}
-        self._out, self._fingers, self._note, self._unknown = out, fingers, note, unknown
+        self._out, self._fingers, self._localiser = out, fingers, localiser
         self.forget()
 
     def forget(self) -> None:
@@ -66,6 +63,6 @@ class StatusReport:
 
     def _complete(self, status: Status) -> Status:
         skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
-        reason, note = self._fingers.qualify(status.reason), self._note()
+        reason, note = self._fingers.qualify(status.reason), self._localiser.coarse
         reason = f"{reason}; {note}" if note else reason
-        return dataclasses.replace(status, skipped=skipped, reason=reason, unknown=self._unknown())
+        return dataclasses.replace(status, skipped=skipped, reason=reason, unknown=self._localiser.unknown)

@@ -169,8 +169,7 @@ class Explorer(PipelineNode):
             self._carry_out(self._orders.popleft()())
         elif self._report.state == ExplorerStatus.STATE_EXPLORING and self._begun:
             if self._unjudged:
-                now = self._filter
-                self._exploration.judge(now.state, now.reason, now.measured, now.unknown)
+                self._exploration.judge(*self._filter.judged)
                 self._unjudged = self._filter.measured = False
             if self._ended():
                 return

@@ -31,6 +31,11 @@ class NewestAnswer:
         """State and reason in words."""
         return f"the filter is {self.state}: {self.reason}"
 
+    @property
+    def judged(self) -> tuple[str, str, bool, float]:
+        """State, reason, measured and unknown, as `Exploration.judge` takes them."""
+        return self.state, self.reason, self.measured, self.unknown
+
     def _on_status(self, status: FilterStatus) -> None:
         stamp = stamp_ns(status.header.stamp)
         # a status that the filter stamps by its own clock answers no image

@@ -62,8 +62,9 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     except KeyboardInterrupt:  # the run is over, and what it found so far is kept
         close_bars()
         found = out / "result.json"
-        result = read_json(found) if found.is_file() else ending(console.ended, Path(console.mesh).stem, seconds)
-        write_json(found, result)
+        if not found.is_file():
+            write_json(found, ending(console.ended, Path(console.mesh).stem, seconds))
+        result = read_json(found)
         write_words(result, "the reading of the recording, or the drawing, was interrupted", out)
         print("interrupted: the recording is kept, the page has no pictures", flush=True)
     return 0 if result["right"] or console.ended.by_hand else 1

@@ -63,11 +63,12 @@ def prepare(name: str, given: dict[str, str]) -> None:
 
             require_mujoco()
         prepare_codebooks(quick_codebooks(given))
-    elif "init_mode" in given:  # there is a filter
-        require_built(given)
-    if name not in ("demo", "explore") and given.get("mesh") and not given.get("codebook"):
-        sensor = SensorModel.load(given.get("sensor_model") or SIMULATED)
-        MeshReport.tell(load_mesh(given["mesh"]), sensor, lambda line: print(line, file=sys.stderr))
+    else:
+        if "init_mode" in given:  # there is a filter
+            require_built(given)
+        if given.get("mesh") and not given.get("codebook"):
+            sensor = SensorModel.load(given.get("sensor_model") or SIMULATED)
+            MeshReport.tell(load_mesh(given["mesh"]), sensor, lambda line: print(line, file=sys.stderr))
 
 
 def _say_if_no_pose(given: dict[str, str]) -> None:
