@@ -29,7 +29,8 @@ _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
-_FALLEN, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, although the gel has moved so far into the surface
+_AGAINST, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, or more, although the gel has moved so far on, or off
+_ASIDE = 1e-3  # m: a gel goes aside from a wall that leans over it further out than this
 _APART, _PASSED = 2e-4, 25  # m, between the poses of a trail, and how many there are
 _REMEMBERED = 30  # images whose delay counts
 _COMMANDS = 1024  # twists that are kept; some seconds
@@ -127,7 +128,8 @@ class ContactServo:
     """Servo that keeps a gel at a depth and flat on a surface.
 
     Attributes: limits; arm_latency; touching, whether the last image shows a contact; fallen, whether it shows less
-    depth than an earlier one although the gel has moved on into the surface since: then it is deeper than images show.
+    depth than an earlier one although the gel has moved on into the surface since: then it is deeper than images show;
+    risen, whether it shows more although the gel has moved off the surface: then a wall leans over the gel.
 
     Parameters
     ----------
@@ -147,8 +149,9 @@ class ContactServo:
         self._now = self._begun = -math.inf  # s; when the present motion began
         self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
         self._trail: deque[tuple[float, np.ndarray]] = deque(maxlen=_PASSED)  # s, and the poses then
-        self._deepest = self._measured  # deepest image since the gel last moved along the surface, or off it
-        self.fallen = False
+        # images since which the gel has moved into the surface, and off it
+        self._into = self._off = self._measured
+        self.fallen = self.risen = False
 
     @property
     def touching(self) -> bool:
@@ -189,7 +192,8 @@ class ContactServo:
         self._delays.append(max(now - measured.stamp, 0.0))
         if before.stamp > -math.inf:
             self._unseen.append(max(now - before.stamp, 0.0))
-        self.fallen = self._has_fallen(measured)
+        self._into, self.fallen = self._compared(self._into, measured, 1.0)
+        self._off, self.risen = self._compared(self._off, measured, -1.0)
         passed = measured.stamp - before.stamp
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
             self._drift = np.zeros(3)
@@ -198,17 +202,19 @@ class ContactServo:
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
         self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
 
-    def _has_fallen(self, measured: Measured) -> bool:
-        """Return whether the depth fell under an approach."""
-        lost = self._deepest.depth - measured.depth
-        if lost > 0:
-            way = self._commanded(self._deepest.stamp, measured.stamp)
-            x, y = self._deepest.centre
-            into = -(way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
-            if into > np.linalg.norm(way[:2]):
-                return lost > _FALLEN and into > _MOVED_ON
-        self._deepest = measured
-        return False
+    def _compared(self, since: Measured, measured: Measured, into: float) -> tuple[Measured, bool]:
+        """Return the image to compare the next one with, and whether the depth has changed against the motion since.
+
+        into: 1 for motions into the surface, under which the depth should grow, -1 for motions off it.
+        """
+        against = into * (since.depth - measured.depth)
+        if since.depth > 0 and against > 0:
+            way = self._commanded(since.stamp, measured.stamp)
+            x, y = since.centre
+            gone = -into * (way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
+            if gone > np.linalg.norm(way[:2]):
+                return since, against > _AGAINST and gone > _MOVED_ON
+        return measured, False
 
     @property
     def depth(self) -> float:
@@ -236,6 +242,14 @@ class ContactServo:
     def back(self, depth: float) -> np.ndarray:
         """Return the velocity (2,) [m/s], within `slide_speed`, that brings all of the contact into view."""
         return _within(self.gain * self.off_centre, self.slide_speed(depth))
+
+    @property
+    def off(self) -> np.ndarray:
+        """Direction (3,) that leads off the surface, and out from under a wall that leans over the gel."""
+        if not self.risen:
+            return np.array([0.0, 0.0, 1.0])
+        way = np.array([*-self._measured.centre, _ASIDE])
+        return way / np.linalg.norm(way)
 
     @property
     def trail(self) -> list[np.ndarray]:

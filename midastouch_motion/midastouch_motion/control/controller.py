@@ -111,10 +111,12 @@ class Controller:
 
     def _must_go_back(self, now: float, seen: Seen) -> bool:
         """Return whether the gel must be pulled back; if so, begin that, after which the motion ends for the reason."""
-        fallen = "its depth falls although it is pressed on: deeper than images show" if self.servo.fallen else ""
+        against = "its depth falls although it is pressed on: deeper than images show" if self.servo.fallen else ""
+        if self.servo.risen:
+            against = "its depth grows although it is pulled off: a wall leans over it"
         if problem := self.guard.too_deep(seen):
             back = BackOffSkill()
-        elif problem := seen.unread or fallen or self._unexplained(now):
+        elif problem := seen.unread or against or self._unexplained(now):
             back = BackOffSkill(clear=True, least=MAX_PENETRATION)
         else:
             return False

@@ -201,7 +201,7 @@ class BackOffSkill(_Moving):
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         if self._trail is None:
-            self._trail, self._stays, self._then = servo.trail, servo.stays, now
+            self._trail, self._stays, self._then = servo.trail, servo.stays and not servo.risen, now
         off = not servo.touching if self._clear else servo.depth < 0.5 * servo.limits.depth
         gone = self._gone(pose)
         if (off and gone >= self._least) or gone > _THICK:
@@ -218,7 +218,7 @@ class BackOffSkill(_Moving):
                 return servo.limits.speed * way
             self._on -= length
             self._trail.pop()
-        return np.array([0.0, 0.0, servo.limits.speed, 0.0, 0.0, 0.0])
+        return np.concatenate([servo.limits.speed * servo.off, np.zeros(3)])
 
 
 def _met_on_the_way(gone: float) -> BackOffSkill:
@@ -238,7 +238,7 @@ class LiftSkill(_Moving):
 
     def step(self, servo: ContactServo, now: float, pose: np.ndarray) -> np.ndarray | SkillEnd:
         gone = self._gone(pose)
-        if self._back is None and servo.met:
+        if self._back is None and (servo.met or servo.risen):
             self._back = _met_on_the_way(gone)
             return np.zeros(6)
         if self._back is not None:

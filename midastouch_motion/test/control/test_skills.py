@@ -109,6 +109,41 @@ def test_a_depth_that_falls_because_the_gel_leaves_is_no_press(depth):
     assert there.carry_out(TouchSkill(depth, 0.02), 60.0).success
 
 
+def test_a_slide_leaves_from_under_a_wall_as_it_came():
+    """A wall 5 mm on, 8 mm beside the apex, which is deeper in the gel the farther on and the higher this is."""
+    wall = []
+
+    def look(pose):
+        wall.append(max(0.5 * (pose[0, 3] - 5e-3) + 0.25 * (pose[2, 3] + DEPTH), 0.0))
+        return max(-pose[2, 3], wall[-1])
+
+    def centre(pose):
+        return np.array([8e-3 if wall[-1] > -pose[2, 3] else 0.0, 0.0])
+
+    there, arm = rehearsed(look, Limits(speed=5e-3, depth=1.4e-3), centre)
+    assert there.carry_out(TouchSkill(DEPTH, 0.02), 20.0).success
+    ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 30.0)
+    assert "a wall leans over it" in ended.message
+    assert max(wall) < 1.6e-3
+    assert wall[-1] == 0
+    assert 0 < arm.pose[0, 3] < 5e-3, "on the way that it has come"
+
+
+def test_under_a_wall_a_lift_goes_aside():
+    """The gel is where its motion begins; straight off, the wall gets deeper."""
+    met = []
+
+    def look(pose):
+        met.append(max(1e-3 + pose[0, 3] + 0.5 * pose[2, 3], 0.0))
+        return met[-1]
+
+    there, _ = rehearsed(look, Limits(depth=1.4e-3), centre=lambda pose: np.array([8e-3, 0.0]))
+    for _ in range(4):
+        there.carry_out(LiftSkill(5e-3), 20.0)
+    assert met[-1] == 0
+    assert max(met) < 2e-3
+
+
 def test_what_gives_way_is_not_followed_for_ever():
     """Light, soft or hanging free: the gel sinks in by 0.2 mm and takes it along."""
     there, arm = rehearsed(lambda pose: 2e-4 if pose[2, 3] < -5e-3 else 0.0)
