@@ -11,9 +11,10 @@ from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
+from midastouch_motion.control.contact_servo import ContactServo, Limits
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
+from midastouch_motion.control.measured import Measured
 from midastouch_motion.control.skills import Skill, SkillEnd
 from midastouch_perception.contact import Contact
 from midastouch_perception.objects import bundled_objects

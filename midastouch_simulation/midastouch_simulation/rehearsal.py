@@ -8,9 +8,9 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from midastouch_motion.control.contact_servo import Measured
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Seen
+from midastouch_motion.control.measured import Measured
 from midastouch_motion.control.skills import Skill, SkillEnd
 from midastouch_motion.control.wrench import Sample
 

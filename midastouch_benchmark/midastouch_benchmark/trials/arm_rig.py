@@ -9,9 +9,10 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
+from midastouch_motion.control.contact_servo import ContactServo, Limits
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard
+from midastouch_motion.control.measured import Measured
 from midastouch_perception.contact import Contact
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel

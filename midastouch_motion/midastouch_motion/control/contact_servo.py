@@ -14,17 +14,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_model import SensorModel
 
-_STEP = 1e-5  # m, over which the gel's slope is taken
-_TELLING = 2e-3  # m: a contact that extends less is weak evidence of the surface's slope
-_STEEPEST = 0.5  # steepest slope of a surface that is believed
+from .commanded import Commanded
+from .measured import Measured
+
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
@@ -33,45 +31,10 @@ _AGAINST, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, or more, although the
 _ASIDE = 1e-3  # m: a gel goes aside from a wall that leans over it further out than this
 _APART, _PASSED = 2e-4, 25  # m, between the poses of a trail, and how many there are
 _REMEMBERED = 30  # images whose delay counts
-_COMMANDS = 1024  # twists that are kept; some seconds
 RIM = 1.2e-2
 """From a gel's apex to its corners [m]."""
 LONGEST_PERIOD = 0.1
 """How long a twist is assumed to act [s]. An arm that receives no new twist for longer stops on its own."""
-
-
-class Measured(NamedTuple):
-    """Contact in one image: stamp [s]; depth [m] of the gel's deepest point, 0 if nothing touches; slope (2,) of the
-    touched surface, dz/dx and dz/dy in the gel's frame; centre (2,) [m] of the contact there; area [m^2], and mean, the
-    mean depth [m] in it."""
-
-    stamp: float
-    depth: float
-    slope: np.ndarray
-    centre: np.ndarray
-    area: float = 0.0
-    mean: float = 0.0
-
-    @classmethod
-    def of(cls, stamp: float, depth: float, area: float, points: np.ndarray, sensor: SensorModel) -> Measured:
-        """Return the contact in an image.
-
-        Parameters
-        ----------
-        stamp : [s]
-        depth : [m]
-            0 without a contact.
-        area : [m^2]
-        points : (K, 3) [m]
-            Of the contact, in the gel's frame.
-        sensor
-        """
-        if depth <= 0:
-            return cls(stamp, 0.0, np.zeros(2), np.zeros(2))
-        # points show the shape within the contact's outline, by which soft gel has sunk in
-        shape = points[:, 2] - sensor.sag(points[:, 0], points[:, 1])
-        mean = depth - float(shape.max(initial=0.0) - shape.mean()) if len(points) else depth
-        return cls(stamp, depth, slope_of(points, sensor), centre_of(points), area, mean)
 
 
 @dataclass(frozen=True)
@@ -92,44 +55,12 @@ class Limits:
                 raise InputError(f"limit {name}: {value:g} is not a positive number")
 
 
-def centre_of(points: np.ndarray) -> np.ndarray:
-    """Return the centre (2,) [m] of contact points (K, 3) [m] in the gel's frame; the apex without any."""
-    return points[:, :2].mean(axis=0) if len(points) else np.zeros(2)
-
-
-def slope_of(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Fit a plane to contact points.
-
-    It is a least-squares fit with a prior that weighs as much as a contact that extends 2 mm: the slope of the
-    untouched gel there, on which the object lies. On a round object the contact is small, so the prior dominates and
-    the gel turns until the contact lies at its apex.
-
-    Parameters
-    ----------
-    points : (K, 3) in the gel's frame [m]
-    sensor
-
-    Returns
-    -------
-    (2,) slopes dz/dx and dz/dy
-    """
-    if len(points) < 3:
-        return np.zeros(2)
-    centre = centre_of(points)
-    gel = np.array([sensor.sag(*(centre + each)) - sensor.sag(*(centre - each)) for each in _STEP * np.eye(2)])
-    gel /= 2 * _STEP
-    across = points[:, :2] - centre
-    normal = across.T @ across + len(points) * _TELLING**2 * np.eye(2)
-    beside = np.linalg.solve(normal, across.T @ (points[:, 2] - across @ gel))
-    return np.clip(gel + beside, -_STEEPEST, _STEEPEST)
-
-
 class ContactServo:
     """Servo that keeps a gel at a depth and flat on a surface.
 
-    Attributes: limits; arm_latency; touching, whether the last image shows a contact; fallen, whether it shows less
-    depth than an earlier one although the gel has moved on into the surface since: then it is deeper than images show;
-    risen, whether it shows more although the gel has moved off the surface: then a wall leans over the gel.
+    Attributes: limits; touching, whether the last image shows a contact; fallen, whether it shows less depth than an
+    earlier one although the gel has moved on into the surface since: then it is deeper than images show; risen, whether
+    it shows more although the gel has moved off the surface: then a wall leans over the gel.
 
     Parameters
     ----------
@@ -139,14 +70,12 @@ class ContactServo:
     """
 
     def __init__(self, limits: Limits, arm_latency: float):
-        self.limits, self.arm_latency = limits, arm_latency
-        self._commands: deque[tuple[float, float, np.ndarray]] = deque(maxlen=_COMMANDS)  # from, to, twist
+        self.limits, self._commanded = limits, Commanded(arm_latency)
         self._delays: deque[float] = deque([0.1], maxlen=_REMEMBERED)
         self._unseen: deque[float] = deque([0.2], maxlen=_REMEMBERED)  # s from the image before to an image's arrival
-        self._last = np.zeros(6)
         self._drift = np.zeros(3)  # of depth [m/s] and slope [1/s]: the surface's part in their change
         self._measured = Measured(-math.inf, 0.0, np.zeros(2), np.zeros(2))
-        self._now = self._begun = -math.inf  # s; when the present motion began
+        self._begun = -math.inf  # s; when the present motion began
         self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
         self._trail: deque[tuple[float, np.ndarray]] = deque(maxlen=_PASSED)  # s, and the poses then
         # images since which the gel has moved into the surface, and off it
@@ -161,6 +90,11 @@ class ContactServo:
     def met(self) -> bool:
         """Whether the present motion has met what the last image shows."""
         return self.touching and self._contact[0] > self._begun
+
+    @property
+    def arm_latency(self) -> float:
+        """From a command to the motion [s]."""
+        return self._commanded.latency
 
     @property
     def stamp(self) -> float:
@@ -198,7 +132,7 @@ class ContactServo:
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
             self._drift = np.zeros(3)
             return
-        expected = _after(before, self._commanded(before.stamp, measured.stamp))
+        expected = _after(before, self._commanded.way(before.stamp, measured.stamp))
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
         self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
 
@@ -209,7 +143,7 @@ class ContactServo:
         """
         against = into * (since.depth - measured.depth)
         if since.depth > 0 and against > 0:
-            way = self._commanded(since.stamp, measured.stamp)
+            way = self._commanded.way(since.stamp, measured.stamp)
             x, y = since.centre
             gone = -into * (way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
             if gone > np.linalg.norm(way[:2]):
@@ -260,8 +194,8 @@ class ContactServo:
     def stays(self) -> bool:
         """Whether the gel is on a surface that it has touched for some time, or all along its `trail`."""
         first, last = self._contact
-        recently = self._now - self._settles
-        return first < max(self._trail[0][0] if self._trail else self._now, recently) and last > recently
+        recently = self._commanded.now - self._settles
+        return first < max(self._trail[0][0] if self._trail else self._commanded.now, recently) and last > recently
 
     @property
     def _settles(self) -> float:
@@ -317,8 +251,10 @@ class ContactServo:
 
     def _predicted(self) -> np.ndarray:
         """Return depth and slope (3,) once the arm has carried out all commands."""
-        ahead = _after(self._measured, self._commanded(self._measured.stamp, self._now + self.arm_latency))
-        return ahead + max(self._now + self.arm_latency - self._measured.stamp, 0.0) * self._drift
+        ahead = _after(
+            self._measured, self._commanded.way(self._measured.stamp, self._commanded.now + self.arm_latency)
+        )
+        return ahead + max(self._commanded.now + self.arm_latency - self._measured.stamp, 0.0) * self._drift
 
     def command(self, now: float, twist: np.ndarray) -> np.ndarray:
         """Limit a twist, which acts from now on, and keep it for the prediction.
@@ -334,10 +270,10 @@ class ContactServo:
         """
         speed = self.limits.speed if self.touching else self.limits.air_speed
         twist = np.concatenate([_within(twist[:3], speed), _within(twist[3:], self.limits.turn_speed)])
-        change = self.limits.acceleration * max(min(now - self._now, LONGEST_PERIOD), 0.0)
+        change = self.limits.acceleration * max(min(now - self._commanded.now, LONGEST_PERIOD), 0.0)
         # a gel that has just touched may be faster than the limit: it slows down at once
-        twist[:3] = _within(self._last[:3] + _within(twist[:3] - self._last[:3], change), speed)
-        return self._keep(now, twist)
+        twist[:3] = _within(self._commanded.last[:3] + _within(twist[:3] - self._commanded.last[:3], change), speed)
+        return self._commanded.keep(now, twist)
 
     def begin(self, now: float) -> np.ndarray:
         """Begin a motion at rest: return the zero twist, and keep it for the prediction."""
@@ -359,25 +295,7 @@ class ContactServo:
 
     def stop(self, now: float) -> np.ndarray:
         """Return the zero twist, which stops at once, and keep it for the prediction."""
-        return self._keep(now, np.zeros(6))
-
-    def _keep(self, now: float, twist: np.ndarray) -> np.ndarray:
-        if self._commands:
-            begin, _, last = self._commands[-1]
-            self._commands[-1] = begin, now, last
-        self._commands.append((now, math.inf, twist))
-        self._last, self._now = twist, now
-        return twist
-
-    def _commanded(self, since: float, until: float) -> np.ndarray:
-        """Return the way and turn (6,) of the arm between two moments [s], by the commands so far."""
-        since, until = since - self.arm_latency, min(until - self.arm_latency, self._now)
-        total = np.zeros(6)
-        for begin, end, twist in reversed(self._commands):
-            if end <= since:
-                break
-            total += max(min(end, until) - max(begin, since), 0.0) * twist
-        return total
+        return self._commanded.keep(now, np.zeros(6))
 
 
 def _values(measured: Measured) -> np.ndarray:

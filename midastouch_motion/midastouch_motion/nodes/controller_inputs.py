@@ -18,9 +18,9 @@ from midastouch_common.transforms.rigid import TransformError
 from midastouch_msgs.msg import FilterStatus, TactileContact
 from midastouch_perception.sensor_model import SensorModel
 
-from ..control.contact_servo import Measured
 from ..control.controller import Controller
 from ..control.guard import UNREAD, Seen
+from ..control.measured import Measured
 from ..control.wrench import Sample
 from .touch_images import TouchImages
 from .twist_topic import followers_and_commanders

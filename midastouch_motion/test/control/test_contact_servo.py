@@ -3,7 +3,8 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured, slope_of
+from midastouch_motion.control.contact_servo import ContactServo, Limits
+from midastouch_motion.control.measured import Measured, slope_of
 from midastouch_motion.control.wrench import GEL_STIFFNESS
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_simulation.gel_layer import Gel, GelLayer

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_motion.control.contact_servo import ContactServo, Limits, Measured
+from midastouch_motion.control.contact_servo import ContactServo, Limits
 from midastouch_motion.control.controller import Controller
 from midastouch_motion.control.guard import Guard, Seen
+from midastouch_motion.control.measured import Measured
 from midastouch_motion.control.skills import ApproachSkill, LiftSkill, SlideSkill, TouchSkill
 from midastouch_motion.control.wrench import Sample
 
