@@ -38,6 +38,7 @@ class ContactController(ManagedNode):
     _goal: tuple[ServerGoalHandle, type[Any]] | None = None
     _servers: Sequence[GoalServer] = ()
     _inputs: Inputs | None = None  # while active
+    _waits_for: str | None = None  # what was in the way of the first motion when last said; None: nothing is any more
 
     def __init__(self, **node_options) -> None:
         super().__init__("contact_controller", PARAMETERS, **node_options)
@@ -59,7 +60,7 @@ class ContactController(ManagedNode):
 
     def connect(self) -> None:
         """Listen to contacts, clouds, forces, the filter, TF and `~/enable`."""
-        self._more_zeros, self._ticked = 0, -math.inf
+        self._more_zeros, self._ticked, self._waits_for = 0, -math.inf, "not looked yet"
         self._frames = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         self.create_timer(1.0 / self.parameters["rate"], self._on_timer)
         self._inputs = Inputs(self, self._controller, self._sensor, self._feed_back, self._on_time_jump)
@@ -84,8 +85,12 @@ class ContactController(ManagedNode):
         """Return level, message and values for the diagnostics."""
         servo = self._controller.servo
         self._inputs.look(self._twists.topic_name)
+        problem = self._controller.guard.problem(self._now(), self._inputs.seen)
+        if self._waits_for not in (None, problem):
+            self.get_logger().info(f"no motion can begin: {problem}" if problem else "ready for motions")
+            self._waits_for = problem or None
         values = {
-            "in_the_way": self._controller.guard.problem(self._now(), self._inputs.seen) or "nothing",
+            "in_the_way": problem or "nothing",
             "delay_ms": f"{1e3 * servo.delay:.0f}",
             "depth_mm": f"{1e3 * servo.depth:.2f}",
             **self._controller.wrench.describe(),

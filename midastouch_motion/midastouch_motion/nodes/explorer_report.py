@@ -31,11 +31,9 @@ class ExplorerReport:
         self._status = node.create_publisher(ExplorerStatus, "~/status", qos.latched())
         self._mesh = node.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
         self._diagnostics = diagnostics.Diagnostics(node, self._describe)
-        self.state, self.reason = (
-            ExplorerStatus.STATE_WAITING,
-            "for an arm, the filter's first answer, and reach_service if there is one",
+        self.say(
+            ExplorerStatus.STATE_WAITING, "for an arm, the filter's first answer, and reach_service if there is one"
         )
-        self.tell()
 
     @property
     def over(self) -> bool:

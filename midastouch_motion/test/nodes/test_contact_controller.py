@@ -47,6 +47,22 @@ def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
     rig.until(lambda: len(rig.twists) > 1 and not any(map(moving, rig.twists[-2:])), "two stops")
 
 
+def test_the_terminal_names_what_motions_wait_for(graph, capfd):
+    said = []
+
+    def says(words):
+        said.append(capfd.readouterr().err)
+        return words in "".join(said)
+
+    rig = Rig(graph)
+    rig.enabled = False
+    rig.until(
+        lambda: says("no motion can begin: not enabled: ~/enable has to be repeated"), "that it has to be enabled"
+    )
+    rig.enabled = True
+    rig.until(lambda: says("ready for motions"), "that it is ready")
+
+
 @pytest.mark.parametrize(
     ("missing", "reason", "parameters"),
     [("enabled", "not enabled", {}), ("forces", "no force on wrench_topic", {"max_force": 10.0})],
