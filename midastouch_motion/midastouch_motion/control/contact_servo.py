@@ -27,7 +27,8 @@ _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
-_AGAINST, _MOVED_ON = 2e-4, 2e-4  # m: so much less depth, or more, although the gel has moved so far on, or off
+_AGAINST = 2e-4  # m of depth, changed against the motion
+_ON, _OFF = (2e-4, 1.0), (1e-3, 3.0)  # m into the surface or off it, and how many times the way along it, for that
 _ASIDE = 1e-3  # m: a gel goes aside from a wall that leans over it further out than this
 _APART, _PASSED = 2e-4, 25  # m, between the poses of a trail, and how many there are
 _REMEMBERED = 30  # images whose delay counts
@@ -126,8 +127,8 @@ class ContactServo:
         self._delays.append(max(now - measured.stamp, 0.0))
         if before.stamp > -math.inf:
             self._unseen.append(max(now - before.stamp, 0.0))
-        self._into, self.fallen = self._compared(self._into, measured, 1.0)
-        self._off, self.risen = self._compared(self._off, measured, -1.0)
+        self._into, self.fallen = self._compared(self._into, measured, 1.0, *_ON)
+        self._off, self.risen = self._compared(self._off, measured, -1.0, *_OFF)
         passed = measured.stamp - before.stamp
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
             self._drift = np.zeros(3)
@@ -136,18 +137,21 @@ class ContactServo:
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
         self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
 
-    def _compared(self, since: Measured, measured: Measured, into: float) -> tuple[Measured, bool]:
+    def _compared(
+        self, since: Measured, measured: Measured, into: float, least: float, steep: float
+    ) -> tuple[Measured, bool]:
         """Return the image to compare the next one with, and whether the depth has changed against the motion since.
 
-        into: 1 for motions into the surface, under which the depth should grow, -1 for motions off it.
+        into: 1 for motions into the surface, under which the depth should grow, -1 for motions off it; they count from
+        `least` [m] on, and while they are `steep` times as long as the way along the surface.
         """
         against = into * (since.depth - measured.depth)
         if since.depth > 0 and against > 0:
             way = self._commanded.way(since.stamp, measured.stamp)
             x, y = since.centre
             gone = -into * (way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
-            if gone > np.linalg.norm(way[:2]):
-                return since, against > _AGAINST and gone > _MOVED_ON
+            if gone > steep * np.linalg.norm(way[:2]):
+                return since, against > _AGAINST and gone > least
         return measured, False
 
     @property

@@ -115,13 +115,13 @@ def test_a_slide_leaves_from_under_a_wall_as_it_came():
     wall = []
 
     def look(pose):
-        wall.append(max(0.5 * (pose[0, 3] - 5e-3) + 0.25 * (pose[2, 3] + DEPTH), 0.0))
+        wall.append(max(0.5 * (pose[0, 3] - 5e-3) + 0.1 * (pose[2, 3] + DEPTH), 0.0))
         return max(-pose[2, 3], wall[-1])
 
     def centre(pose):
         return np.array([8e-3 if wall[-1] > -pose[2, 3] else 0.0, 0.0])
 
-    there, arm = rehearsed(look, Limits(speed=5e-3, depth=1.4e-3), centre)
+    there, arm = rehearsed(look, Limits(speed=3e-3, depth=1.4e-3), centre)
     assert there.carry_out(TouchSkill(DEPTH, 0.02), 20.0).success
     ended = there.carry_out(SlideSkill(0.0, 0.03, DEPTH), 30.0)
     assert "a wall leans over it" in ended.message
