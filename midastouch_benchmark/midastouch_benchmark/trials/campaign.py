@@ -26,7 +26,7 @@ from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
-from .variants import VARIANTS, AnyConfig
+from .variants import VARIANTS
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
@@ -71,7 +71,7 @@ class Plan:
         variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
-            "settings": _unlike_defaults(variant.config(self.config, 0)),
+            "settings": {} if variant.method else _unlike_defaults(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
             "slides": self.cache.slides.name,
@@ -165,7 +165,7 @@ def _filter_code() -> str:
     return source_digest(*packages, *_METHODS)
 
 
-def _unlike_defaults(config: AnyConfig) -> dict:
+def _unlike_defaults(config: FilterConfig) -> dict:
     """Return the settings that differ from the defaults, by name; the defaults are part of the fingerprint."""
-    usual = type(config)()
-    return {name: value for name, value in dataclasses.asdict(config).items() if value != getattr(usual, name)}
+    usual = dataclasses.asdict(FilterConfig())
+    return {name: value for name, value in dataclasses.asdict(config).items() if value != usual[name]}
