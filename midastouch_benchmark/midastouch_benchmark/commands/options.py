@@ -231,19 +231,25 @@ def open_cluster(address: str) -> Iterator[Workers]:
             raise InputError(f"workers died again and again ({error}); give each more memory") from error
 
 
+def meshes_of(args: argparse.Namespace) -> list[ObjectMesh]:
+    """Return the objects of a campaign; InputError for a name that fits none or several."""
+    from ..trials.object_sets import chosen_meshes
+
+    return chosen_meshes(args.meshes, args.objects, args.out)
+
+
 def run_campaign(
-    args: argparse.Namespace, plan: Campaign | Plan, unit: str, meshes: list[ObjectMesh] | None = None
+    args: argparse.Namespace, plan: Campaign | Plan, unit: str, meshes: list[ObjectMesh]
 ) -> tuple[list[dict], dict]:
-    """Run a campaign with the workers of the options; return its trials, and the first entries of its result: config,
-    machine and the number of missing units. meshes: the objects, if not those of the options."""
+    """Run a campaign over these objects with the workers of the options; return its trials, and the first entries of
+    its result: config, machine and the number of missing units."""
     from midastouch_tools.jobs import open_workers
     from midastouch_tools.machine import machine_info
     from midastouch_tools.progress import progress_bar
 
-    from ..trials.object_sets import chosen_meshes
     from ..trials.trial_log import Workforce
 
-    machine, meshes = machine_info(), meshes or chosen_meshes(args.meshes, args.objects, args.out)
+    machine = machine_info()
     with ExitStack() as opened:
 
         def start_progress(total: int) -> Callable[[int], object]:

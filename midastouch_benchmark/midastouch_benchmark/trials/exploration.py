@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +42,7 @@ from .cache import Cache
 from .identification import books_of, catalogue_of, right_answer
 from .setup import Networks
 from .trial import FRAME_TIME
-from .trial_log import Campaign, Workforce, source_digest
+from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
 
 POLICIES = {
@@ -68,10 +67,10 @@ class ExplorationPlan(Campaign):
 
     cache: Cache
     config: FilterConfig
-    policies: tuple[str, ...] = _BY_DEFAULT
-    trials: int = 10
-    length: float = 1.0
-    catalogue: tuple[Path, ...] = ()
+    policies: tuple[str, ...]
+    trials: int
+    length: float
+    catalogue: tuple[Path, ...]
     LOG_NAME = "exploration.jsonl"
 
     def describe(self) -> dict:
@@ -97,11 +96,6 @@ class ExplorationPlan(Campaign):
         out = self.describe() | {"policies": None, "trials": None, "codebook": self.cache.codebook_digest(mesh)}
         needed = not _OF_A_CATALOGUE.isdisjoint(self.policies)
         return out | {"catalogue": books_of(self.cache, self.catalogue)} if needed else out
-
-    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
-        """Run the trials that the log does not hold yet over these objects, which are the catalogue."""
-        plan = dataclasses.replace(self, catalogue=tuple(mesh.path for mesh in meshes))
-        return super(ExplorationPlan, plan).run(meshes, workforce)
 
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Explore with one policy from one place."""

@@ -164,10 +164,10 @@ class Squares:
 
 def test_a_campaign_has_workers_and_a_deadline_that_counts_from_its_start():
     plan, before = Squares(), time.monotonic()
-    trials, result = options.run_campaign(parsed("--minutes", "2"), plan, "trial")
+    trials, result = options.run_campaign(parsed("--minutes", "2"), plan, "trial", [])
     assert before + 120 <= plan.deadline <= time.monotonic() + 120
     assert trials == [{"square": 1}, {"square": 9}]
     assert result["config"] == {"power": 2, "jobs": 1, "cluster": None}
     assert result["missing_trials"] == 0
-    options.run_campaign(parsed(), plan, "trial")
+    options.run_campaign(parsed(), plan, "trial", [])
     assert plan.deadline == math.inf

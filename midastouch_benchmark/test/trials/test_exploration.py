@@ -17,14 +17,10 @@ from midastouch_perception.objects import bundled_objects
 def explored(tmp_path_factory):
     """Where it is told to and at random, for 30 mm each."""
     folder = tmp_path_factory.mktemp("exploration")
-    cache = Cache(folder, codebook_size=400)
-    plan = ExplorationPlan(
-        cache, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03
-    )
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():
-        return plan.run([mesh], Workforce())
+        return run_plan(folder, ("suggested", "random"), 0.03, mesh)
 
     return run(), run
 
@@ -54,11 +50,15 @@ def test_the_same_command_goes_on_and_finds_the_same(explored):
     assert run() == first
 
 
+def run_plan(folder, policies, length, *meshes, trials=1):
+    """Trials with a small codebook and few particles, and the number of missing ones."""
+    config, catalogue = FilterConfig(max_particles=1000, threads=1), tuple(mesh.path for mesh in meshes)
+    plan = ExplorationPlan(Cache(folder, codebook_size=400), config, policies, trials, length, catalogue)
+    return plan.run(meshes, Workforce())
+
+
 def trials_of(folder, policy, length, *meshes, trials=1):
-    """Tried with a small codebook and few particles."""
-    config = FilterConfig(max_particles=1000, threads=1)
-    plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
-    return plan.run(meshes, Workforce())[0]
+    return run_plan(folder, (policy,), length, *meshes, trials=trials)[0]
 
 
 @pytest.mark.slow
