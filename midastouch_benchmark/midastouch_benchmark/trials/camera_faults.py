@@ -193,7 +193,7 @@ class CameraFaultCache(RealSensorCache):
         images, background, networks = self._seen(mesh, sequence, number // len(FAULTS))
         rng = np.random.default_rng(number)
         background, *seen = FAULTS[_fault(number)]([_full_size(each, rng) for each in (background, *images)], rng)
-        return Touches.of_images(_guarded(seen, background), background, networks, {})
+        return Touches.of_images(_guarded(seen, background), background, networks)
 
 
 def _fault(number: int) -> str:

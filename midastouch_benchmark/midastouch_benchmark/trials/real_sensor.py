@@ -73,7 +73,7 @@ class RealSensorCache(Cache):
         return "touches_calibrated" if self.calibrated else "touches_uncalibrated"
 
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
-        return Touches.of_images(*self._seen(mesh, sequence, number), {})
+        return Touches.of_images(*self._seen(mesh, sequence, number))
 
     def _seen(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> tuple[list[np.ndarray], np.ndarray, Networks]:
         """Return the images of a slide, the no-contact image, all (H, W, 3) uint8 RGB, and the networks for them."""
