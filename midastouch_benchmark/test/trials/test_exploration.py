@@ -82,7 +82,7 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
     """As with the second seed on this flange."""
-    CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
+    CAD_PARTS["flange_4"]("flange_4").save(tmp_path / "flange_4.ply")
     trials = trials_of(tmp_path, "random", 0.01, ObjectMesh.load(tmp_path / "flange_4.ply"), trials=2)
     assert all(trial["path_m"] > 0 for trial in trials)
 
