@@ -44,7 +44,7 @@ def _identify(args: argparse.Namespace) -> int:
     meshes = options.meshes_of(args)
     catalogue = tuple(mesh.path for mesh in meshes)
     plan = IdentityPlan(cache, options.single_threaded(args), tuple(range(args.slides)), catalogue)
-    slides, result = options.run_campaign(args, plan, "slide", meshes)
+    slides, result = options.run_campaign(args, plan, meshes)
     trials = [trial for slide in slides for trial in slide["trials"]]
     summary = summarise_identification(trials) if trials else None
     result |= {"catalogue": [mesh.name for mesh in meshes], "identification": summary, "trials": trials}
@@ -84,7 +84,7 @@ def _ideal_observer(args: argparse.Namespace) -> int:
     cache = options.cache_of(args, slides=slides, codebook_size=args.codebook_size)
     config, evidence = options.single_threaded(args), tuple(dict.fromkeys(args.evidence or EVIDENCE))
     plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
-    trials, result = options.run_campaign(args, plan, "slide", options.meshes_of(args))
+    trials, result = options.run_campaign(args, plan, options.meshes_of(args))
     summary = summarise_observing(trials, evidence, config.keyframe_spacing)
     return options.conclude(args, "ideal-observer", result | {"ideal_observer": summary, "trials": trials})
 
@@ -119,7 +119,7 @@ def _exploration(args: argparse.Namespace) -> int:
     cache, config = options.cache_of(args, codebook_size=args.codebook_size), options.single_threaded(args)
     catalogue = tuple(mesh.path for mesh in meshes)
     plan = ExplorationPlan(cache, config, policies, args.trials, args.length, catalogue)
-    trials, result = options.run_campaign(args, plan, "trial", meshes)
+    trials, result = options.run_campaign(args, plan, meshes)
     result |= {"exploration": summarise_exploration(trials), "trials": trials}
     return options.conclude(args, "evaluate-exploration", result)
 
@@ -152,7 +152,7 @@ def _motion(args: argparse.Namespace) -> int:
 
     require_mujoco()
     plan = MotionPlan(args.trials, args.sensor, args.out)
-    trials, result = options.run_campaign(args, plan, "trial", options.meshes_of(args))
+    trials, result = options.run_campaign(args, plan, options.meshes_of(args))
     return options.conclude(args, "evaluate-motion", result | {"trials": trials})
 
 

@@ -37,6 +37,7 @@ class IdentityPlan(Campaign):
     slides: tuple[int, ...]
     catalogue: tuple[Path, ...]
     LOG_NAME = "identifications.jsonl"
+    UNIT = "slide"
 
     def describe(self) -> dict:
         """Return the settings for the JSON."""

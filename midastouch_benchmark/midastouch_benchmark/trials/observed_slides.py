@@ -60,6 +60,7 @@ class ObservedPlan(Campaign):
     slides: tuple[int, ...] = (0, 1, 2, 3, 4)
     protocol: str = "uniform"
     LOG_NAME = "observed.jsonl"
+    UNIT = "slide"
 
     def observer(self, evidence: str) -> FilterConfig:
         """Return settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""

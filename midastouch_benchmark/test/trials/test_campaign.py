@@ -9,11 +9,11 @@ import trimesh
 
 from midastouch_benchmark.trials.cache import SlideKind, Touches
 from midastouch_benchmark.trials.campaign import Plan
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.symmetry.search import ObjectSymmetry
+from midastouch_tools.jobs import Workers
 
 
 @dataclass(frozen=True)
@@ -67,37 +67,30 @@ def plan(sequence, codebook, networks, tmp_path) -> Plan:
 
 
 @pytest.fixture
-def here() -> Workforce:
-    return Workforce()
+def here() -> Workers:
+    return Workers()
 
 
 @pytest.mark.slow
-def test_every_combination_is_run_once(plan, saved_mesh, here):
-    totals, done = [], []
-
-    def start_progress(total):
-        totals.append(total)
-        return done.append
-
-    reported = replace(here, start_progress=start_progress)
-    trials, missing = plan.run([saved_mesh], reported)
+def test_every_combination_is_run_once(plan, saved_mesh, here, bars):
+    trials, missing = plan.run([saved_mesh], here)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_drift", 0), ("no_drift", 1),
     }  # fmt: skip
     assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
-    assert (totals, sum(done)) == ([4], 4)
+    assert [(bar.total, bar.n) for bar in bars] == [(4, 4)]
     # again: nothing is left to do
-    again, _ = plan.run([saved_mesh], reported)
-    assert totals == [4, 0]
+    again, _ = plan.run([saved_mesh], here)
+    assert [bar.total for bar in bars] == [4, 0]
     assert again == trials
     # other settings are other trials
     other = replace(plan, config=replace(plan.config, tested_poses=301))
-    assert other.run([saved_mesh], replace(here, deadline=0))[1] == 4
+    assert other.run([saved_mesh], here, deadline=0)[1] == 4
 
 
 def test_nothing_is_started_after_the_time_given(plan, saved_mesh, here):
-    trials, missing = plan.run([saved_mesh], replace(here, deadline=0))
+    trials, missing = plan.run([saved_mesh], here, deadline=0)
     assert (trials, missing) == ([], 4)
 
 

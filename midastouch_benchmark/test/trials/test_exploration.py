@@ -6,11 +6,11 @@ from midastouch_benchmark.trials import exploration
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS
 from midastouch_benchmark.trials.exploration import ExplorationPlan
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def run_plan(folder, policies, length, *meshes, trials=1):
     """Trials with a small codebook and few particles, and the number of missing ones."""
     config, catalogue = FilterConfig(max_particles=1000, threads=1), tuple(mesh.path for mesh in meshes)
     plan = ExplorationPlan(Cache(folder, codebook_size=400), config, policies, trials, length, catalogue)
-    return plan.run(meshes, Workforce())
+    return plan.run(meshes, Workers())
 
 
 def trials_of(folder, policy, length, *meshes, trials=1):

@@ -8,12 +8,12 @@ from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, identify
 from midastouch_benchmark.trials.trial import TrialFrame
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import read_catalogue
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def campaign(tmp_path_factory):
     cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
     plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,), tuple(mesh.path for mesh in meshes))
-    slides, missing = plan.run(meshes, Workforce())
+    slides, missing = plan.run(meshes, Workers())
     assert not missing
     return plan, meshes, slides
 
@@ -45,14 +45,12 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
 
 
 @pytest.mark.slow
-def test_finished_slides_are_kept_and_a_deadline_ends(campaign):
+def test_finished_slides_are_kept_and_a_deadline_ends(campaign, bars):
     plan, meshes, slides = campaign
-    begun = []
-    reported = Workforce(start_progress=lambda total: begun.append(total) or (lambda done: None))
-    again, _ = plan.run(meshes, reported)
+    again, _ = plan.run(meshes, Workers())
     further = dataclasses.replace(plan, slides=(0, 1))
-    _, missing = further.run(meshes, Workforce(deadline=-np.inf))
-    assert begun == [0]
+    _, missing = further.run(meshes, Workers(), deadline=-np.inf)
+    assert bars[0].total == 0
     assert again == slides
     assert missing == 2
 
