@@ -114,6 +114,11 @@ def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, here
     assert len({plan.key(saved_mesh, None, "", labels) for labels in variants}) == 2
 
 
+def test_touches_of_another_foreign_object_are_another_trial(plan, saved_mesh, tool):
+    plan, labels = replace(plan, protocol="wrong_mesh"), {"variant": "default"}
+    assert plan.key(saved_mesh, tool, "", labels) != plan.key(saved_mesh, saved_mesh, "", labels)
+
+
 def test_a_protocol_disturbs_the_frames(plan, saved_mesh, here):
     plan = replace(plan, variants=("default",), seeds=(0,))
     plain, _ = plan.run([saved_mesh], here)
