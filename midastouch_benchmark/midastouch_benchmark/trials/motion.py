@@ -30,7 +30,7 @@ from midastouch_tools.jobs import Workers
 
 from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
-from .trial_log import Campaign, TrialLog, source_digest
+from .trial_log import Campaign, source_digest
 
 _REACH, _CONE = np.radians((75.0, 90.0))  # tilt of the surfaces it is sent to, and the guard's limit
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
@@ -120,11 +120,6 @@ class MotionPlan(Campaign):
             "tdn": load_tdn("fast", SensorModel.load(self.sensor)).network_id,
             "code": source_digest(here, Path(__file__), Path(arm_rig.__file__)),
         }
-
-    @property
-    def log(self) -> TrialLog:
-        """Finished trials, as they are on disk now."""
-        return TrialLog(self.folder / self.LOG_NAME)
 
     def prepare(self, meshes: Sequence[ObjectMesh], workers: Workers) -> None:
         """Do nothing: there is no filter, so no codebook is needed."""

@@ -20,7 +20,7 @@ from .cache import Cache
 
 
 class TrialLog:
-    """Log of trials by key, to which trials are only appended. A line cut off by a crash is skipped."""
+    """Log of trials by key, a line each, to which trials are only appended. A line cut off by a crash is skipped."""
 
     def __init__(self, path: str | os.PathLike):
         self._path = Path(path)
@@ -42,15 +42,9 @@ class TrialLog:
         trial = to_json(trial)
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a") as stream:
-            # on its own line even after one that was cut off
-            lead = "" if stream.tell() == 0 or self._ends_with_newline() else "\n"
-            stream.write(lead + json.dumps({"key": key, "trial": trial}, allow_nan=False) + "\n")
+            # on a line of its own, even after one that was cut off
+            stream.write("\n" + json.dumps({"key": key, "trial": trial}, allow_nan=False))
         self._trials[key] = trial
-
-    def _ends_with_newline(self) -> bool:
-        with self._path.open("rb") as stream:
-            stream.seek(-1, os.SEEK_END)
-            return stream.read(1) == b"\n"
 
 
 def key_of(content: dict) -> str:
@@ -112,8 +106,7 @@ def run_open(
 class Campaign(ABC):
     """Trials over objects, each of which depends on the object and on its own labels. A plan: its fields are settings.
 
-    Attributes: cache: of what the trials need; LOG_NAME: file in its folder that keeps finished trials; UNIT: name of
-    one trial.
+    Attributes: cache: of what the trials need; LOG_NAME: file that keeps finished trials; UNIT: name of one trial.
     """
 
     cache: Cache
@@ -121,9 +114,9 @@ class Campaign(ABC):
     UNIT: ClassVar[str] = "trial"
 
     @property
-    def log(self) -> TrialLog:
-        """Finished trials, as they are on disk now."""
-        return TrialLog(self.cache.folder / self.LOG_NAME)
+    def folder(self) -> Path:
+        """Folder of the finished trials."""
+        return self.cache.folder
 
     def prepare(self, meshes: Sequence[ObjectMesh], workers: Workers) -> None:
         """Make all that the keys of trials depend on: the codebooks."""
@@ -154,7 +147,8 @@ class Campaign(ABC):
                 shared = self.depends_on(mesh) | {"mesh": mesh.sha256}
                 for labels in ({"object": mesh.name} | each for each in labels_of_round):
                     units.append(((self, mesh.path), {key_of(labels | shared): labels}))
-        return run_open(_run_trials, units, self.log, workers, deadline, self.UNIT)
+        log = TrialLog(self.folder / self.LOG_NAME)
+        return run_open(_run_trials, units, log, workers, deadline, self.UNIT)
 
 
 def _run_trials(plan: Campaign, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
