@@ -23,7 +23,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet, colour_layout, load_tdn
 from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 from midastouch_tools.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses, load_ball_presses
-from midastouch_tools.progress import progress_bar
 
 from .press_quality import measure_presses, visible_contact
 
@@ -181,8 +180,7 @@ def report(args: argparse.Namespace) -> dict:
     }
     calibrations = calibrations_of(settings, usable, sensor)
     known = with_truth(usable, args.ball_diameter, sensor)
-    with progress_bar(total=len(usable.images), unit="press") as bar:
-        rows, summary = measure_presses(network, known.presses, radius, bar.update, calibrations)
+    rows, summary = measure_presses(network, known.presses, radius, calibrations)
     summary["brightness_mm"] = 1e3 * brightness_effect(network, usable, calibrations)
     checked = {}
     if args.check_labels:
@@ -190,7 +188,7 @@ def report(args: argparse.Namespace) -> dict:
         labelled = usable.only(list(ball.presses.images))
         checked = {
             "labels": measure_presses(ball, labelled, radius)[1],  # type: ignore[arg-type] # it replaces a network
-            "against_fit": measure_presses(network, ball.presses, radius, calibrations=calibrations)[1],
+            "against_fit": measure_presses(network, ball.presses, radius, calibrations)[1],
         }
     return {
         "folder": str(Path(args.folder).resolve()),
