@@ -37,8 +37,8 @@ from ..trials.real_sensor import calibrate_measured
 from .check_quality import (
     LIGHT_TOUCHES,
     TOUCHES,
-    CheckQuality,
     as_bytes,
+    check_quality,
     diameter_checks,
     imaginary_sensors,
     layout_quality,
@@ -260,10 +260,8 @@ def report(args: argparse.Namespace) -> dict:
     backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
     ranges = RandomisationRange(colour_table=ColourTable.load(args.colour_table) if args.colour_table else None)
     network = load_tdn(args.tdn, sensor)
-    quality = CheckQuality(network)
-    sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
-    for own, other in progress_bar(iterable=pairwise(sensors), total=args.sensors, unit="sensor"):
-        quality.add(own, other)
+    sensors = pairwise(imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng))
+    quality = check_quality(network, progress_bar(iterable=sensors, total=args.sensors, unit="sensor"))
     real = SensorModel.load("digit_real")
     network_of_real = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
@@ -277,11 +275,9 @@ def report(args: argparse.Namespace) -> dict:
         "sensors": args.sensors,
         "no_contact_images": len(backgrounds),
         "seed": args.seed,
-        "fit_check": quality.fit(),
+        **quality,
         "no_contact_image": refused,
         "cause_named": named,
-        "capture": quality.capture(),
-        "contact": quality.contact(),
         "light_touches": missed_touches(measured, TOUCHES * args.sensors, rng),
         "real_sensors": {name: real_checks(network_of_real, each, rng) for name, each in pressed.items()},
         "gels": gels_known(network_of_real, pressed, large, real, rng),
