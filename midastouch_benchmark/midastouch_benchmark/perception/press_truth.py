@@ -68,27 +68,19 @@ def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
     return u, v, contact.radius / sensor.pixel_size
 
 
-@dataclasses.dataclass(frozen=True)
-class KnownPresses:
-    """Presses and their truth. presses: with a circle for each press whose labels or images give one; unfitted: reasons
-    by file name why the images give none; problem: why depth cannot be judged, empty if it can.
-    """
-
-    presses: BallPresses
-    unfitted: dict[str, str]
-    problem: str = ""
-
-
-def with_truth(presses: BallPresses, ball_diameter: float, sensor: SensorModel) -> KnownPresses:
-    """Return the presses with the best circles available; ball_diameter: m; sensor: at full size."""
+def with_truth(
+    presses: BallPresses, ball_diameter: float, sensor: SensorModel
+) -> tuple[BallPresses, dict[str, str], str]:
+    """Return the presses, with a circle for each whose labels or images give one; reasons by file name why the images
+    give none; and why depth cannot be judged, empty if it can. ball_diameter: m; sensor: at full size."""
     if presses.circles is not None:
-        return KnownPresses(presses, {})
+        return presses, {}, ""
     try:
         ball = FittedBall(presses, ball_diameter, sensor)
     except InputError as error:
-        return KnownPresses(presses, {}, str(error))
+        return presses, {}, str(error)
     known = dataclasses.replace(presses, circles=ball.presses.circles, circles_from=ball.presses.circles_from)
-    return KnownPresses(known, ball.unfitted)
+    return known, ball.unfitted, ""
 
 
 def usable_presses(presses: BallPresses, sensor: SensorModel) -> tuple[BallPresses, dict[str, str]]:
@@ -179,8 +171,8 @@ def report(args: argparse.Namespace) -> dict:
         "seed": args.seed,
     }
     calibrations = calibrations_of(settings, usable, sensor)
-    known = with_truth(usable, args.ball_diameter, sensor)
-    rows, summary = measure_presses(network, known.presses, radius, calibrations)
+    known, unfitted, problem = with_truth(usable, args.ball_diameter, sensor)
+    rows, summary = measure_presses(network, known, radius, calibrations)
     summary["brightness_mm"] = 1e3 * brightness_effect(network, usable, calibrations)
     checked = {}
     if args.check_labels:
@@ -199,8 +191,8 @@ def report(args: argparse.Namespace) -> dict:
         "sensor": args.sensor,
         "model_calibration": SensorCalibration.default(sensor) is not None,
         "unusable": _listed(unusable),
-        "unfitted": _listed(known.unfitted),
-        "depth_problem": known.problem,
+        "unfitted": _listed(unfitted),
+        "depth_problem": problem,
         "presses": rows,
         "summary": summary,
         **checked,

@@ -187,7 +187,8 @@ def _shown(content: dict) -> list[MeasuredPress]:
     names = list(presses.images)
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
     calibrations = calibrations_of(content, presses, sensor)
-    shown = with_truth(presses, content["ball_diameter"], sensor).presses.only([names[k] for k in some])
+    known, *_ = with_truth(presses, content["ball_diameter"], sensor)
+    shown = known.only([names[k] for k in some])
     return list(as_measured(tdn, shown, content["ball_diameter"] / 2, calibrations))
 
 
