@@ -46,12 +46,7 @@ def known_fingerprint(request) -> Iterator[None]:
 def bars(monkeypatch) -> list:
     """The progress bars of campaigns, as they are opened."""
     opened: list = []
-
-    def opening(**options):
-        opened.append(progress_bar(**options))
-        return opened[-1]
-
-    monkeypatch.setattr(trial_log, "progress_bar", opening)
+    monkeypatch.setattr(trial_log, "progress_bar", lambda **of: opened.append(progress_bar(**of)) or opened[-1])
     return opened
 
 

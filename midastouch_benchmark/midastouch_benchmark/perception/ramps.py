@@ -75,10 +75,10 @@ def measured_ramps(pressed: Reading, presses: int, seed: int) -> Iterator[dict]:
     free images before and after a press that are not free.
     """
     for shape, (mesh, top) in shapes().items():
-        felt = [_felt(pressed, mesh, top, number, seed) for number in range(presses)]
-        touching, free = [up + down for _, up, down in felt], [each for away, _, _ in felt for each in away]
+        readings = [_read(pressed, mesh, top, number, seed) for number in range(presses)]
+        touching, free = [up + down for _, up, down in readings], [each for away, _, _ in readings for each in away]
         lost = [_count(press, ContactState.FREE) for press in touching]
-        known = [[each.depth_m for each in up if each.state != ContactState.UNKNOWN] for _, up, _ in felt]
+        known = [[each.depth_m for each in up if each.state != ContactState.UNKNOWN] for _, up, _ in readings]
         falls = np.array([-min(np.diff(depths), default=0.0) for depths in known])
         yield {
             "sensor": pressed.what,
@@ -100,7 +100,7 @@ def _count(contacts: list[Contact], state: ContactState) -> int:
     return sum(each.state == state for each in contacts)
 
 
-def _felt(
+def _read(
     pressed: Reading, mesh: ObjectMesh, top: float, number: int, seed: int
 ) -> tuple[list[Contact], list[Contact], list[Contact]]:
     """Return what is felt of one press: free, as it grows, and as it shrinks."""

@@ -92,9 +92,7 @@ def test_touches_survive_a_file(tmp_path):
         assert (one.penetration == other.penetration).all()
         assert (one.contact_area, one.network_id) == (other.contact_area, other.network_id)
     assert made_from == {"tcn": "net"}
-
-
-def test_a_slide_without_any_contact_survives_too(tmp_path):
+    # and those of a slide without any contact
     Touches([Measurement(False)] * 2, np.zeros((2, 2))).save(tmp_path / "t.npz", {"tcn": "net"})
     assert [m.in_contact for m in Touches.load(tmp_path / "t.npz")[0].measurements] == [False, False]
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from cad_symmetries import KNOWN
+from cad_symmetries import EXACT
 
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS, SMALL_CAD_PARTS
 from midastouch_benchmark.trials.yardstick import Yardstick
@@ -18,7 +18,7 @@ def off(metres: float = 0.0, degrees: float = 0.0) -> np.ndarray:
 
 
 def yardstick(name: str) -> Yardstick:
-    return Yardstick.of((CAD_PARTS | SMALL_CAD_PARTS)[name](name), KNOWN[name].exact)
+    return Yardstick.of((CAD_PARTS | SMALL_CAD_PARTS)[name](name), EXACT[name])
 
 
 def test_both_distance_and_turn_count():
