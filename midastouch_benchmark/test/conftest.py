@@ -12,12 +12,14 @@ import trimesh
 
 from midastouch_benchmark.evidence import fingerprint
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS, WEIGHTS
+from midastouch_benchmark.trials import trial_log
 from midastouch_benchmark.trials.trial import ERROR_KEYS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.contact import Contact, ContactState
 from midastouch_perception.pipeline import TouchReading
+from midastouch_tools.progress import progress_bar
 
 NETWORK = "pose-code"
 
@@ -38,6 +40,14 @@ def known_fingerprint(request) -> Iterator[None]:
                 },
             )
         yield
+
+
+@pytest.fixture
+def bars(monkeypatch) -> list:
+    """The progress bars of campaigns, as they are opened."""
+    opened: list = []
+    monkeypatch.setattr(trial_log, "progress_bar", lambda **of: opened.append(progress_bar(**of)) or opened[-1])
+    return opened
 
 
 def encode(poses: np.ndarray) -> np.ndarray:

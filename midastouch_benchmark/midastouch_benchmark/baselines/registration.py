@@ -7,7 +7,6 @@ the cloud; both are Open3D's.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,25 +28,14 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 
-@dataclass(frozen=True)
-class OdometryConfig:
-    """Settings of `DeadReckoning`: there are none."""
-
-
 class DeadReckoning:
     """Odometry alone: one pose `T_obj_gel`, always `converged` once started, with the interface of `ParticleFilter`.
 
     It starts at the codebook pose nearest to a draw from the prior: the prior's mean would give the answer away.
-    Args: mesh, codebook, config, clock: as of `ParticleFilter`.
+    Args: mesh, codebook, clock: as of `ParticleFilter`.
     """
 
-    def __init__(
-        self,
-        mesh: ObjectMesh,
-        codebook: Codebook,
-        config: OdometryConfig | None = None,
-        clock: Callable[[], float] = lambda: 0.0,
-    ):
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, clock: Callable[[], float] = lambda: 0.0):
         self._book, self._clock, self._diagonal = np.asarray(codebook.poses, float), clock, mesh.diagonal
         self.reset(0)
 
@@ -99,16 +87,10 @@ class DeadReckoning:
         return np.ones(len(self.poses))
 
 
-@dataclass(frozen=True)
-class RegistrationConfig:
-    """Settings of `Registration`. voxel [m]: of both clouds; other lengths are multiples of it, as in Open3D's
-    documents; every: touches between two registrations; iterations: of RANSAC; sure: fraction of the cloud that must
-    lie on the surface for the state `converged`."""
-
-    voxel: float = 2e-3
-    every: int = 20
-    iterations: int = 20_000
-    sure: float = 0.8
+_VOXEL = 2e-3  # m, of both clouds; other lengths are multiples of it, as in Open3D's documents
+_EVERY = 20  # touches between two registrations
+_ITERATIONS = 20_000  # of RANSAC
+_SURE = 0.8  # fraction of the cloud that must lie on the surface for the state `converged`
 
 
 class Registration(DeadReckoning):
@@ -118,22 +100,13 @@ class Registration(DeadReckoning):
     RMSE of its inliers. Raises InputError if Open3D is missing.
     """
 
-    def __init__(
-        self,
-        mesh: ObjectMesh,
-        codebook: Codebook,
-        config: RegistrationConfig | None = None,
-        clock: Callable[[], float] = lambda: 0.0,
-    ):
-        self._config = config or RegistrationConfig()
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, clock: Callable[[], float] = lambda: 0.0):
         self._open3d = require_open3d()
         self._sensor = SensorModel.of_codebook(codebook.meta).scaled(MAP_SCALE)
-        points, normals, _ = mesh.sample_surface(
-            max(int(4 * mesh.area / self._config.voxel**2), 1000), np.random.default_rng(0)
-        )
+        points, normals, _ = mesh.sample_surface(max(int(4 * mesh.area / _VOXEL**2), 1000), np.random.default_rng(0))
         self._object = self._cloud(points, normals)
         self._object_features = self._features(self._object)
-        super().__init__(mesh, codebook, None, clock)
+        super().__init__(mesh, codebook, clock)
 
     def reset(self, seed: int) -> None:
         """Forget everything but the object."""
@@ -158,31 +131,31 @@ class Registration(DeadReckoning):
         # the surface faces the gel
         self._normals = np.concatenate([self._normals, np.tile(self._since_start[:3, 2], (len(points), 1))])
         self._touches += 1
-        if self._touches % self._config.every == 0 and len(self._points) > 10:
+        if self._touches % _EVERY == 0 and len(self._points) > 10:
             self._register()
 
     def _register(self) -> None:
         """Align all points measured so far."""
-        c, registration = self._config, self._open3d.pipelines.registration
+        registration = self._open3d.pipelines.registration
         cloud = self._cloud(self._points, self._normals)
         # the given normals only show which way is out: Open3D keeps new normals on the side of those present
-        cloud.estimate_normals(self._open3d.geometry.KDTreeSearchParamHybrid(2 * c.voxel, 30))
+        cloud.estimate_normals(self._open3d.geometry.KDTreeSearchParamHybrid(2 * _VOXEL, 30))
         matched = registration.registration_ransac_based_on_feature_matching(
-            cloud, self._object, self._features(cloud), self._object_features, True, 1.5 * c.voxel,
+            cloud, self._object, self._features(cloud), self._object_features, True, 1.5 * _VOXEL,
             registration.TransformationEstimationPointToPoint(False), 3,
             [registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
-             registration.CorrespondenceCheckerBasedOnDistance(1.5 * c.voxel)],
-            registration.RANSACConvergenceCriteria(c.iterations, 0.999),
+             registration.CorrespondenceCheckerBasedOnDistance(1.5 * _VOXEL)],
+            registration.RANSACConvergenceCriteria(_ITERATIONS, 0.999),
         )  # fmt: skip
         starts = (matched.transformation, self._pose @ se3.inverse(self._since_start))
         found = [
             registration.registration_icp(
-                cloud, self._object, c.voxel, start, registration.TransformationEstimationPointToPlane()
+                cloud, self._object, _VOXEL, start, registration.TransformationEstimationPointToPlane()
             )
             for start in starts
         ]
         best = max(found, key=lambda one: (one.fitness, -one.inlier_rmse))
-        self._state = CONVERGED if best.fitness >= c.sure else AMBIGUOUS
+        self._state = CONVERGED if best.fitness >= _SURE else AMBIGUOUS
         self._pose = np.array(best.transformation) @ self._since_start
         spread = max(best.inlier_rmse, 1e-4)
         self._covariance = np.diag(np.repeat([spread, spread / 0.01], 3) ** 2)
@@ -191,8 +164,8 @@ class Registration(DeadReckoning):
         vectors = self._open3d.utility.Vector3dVector
         cloud = self._open3d.geometry.PointCloud(vectors(points.astype(float)))
         cloud.normals = vectors(normals.astype(float))
-        return cloud.voxel_down_sample(self._config.voxel)
+        return cloud.voxel_down_sample(_VOXEL)
 
     def _features(self, cloud):
-        reach = self._open3d.geometry.KDTreeSearchParamHybrid(5 * self._config.voxel, 100)
+        reach = self._open3d.geometry.KDTreeSearchParamHybrid(5 * _VOXEL, 100)
         return self._open3d.pipelines.registration.compute_fpfh_feature(cloud, reach)

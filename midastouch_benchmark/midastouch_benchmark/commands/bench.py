@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
@@ -56,11 +55,10 @@ def run(args: argparse.Namespace) -> int:
     from ..speed.start import node_start
     from ..speed.timing import peak_rss_mb
 
-    slide = TimedSlide.of(args)
-    mesh, networks = slide.mesh, slide.networks
+    mesh, networks, sequence, result = _timed_slide(args)
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
-    speed = SpeedMeasurement(mesh, codebook, slide.sequence, networks)
-    result = slide.result(codebook_size=len(codebook.poses), frames=args.frames)
+    speed = SpeedMeasurement(mesh, codebook, sequence, networks)
+    result["codebook_size"] = len(codebook.poses)
     measured = (
         speed.networks,
         speed.localisation,
@@ -81,36 +79,23 @@ def run(args: argparse.Namespace) -> int:
 _FEWEST = 10  # frames, of which the first ones are dropped
 
 
-@dataclass(frozen=True)
-class TimedSlide:
-    """A simulated slide of --frames over a bundled object, and the networks that perceive it."""
+def _timed_slide(args: argparse.Namespace) -> tuple[ObjectMesh, Networks, Sequence, dict]:
+    """Return a bundled object, networks, a simulated slide of --frames over the object, and the first entries of the
+    result; InputError for too few frames, or missing files."""
+    from midastouch_simulation.slide import STEP
+    from midastouch_tools.datasets import load_sequence
+    from midastouch_tools.datasets.slide_simulation import cached_slide
+    from midastouch_tools.machine import machine_info
 
-    mesh: ObjectMesh
-    sequence: Sequence
-    networks: Networks
+    from ..trials.setup import Networks
 
-    @classmethod
-    def of(cls, args: argparse.Namespace) -> TimedSlide:
-        """Make it by --object, --frames and the networks' options; InputError for too few frames, or missing files."""
-        from midastouch_simulation.slide import STEP
-        from midastouch_tools.datasets import load_sequence
-        from midastouch_tools.datasets.slide_simulation import cached_slide
-
-        from ..trials.setup import Networks
-
-        if args.frames < _FEWEST:
-            raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
-        networks = Networks.load(args.tdn, args.tcn, args.sensor)
-        mesh = arguments.load_mesh(args.object)
-        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames, _SEED)), networks)
-
-    def result(self, **measured: object) -> dict:
-        """Return the measurements on it, with machine, object and networks."""
-        from midastouch_tools.machine import machine_info
-
-        machine = machine_info()
-        about = {"machine": machine, "object": self.mesh.name, "networks": self.networks.describe()}
-        return {"threads": machine["cores"]} | about | measured
+    if args.frames < _FEWEST:
+        raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
+    networks, machine = Networks.load(args.tdn, args.tcn, args.sensor), machine_info()
+    mesh = arguments.load_mesh(args.object)
+    sequence = load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames, _SEED))
+    result = {"threads": machine["cores"], "machine": machine, "object": mesh.name, "networks": networks.describe()}
+    return mesh, networks, sequence, result | {"frames": args.frames}
 
 
 def _add_scale(subparsers) -> None:
@@ -144,8 +129,7 @@ def _scale(args: argparse.Namespace) -> int:
     from ..speed.scaling import PARTICLES, POSES, measure, sizes
     from ..trials.cache import Touches
 
-    timed = TimedSlide.of(args)
-    mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
+    mesh, networks, sequence, result = _timed_slide(args)
     measurements = Touches.perceive(sequence, networks).measurements
     steps = list(zip(se3.odometry(sequence.poses_measured), measurements, strict=True))
     points = []
@@ -155,4 +139,4 @@ def _scale(args: argparse.Namespace) -> int:
         cached_codebook(mesh, networks.tcn, networks.sensor, poses)
         measured = measure(mesh.path, cached_codebook_path(mesh.name, poses), steps, particles)
         points.append({"particles": particles, "poses": poses} | measured)
-    return options.conclude(args, "bench-scale", timed.result(frames=args.frames, scaling=points))
+    return options.conclude(args, "bench-scale", result | {"scaling": points})

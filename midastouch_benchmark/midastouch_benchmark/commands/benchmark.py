@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         args.stride,
         args.protocol,
     )
-    trials, result = options.run_campaign(args, plan, "trial", meshes)
+    trials, result = options.run_campaign(args, plan, meshes)
     result |= {
         "objects": [
             {"object": mesh.name, "diagonal_m": mesh.diagonal, "symmetry": plan.cache.symmetry(mesh).exact.describe()}

@@ -39,14 +39,15 @@ def _identify(args: argparse.Namespace) -> int:
     from ..statistics.exploring import summarise_identification
     from ..trials.cache import SlideKind
     from ..trials.identification import IdentityPlan
-    from ..trials.object_sets import chosen_meshes
 
     cache = options.cache_of(args, slides=SlideKind(args.length), codebook_size=args.codebook_size)
-    plan = IdentityPlan(cache, options.single_threaded(args), tuple(range(args.slides)))
-    trials, result = options.run_campaign(args, plan, "slide")
-    catalogue = [mesh.name for mesh in chosen_meshes(args.meshes, args.objects, args.out)]
+    meshes = options.meshes_of(args)
+    catalogue = tuple(mesh.path for mesh in meshes)
+    plan = IdentityPlan(cache, options.single_threaded(args), tuple(range(args.slides)), catalogue)
+    slides, result = options.run_campaign(args, plan, meshes)
+    trials = [trial for slide in slides for trial in slide["trials"]]
     summary = summarise_identification(trials) if trials else None
-    result |= {"catalogue": catalogue, "identification": summary, "trials": trials}
+    result |= {"catalogue": [mesh.name for mesh in meshes], "identification": summary, "trials": trials}
     return options.conclude(args, "identify", result)
 
 
@@ -83,7 +84,7 @@ def _ideal_observer(args: argparse.Namespace) -> int:
     cache = options.cache_of(args, slides=slides, codebook_size=args.codebook_size)
     config, evidence = options.single_threaded(args), tuple(dict.fromkeys(args.evidence or EVIDENCE))
     plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
-    trials, result = options.run_campaign(args, plan, "slide")
+    trials, result = options.run_campaign(args, plan, options.meshes_of(args))
     summary = summarise_observing(trials, evidence, config.keyframe_spacing)
     return options.conclude(args, "ideal-observer", result | {"ideal_observer": summary, "trials": trials})
 
@@ -114,10 +115,11 @@ def _exploration(args: argparse.Namespace) -> int:
     from ..statistics.exploring import summarise_exploration
     from ..trials.exploration import ExplorationPlan, chosen_policies
 
-    cache = options.cache_of(args, codebook_size=args.codebook_size)
-    config = options.single_threaded(args)
-    plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)
-    trials, result = options.run_campaign(args, plan, "trial")
+    policies, meshes = chosen_policies(args.policy), options.meshes_of(args)
+    cache, config = options.cache_of(args, codebook_size=args.codebook_size), options.single_threaded(args)
+    catalogue = tuple(mesh.path for mesh in meshes)
+    plan = ExplorationPlan(cache, config, policies, args.trials, args.length, catalogue)
+    trials, result = options.run_campaign(args, plan, meshes)
     result |= {"exploration": summarise_exploration(trials), "trials": trials}
     return options.conclude(args, "evaluate-exploration", result)
 
@@ -144,14 +146,13 @@ def _add_motion(subparsers) -> None:
 
 
 def _motion(args: argparse.Namespace) -> int:
-
     from midastouch_simulation.mujoco_arm import require_mujoco
 
     from ..trials.motion import MotionPlan
 
     require_mujoco()
     plan = MotionPlan(args.trials, args.sensor, args.out)
-    trials, result = options.run_campaign(args, plan, "trial")
+    trials, result = options.run_campaign(args, plan, options.meshes_of(args))
     return options.conclude(args, "evaluate-motion", result | {"trials": trials})
 
 
@@ -177,13 +178,11 @@ def _start(args: argparse.Namespace) -> int:
 
     from ..speed.start import first_poses, summarise_first_poses
     from ..trials.cache import SlideKind
-    from ..trials.object_sets import chosen_meshes
     from ..trials.setup import load_filter_config
 
     cache, config = options.cache_of(args, slides=SlideKind(args.length)), load_filter_config(args.config, args.preset)
-    meshes = chosen_meshes(args.meshes, args.objects, args.out)
     machine, trials = machine_info(), []
-    for mesh in progress_bar(iterable=meshes, unit="object"):
+    for mesh in progress_bar(iterable=options.meshes_of(args), unit="object"):
         trials += first_poses(mesh, cache, range(args.slides), config)
     settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
     result = {

@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(total=total, unit="frame") as bar:
         for sequence, mesh, codebook, free in work:
             bar.set_description(sequence.name)
-            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, bar.update, free)
+            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, free, bar.update)
             result["sequences"].append(description)
             result["trials"] += trials
     result["summary"] = summarise_trials(result["trials"])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -231,26 +231,22 @@ def open_cluster(address: str) -> Iterator[Workers]:
             raise InputError(f"workers died again and again ({error}); give each more memory") from error
 
 
-def run_campaign(
-    args: argparse.Namespace, plan: Campaign | Plan, unit: str, meshes: list[ObjectMesh] | None = None
-) -> tuple[list[dict], dict]:
-    """Run a campaign with the workers of the options; return its trials, and the first entries of its result: config,
-    machine and the number of missing units. meshes: the objects, if not those of the options."""
+def meshes_of(args: argparse.Namespace) -> list[ObjectMesh]:
+    """Return the objects of a campaign; InputError for a name that fits none or several."""
+    from ..trials.object_sets import chosen_meshes
+
+    return chosen_meshes(args.meshes, args.objects, args.out)
+
+
+def run_campaign(args: argparse.Namespace, plan: Campaign | Plan, meshes: list[ObjectMesh]) -> tuple[list[dict], dict]:
+    """Run a campaign over these objects with the workers of the options; return its trials, and the first entries of
+    its result: config, machine and the number of missing units."""
     from midastouch_tools.jobs import open_workers
     from midastouch_tools.machine import machine_info
-    from midastouch_tools.progress import progress_bar
 
-    from ..trials.object_sets import chosen_meshes
-    from ..trials.trial_log import Workforce
-
-    machine, meshes = machine_info(), meshes or chosen_meshes(args.meshes, args.objects, args.out)
-    with ExitStack() as opened:
-
-        def start_progress(total: int) -> Callable[[int], object]:
-            return opened.enter_context(progress_bar(total=total, unit=unit)).update
-
-        deadline = time.monotonic() + 60 * args.minutes if args.minutes else math.inf
-        workers = opened.enter_context(open_cluster(args.cluster) if args.cluster else open_workers(args.jobs))
-        trials, missing = plan.run(meshes, Workforce(workers, deadline, start_progress))
+    machine = machine_info()
+    deadline = time.monotonic() + 60 * args.minutes if args.minutes else math.inf
+    with open_cluster(args.cluster) if args.cluster else open_workers(args.jobs) as workers:
+        trials, missing = plan.run(meshes, workers, deadline)
     config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
-    return trials, {"config": config, "machine": machine, f"missing_{unit}s": missing}
+    return trials, {"config": config, "machine": machine, f"missing_{plan.UNIT}s": missing}

@@ -15,7 +15,6 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +29,7 @@ KEPT = Path("out/evidence")
 _SHARED_OUT = tuple(
     f"midastouch {name}" for name in ("benchmark", "identify", "ideal-observer", "evaluate-exploration")
 )
+"""Commands whose trials run in parallel, and continue where they were stopped."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,6 @@ class Step:
     command: str
     headline: bool
     state: str
-
-    @property
-    def shared_out(self) -> bool:
-        """True if its trials run in parallel, and continue where they were stopped."""
-        return self.command.startswith(_SHARED_OUT)
 
 
 def plan(names: list[str] | None = None) -> list[Step]:
@@ -60,12 +55,11 @@ def plan(names: list[str] | None = None) -> list[Step]:
     ]
 
 
-Say = Callable[[str], object]
 _LEFT = ("missing_trials", "missing_slides")
 _OURS = re.compile(r"(?<!\S)midastouch ")
 
 
-def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: Say = print) -> list[str]:
+def carry_out(steps: list[Step], jobs: int, minutes: float | None = None) -> list[str]:
     """Make these reports until the time is up; return the names of those that failed.
 
     A failed command is reported, and the next one follows.
@@ -73,18 +67,18 @@ def carry_out(steps: list[Step], jobs: int, minutes: float | None = None, say: S
     end = time.monotonic() + 60 * minutes if minutes else None
     failed = []
     for number, step in enumerate(steps):
-        say(f"{step.name} ({number + 1} of {len(steps)})")
+        print(f"{step.name} ({number + 1} of {len(steps)})")
         if end is not None and time.monotonic() >= end:
-            say(f"the time is up; the same command continues with {step.name}")
+            print(f"the time is up; the same command continues with {step.name}")
             break
         try:
             whole = _make(step, jobs, None if end is None else max((end - time.monotonic()) / 60, 0.1))
         except InputError as error:
-            say(str(error))
+            print(error)
             failed.append(step.name)
             continue
         if not whole:
-            say(f"{step.name}: not all trials are done; the same command continues with it")
+            print(f"{step.name}: not all trials are done; the same command continues with it")
             break
     return failed
 
@@ -110,6 +104,6 @@ def _make(step: Step, jobs: int, minutes: float | None) -> bool:
 def command_line(step: Step, made: Path, jobs: int, minutes: float | None) -> str:
     """Return the shell command that writes the report to a file."""
     words = _OURS.sub(f"{sys.executable} -m midastouch_tools.cli ", step.command)
-    if step.shared_out:
+    if step.command.startswith(_SHARED_OUT):
         words += f" --jobs {jobs}" + (f" --minutes {minutes:.1f}" if minutes else "")
     return f"{words} --json {made}"

@@ -7,7 +7,7 @@ themselves, each judged against the mean of the others.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -106,75 +106,78 @@ FAULTS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray,
 """Faults by name: each makes images and background from those of a sensor and of another one."""
 
 
-class CheckQuality:
-    """Counter of right and wrong verdicts over imaginary sensors: `add` each, then ask for the results."""
+def check_quality(tdn: DepthNet, sensors: Iterable[tuple[ImaginarySensor, ImaginarySensor]]) -> dict[str, dict]:
+    """Judge imaginary sensors with their own background, and with each of `FAULTS`, which may use the second sensor's.
 
-    def __init__(self, tdn: DepthNet):
-        self._tdn = tdn
-        self._scores: dict[str, list[tuple[float, float, bool, bool]]] = {}
-        self._light: dict[str, list[tuple[float, bool]]] = {}
-        self._free: dict[float, list[bool]] = {gain: [] for gain in WARM_UP}
-        self._warming: list[bool] = []
-        self._captures: dict[str, list[bool]] = {}
+    Returns fit_check: as `_fit_figures`; contact: the fraction of light touches missed, by part and true depth, and of
+    false contacts by brightness; capture: by case, the fraction of offered no-contact images refused as touched.
+    """
+    scores: dict[str, list[tuple[float, float, bool, bool]]] = {}
+    light: dict[str, list[tuple[float, bool]]] = {}
+    free: dict[float, list[bool]] = {gain: [] for gain in WARM_UP}
+    warming: list[bool] = []
+    captures: dict[str, list[bool]] = {}
 
-    def add(self, own: ImaginarySensor, other: ImaginarySensor) -> None:
-        """Judge a sensor with its own background, and with each of `FAULTS`, which may use the `other` sensor's."""
-        self._judge("right", own.touches, own.background)
-        for name, make in FAULTS.items():
-            images, background = make(own, other)
-            self._judge(name, np.ascontiguousarray(images), np.ascontiguousarray(background))
+    def in_contact(image: np.ndarray, background: np.ndarray) -> bool:
+        return DepthStage(tdn).process(image, background).in_contact
+
+    for own, other in sensors:
+        for name, make in {"right": _unchanged, **FAULTS}.items():
+            scores.setdefault(name, []).append(_fit_scores(tdn, *map(np.ascontiguousarray, make(own, other))))
         for name, (images, depths) in own.light.items():
-            in_contact = [self._in_contact(image, own.background) for image in images]
-            self._light.setdefault(name, []).extend(zip(depths.tolist(), in_contact, strict=True))
-        for gain, contacts in self._free.items():
-            contacts.append(self._in_contact(as_bytes(own.free * (1 + gain)), own.background))
-        stage = DepthStage(self._tdn)
+            seen = [in_contact(image, own.background) for image in images]
+            light.setdefault(name, []).extend(zip(depths.tolist(), seen, strict=True))
+        for gain, contacts in free.items():
+            contacts.append(in_contact(as_bytes(own.free * (1 + gain)), own.background))
+        stage = DepthStage(tdn)
         for gain in np.linspace(WARM_UP[0], WARM_UP[-1], _WARM_UP_FRAMES):
-            contact = stage.process(as_bytes(own.free * (1 + gain)), own.background)
-            self._warming.append(contact.in_contact)
+            warming.append(stage.process(as_bytes(own.free * (1 + gain)), own.background).in_contact)
         for name, candidate, present in (
             ("a touch refused", own.touches[0], own.background),
             ("no contact refused", own.free, own.background),
             ("no contact after a background in contact refused", own.free, own.touches[0]),
             ("another sensor's no contact refused", other.background, own.background),
         ):
-            self._captures.setdefault(name, []).append(shows_contact(self._tdn, candidate, present))
+            captures.setdefault(name, []).append(shows_contact(tdn, candidate, present))
+    return {
+        "fit_check": _fit_figures(scores),
+        "contact": {
+            "missed": {name: missed_by_depth(touches) for name, touches in light.items()},
+            "false": [{"brighter": gain, "false_contacts": float(np.mean(some))} for gain, some in free.items()],
+            "false_while_warming": float(np.mean(warming)),
+        },
+        "capture": {name: float(np.mean(refused)) for name, refused in captures.items()},
+    }
 
-    def fit(self) -> dict[str, dict]:
-        """Return by case: alarms and those that name a turn or swap (fractions of sensors), the median of each figure,
-        and the area under its ROC curve against the right ones."""
-        right = np.array([score[:2] for score in self._scores["right"]])
-        out = {}
-        for name, scores in self._scores.items():
-            figures = np.array([score[:2] for score in scores])
-            out[name] = {
-                "alarms": float(np.mean([alarm for *_, alarm, _ in scores])),
-                "named_turned": float(np.mean([turned for *_, turned in scores])),
-                "quietest_tenth": float(np.nanmedian(figures[:, 0])),
-                "explained_share": float(np.nanmedian(figures[:, 1])),
-                "auc_quietest_tenth": roc_area(figures[:, 0], right[:, 0]),
-                "auc_explained_share": roc_area(right[:, 1], figures[:, 1]),
-            }
-        return out
 
-    def contact(self) -> dict:
-        """Return the fraction of light touches missed, by part and true depth, and of false contacts by brightness."""
-        missed = {name: missed_by_depth(touches) for name, touches in self._light.items()}
-        false = [{"brighter": gain, "false_contacts": float(np.mean(some))} for gain, some in self._free.items()]
-        return {"missed": missed, "false": false, "false_while_warming": float(np.mean(self._warming))}
+def _unchanged(own: ImaginarySensor, other: ImaginarySensor) -> tuple[np.ndarray, np.ndarray]:
+    return own.touches, own.background
 
-    def capture(self) -> dict[str, float]:
-        """Return, by case, the fraction of offered no-contact images that are refused as touched."""
-        return {name: float(np.mean(refused)) for name, refused in self._captures.items()}
 
-    def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
-        check, touched = judge(self._tdn, images, background)
-        quiet, explained = (np.nan if value is None else value for value in (check.quiet, check.explained))
-        turned = bool(check.problem) and bool(turned_since(images[-1], background))
-        self._scores.setdefault(name, []).append((quiet, explained, bool(check.problem or touched.problem), turned))
+def _fit_scores(tdn: DepthNet, images: np.ndarray, background: np.ndarray) -> tuple[float, float, bool, bool]:
+    """Return both figures of the fit check, whether there is an alarm, and whether it names a turn or swap."""
+    check, touched = judge(tdn, images, background)
+    quiet, explained = (np.nan if value is None else value for value in (check.quiet, check.explained))
+    turned = bool(check.problem) and bool(turned_since(images[-1], background))
+    return quiet, explained, bool(check.problem or touched.problem), turned
 
-    def _in_contact(self, image: np.ndarray, background: np.ndarray) -> bool:
-        return DepthStage(self._tdn).process(image, background).in_contact
+
+def _fit_figures(scores: dict[str, list[tuple[float, float, bool, bool]]]) -> dict[str, dict]:
+    """Return by case: alarms and those that name a turn or swap (fractions of sensors), the median of each figure, and
+    the area under its ROC curve against the right ones."""
+    columns = {name: np.array(each, float).T for name, each in scores.items()}
+    right_quiet, right_explained, *_ = columns["right"]
+    return {
+        name: {
+            "alarms": float(np.mean(alarms)),
+            "named_turned": float(np.mean(turned)),
+            "quietest_tenth": float(np.nanmedian(quiet)),
+            "explained_share": float(np.nanmedian(explained)),
+            "auc_quietest_tenth": roc_area(quiet, right_quiet),
+            "auc_explained_share": roc_area(right_explained, explained),
+        }
+        for name, (quiet, explained, alarms, turned) in columns.items()
+    }
 
 
 def judge(tdn: DepthNet, images: Collection[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:

@@ -12,7 +12,7 @@ radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import cv2
 import numpy as np
@@ -27,6 +27,7 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 from midastouch_tools.datasets.ball_presses import LABELS, BallPresses, Circle
+from midastouch_tools.progress import progress_bar
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,17 +179,12 @@ def as_measured(
 
 
 def measure_presses(
-    tdn: DepthNet,
-    presses: BallPresses,
-    radius: float,
-    progress: Callable[[int], object] = lambda presses: None,
-    calibrations: Mapping[str, SensorCalibration] | None = None,
+    tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None = None
 ) -> tuple[list[dict], dict]:
     """Return the figures of every press and their summary: `presses` and `summary` of the JSON."""
-    rows = []
-    for press in as_measured(tdn, presses, radius, calibrations):
-        rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
-        progress(1)
+    measured = as_measured(tdn, presses, radius, calibrations)
+    shown = progress_bar(iterable=measured, total=len(presses.images), unit="press")
+    rows = [{"image": press.name, **_describe(press, radius, tdn.sensor)} for press in shown]
     return rows, _summary(rows, presses.truth)
 
 

@@ -23,7 +23,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet, colour_layout, load_tdn
 from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 from midastouch_tools.datasets.ball_presses import BACKGROUND, IMAGES, BallPresses, load_ball_presses
-from midastouch_tools.progress import progress_bar
 
 from .press_quality import measure_presses, visible_contact
 
@@ -69,27 +68,19 @@ def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:
     return u, v, contact.radius / sensor.pixel_size
 
 
-@dataclasses.dataclass(frozen=True)
-class KnownPresses:
-    """Presses and their truth. presses: with a circle for each press whose labels or images give one; unfitted: reasons
-    by file name why the images give none; problem: why depth cannot be judged, empty if it can.
-    """
-
-    presses: BallPresses
-    unfitted: dict[str, str]
-    problem: str = ""
-
-
-def with_truth(presses: BallPresses, ball_diameter: float, sensor: SensorModel) -> KnownPresses:
-    """Return the presses with the best circles available; ball_diameter: m; sensor: at full size."""
+def with_truth(
+    presses: BallPresses, ball_diameter: float, sensor: SensorModel
+) -> tuple[BallPresses, dict[str, str], str]:
+    """Return the presses, with a circle for each whose labels or images give one; reasons by file name why the images
+    give none; and why depth cannot be judged, empty if it can. ball_diameter: m; sensor: at full size."""
     if presses.circles is not None:
-        return KnownPresses(presses, {})
+        return presses, {}, ""
     try:
         ball = FittedBall(presses, ball_diameter, sensor)
     except InputError as error:
-        return KnownPresses(presses, {}, str(error))
+        return presses, {}, str(error)
     known = dataclasses.replace(presses, circles=ball.presses.circles, circles_from=ball.presses.circles_from)
-    return KnownPresses(known, ball.unfitted)
+    return known, ball.unfitted, ""
 
 
 def usable_presses(presses: BallPresses, sensor: SensorModel) -> tuple[BallPresses, dict[str, str]]:
@@ -180,9 +171,8 @@ def report(args: argparse.Namespace) -> dict:
         "seed": args.seed,
     }
     calibrations = calibrations_of(settings, usable, sensor)
-    known = with_truth(usable, args.ball_diameter, sensor)
-    with progress_bar(total=len(usable.images), unit="press") as bar:
-        rows, summary = measure_presses(network, known.presses, radius, bar.update, calibrations)
+    known, unfitted, problem = with_truth(usable, args.ball_diameter, sensor)
+    rows, summary = measure_presses(network, known, radius, calibrations)
     summary["brightness_mm"] = 1e3 * brightness_effect(network, usable, calibrations)
     checked = {}
     if args.check_labels:
@@ -190,7 +180,7 @@ def report(args: argparse.Namespace) -> dict:
         labelled = usable.only(list(ball.presses.images))
         checked = {
             "labels": measure_presses(ball, labelled, radius)[1],  # type: ignore[arg-type] # it replaces a network
-            "against_fit": measure_presses(network, ball.presses, radius, calibrations=calibrations)[1],
+            "against_fit": measure_presses(network, ball.presses, radius, calibrations)[1],
         }
     return {
         "folder": str(Path(args.folder).resolve()),
@@ -201,8 +191,8 @@ def report(args: argparse.Namespace) -> dict:
         "sensor": args.sensor,
         "model_calibration": SensorCalibration.default(sensor) is not None,
         "unusable": _listed(unusable),
-        "unfitted": _listed(known.unfitted),
-        "depth_problem": known.problem,
+        "unfitted": _listed(unfitted),
+        "depth_problem": problem,
         "presses": rows,
         "summary": summary,
         **checked,

@@ -19,7 +19,7 @@ from midastouch_simulation.measured_optics import MeasuredOptics, MeasuredSensor
 from midastouch_simulation.simulated_digit import SimulatedDigit
 from midastouch_tools.progress import progress_bar
 
-from .real_gel_checks import resting_image
+from .real_gel_checks import Reading, resting_image
 
 RATES = (30, 60)  # images a second
 _SPEED = 3e-3  # m/s into the object and back
@@ -50,31 +50,22 @@ def shapes() -> dict[str, tuple[ObjectMesh, float]]:
     }
 
 
-@dataclasses.dataclass(frozen=True)
-class PressedModel:
-    """A sensor model in the light of a real sensor of its kind. name; sensor, full size; background (H, W, 3) uint8;
-    read_as, the model of its depth network."""
-
-    name: str
-    sensor: SensorModel
-    background: np.ndarray
-    read_as: SensorModel
-
-
-def pressed_models() -> list[PressedModel]:
-    """Return a DIGIT, and a GelSight Mini with the calibration of its kind and without any."""
+def pressed_sensors(tdn: str) -> list[Reading]:
+    """Return a DIGIT, and a GelSight Mini with the calibration of its kind and without any, in the light of a real
+    sensor of their kind; tdn: name or file of a depth network."""
     digit, mini = SensorModel.load("digit_real"), SensorModel.load("gelsight_mini")
     optics = MeasuredOptics.load(measured_sensors()[0])
     of_digit = MeasuredSensor(optics, digit, np.random.default_rng(0)).background
     of_mini = resting_image(mini)
+    unknown = load_tdn(tdn, dataclasses.replace(mini, lamps=""))
     return [
-        PressedModel(DIGIT_LAMPS, digit, of_digit, digit),
-        PressedModel(mini.lamps, mini, of_mini, mini),
-        PressedModel(f"{mini.lamps}, of unknown lamps", mini, of_mini, dataclasses.replace(mini, lamps="")),
+        Reading(DIGIT_LAMPS, digit, load_tdn(tdn, digit), of_digit),
+        Reading(mini.lamps, mini, load_tdn(tdn, mini), of_mini),
+        Reading(f"{mini.lamps}, of unknown lamps", mini, unknown, of_mini),
     ]
 
 
-def measured_ramps(model: PressedModel, tdn_name: str, presses: int, seed: int) -> Iterator[dict]:
+def measured_ramps(pressed: Reading, presses: int, seed: int) -> Iterator[dict]:
     """Yield a row for each shape: the presses, their images, those that were missed, and falls of the read depth.
 
     A press grows and shrinks, straight or tilted by up to three degrees, at each rate in turn. missed are the images
@@ -83,24 +74,23 @@ def measured_ramps(model: PressedModel, tdn_name: str, presses: int, seed: int) 
     unknown images, at most by most_fall_mm; saturated, images whose depth is said to be more than the gel shows; false,
     free images before and after a press that are not free.
     """
-    tdn = load_tdn(tdn_name, model.read_as)
     for shape, (mesh, top) in shapes().items():
-        readings = [_read(model, DepthStage(tdn), mesh, top, number, seed) for number in range(presses)]
-        pressed, free = [up + down for _, up, down in readings], [each for away, _, _ in readings for each in away]
-        lost = [_count(press, ContactState.FREE) for press in pressed]
+        readings = [_read(pressed, mesh, top, number, seed) for number in range(presses)]
+        touching, free = [up + down for _, up, down in readings], [each for away, _, _ in readings for each in away]
+        lost = [_count(press, ContactState.FREE) for press in touching]
         known = [[each.depth_m for each in up if each.state != ContactState.UNKNOWN] for _, up, _ in readings]
         falls = np.array([-min(np.diff(depths), default=0.0) for depths in known])
         yield {
-            "sensor": model.name,
+            "sensor": pressed.what,
             "shape": shape,
             "presses": presses,
-            "images": sum(map(len, pressed)),
+            "images": sum(map(len, touching)),
             "missed": sum(lost),
             "presses_missed": int(np.count_nonzero(lost)),
             "presses_falling": int((falls > _NOISE).sum()),
             "most_fall_mm": 1e3 * float(max(falls.max(), 0)),
-            "saturated": sum(_count(press, ContactState.SATURATED) for press in pressed),
-            "unknown": sum(_count(press, ContactState.UNKNOWN) for press in pressed),
+            "saturated": sum(_count(press, ContactState.SATURATED) for press in touching),
+            "unknown": sum(_count(press, ContactState.UNKNOWN) for press in touching),
             "free_images": len(free),
             "false": len(free) - _count(free, ContactState.FREE),
         }
@@ -111,11 +101,11 @@ def _count(contacts: list[Contact], state: ContactState) -> int:
 
 
 def _read(
-    model: PressedModel, stage: DepthStage, mesh: ObjectMesh, top: float, number: int, seed: int
+    pressed: Reading, mesh: ObjectMesh, top: float, number: int, seed: int
 ) -> tuple[list[Contact], list[Contact], list[Contact]]:
     """Return what is felt of one press: free, as it grows, and as it shrinks."""
-    rng = np.random.default_rng([seed, number])
-    camera = SimulatedDigit(mesh, model.sensor, model.background, int(rng.integers(2**32)))
+    rng, stage = np.random.default_rng([seed, number]), DepthStage(pressed.tdn)
+    camera = SimulatedDigit(mesh, pressed.sensor, pressed.background, int(rng.integers(2**32)))
     tilt = se3.exp(np.array([0, 0, 0, *_MOST_TILT * rng.uniform(-1, 1, 2), 0]))
 
     def image(depth: float) -> np.ndarray:
@@ -131,6 +121,6 @@ def _read(
 
 def report(args: argparse.Namespace) -> dict:
     """Count what is pressed and not felt, and read as shallower while the press grows."""
-    models = progress_bar(iterable=pressed_models(), unit="sensor")
-    rows = [row for model in models for row in measured_ramps(model, args.tdn, args.presses, args.seed)]
+    sensors = progress_bar(iterable=pressed_sensors(args.tdn), unit="sensor")
+    rows = [row for pressed in sensors for row in measured_ramps(pressed, args.presses, args.seed)]
     return {"tdn": args.tdn, "seed": args.seed, "ramps": rows}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -37,8 +37,8 @@ from ..trials.real_sensor import calibrate_measured
 from .check_quality import (
     LIGHT_TOUCHES,
     TOUCHES,
-    CheckQuality,
     as_bytes,
+    check_quality,
     diameter_checks,
     imaginary_sensors,
     layout_quality,
@@ -57,10 +57,11 @@ _LAMPS = 3
 
 @dataclass(frozen=True)
 class Reading:
-    """A sensor of real gel and its depth network. Attributes: what: its name in tables; tdn; background: (H, W, 3)
-    uint8, its no-contact image; optics: None if they were not measured."""
+    """A sensor of real gel and its depth network. Attributes: what: its name in tables; sensor: at full size; tdn;
+    background: (H, W, 3) uint8, its no-contact image; optics: None if they were not measured."""
 
     what: str
+    sensor: SensorModel
     tdn: DepthNet
     background: np.ndarray
     optics: MeasuredOptics | None = None
@@ -72,14 +73,14 @@ def measured_readings(tdn: str, rng: np.random.Generator) -> list[Reading]:
     for optics in map(MeasuredOptics.load, measured_sensors()):
         background = MeasuredSensor(optics, sensor, rng).background
         for what, calibration in (("DIGIT", None), ("DIGIT, calibrated", calibrate_measured(optics, sensor, rng))):
-            out.append(Reading(what, load_tdn(tdn, sensor, calibration=calibration), background, optics))
+            out.append(Reading(what, sensor, load_tdn(tdn, sensor, calibration=calibration), background, optics))
     return out
 
 
 def mini_reading(tdn: str) -> Reading:
     """Return a GelSight Mini read by the calibration of its model, with the no-contact colours of that calibration."""
     mini = SensorModel.load("gelsight_mini")
-    return Reading("GelSight Mini, by its model's calibration", load_tdn(tdn, mini), resting_image(mini))
+    return Reading("GelSight Mini, by its model's calibration", mini, load_tdn(tdn, mini), resting_image(mini))
 
 
 def resting_image(sensor: SensorModel) -> np.ndarray:
@@ -127,27 +128,18 @@ def _lobes(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
 def missed_touches(readings: Sequence[Reading], n: int, rng: np.random.Generator) -> dict[str, list[dict]]:
     """Return `missed_by_depth`, by object and reading, of `n` light touches of an eyebolt and of a wire on each
     measured sensor."""
-    sensor = SensorModel.load("digit_real")
     seen: dict[str, list[tuple[float, bool]]] = {}
     meshes = {"eyebolt": ObjectMesh.load(bundled_objects()["eyebolt"]), "wire": wire()}
     for part, mesh in meshes.items():
-        renderer = PenetrationRenderer(mesh, sensor.for_maps)
         for reading in readings:
-            poses = sample_contact_poses(mesh, n, rng, sensor, LIGHT_TOUCHES)
-            seen.setdefault(f"{part}; {reading.what}", []).extend(
-                _touches(reading, renderer.render(poses), sensor, rng)
-            )
+            poses = sample_contact_poses(mesh, n, rng, reading.sensor, LIGHT_TOUCHES)
+            maps = PenetrationRenderer(mesh, reading.sensor.for_maps).render(poses)
+            camera = MeasuredSensor(reading.optics, reading.sensor, rng)
+            some = seen.setdefault(f"{part}; {reading.what}", [])
+            for penetration, image in zip(maps, camera.images(maps), strict=True):
+                contact = DepthStage(reading.tdn).process(image, camera.background)
+                some.append((float(penetration.max()), contact.in_contact))
     return {what: missed_by_depth(touches) for what, touches in seen.items()}
-
-
-def _touches(
-    reading: Reading, maps: np.ndarray, sensor: SensorModel, rng: np.random.Generator
-) -> Iterator[tuple[float, bool]]:
-    """Yield the deepest penetration [m] of each of the maps (N, H, W) m, and whether a contact is seen."""
-    camera = MeasuredSensor(reading.optics, sensor, rng)
-    for penetration, image in zip(maps, camera.images(maps), strict=True):
-        stage = DepthStage(reading.tdn)
-        yield float(penetration.max()), stage.process(image, camera.background).in_contact
 
 
 _WINDOW = 12  # images of a verdict
@@ -260,14 +252,12 @@ def report(args: argparse.Namespace) -> dict:
     backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
     ranges = RandomisationRange(colour_table=ColourTable.load(args.colour_table) if args.colour_table else None)
     network = load_tdn(args.tdn, sensor)
-    quality = CheckQuality(network)
-    sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
-    for own, other in progress_bar(iterable=pairwise(sensors), total=args.sensors, unit="sensor"):
-        quality.add(own, other)
+    sensors = pairwise(imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng))
+    quality = check_quality(network, progress_bar(iterable=sensors, total=args.sensors, unit="sensor"))
     real = SensorModel.load("digit_real")
     network_of_real = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
-    digits = [Reading("DIGIT", network_of_real, background) for background in large]
+    digits = [Reading("DIGIT", real, network_of_real, background) for background in large]
     measured = measured_readings(args.tdn, rng)
     calibrated = [each for each in measured if each.tdn.calibration_in_use] + [mini_reading(args.tdn)]
     refused, named = layout_quality(backgrounds)
@@ -277,11 +267,9 @@ def report(args: argparse.Namespace) -> dict:
         "sensors": args.sensors,
         "no_contact_images": len(backgrounds),
         "seed": args.seed,
-        "fit_check": quality.fit(),
+        **quality,
         "no_contact_image": refused,
         "cause_named": named,
-        "capture": quality.capture(),
-        "contact": quality.contact(),
         "light_touches": missed_touches(measured, TOUCHES * args.sensors, rng),
         "real_sensors": {name: real_checks(network_of_real, each, rng) for name, each in pressed.items()},
         "gels": gels_known(network_of_real, pressed, large, real, rng),

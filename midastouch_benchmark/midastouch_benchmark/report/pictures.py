@@ -110,7 +110,10 @@ def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
     for axes, (init, rows) in zip(grid, columns.items(), strict=True):
         _draw(axes, rows, variants)
         axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
-    figure.legend(*_handles(grid), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
+    handles = {label: handle for axes in grid for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9
+    )
     return figure
 
 
@@ -135,14 +138,6 @@ def _draw(axes: Axes, rows: list[dict], variants: dict[str, dict]) -> None:
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.margins(x=0.1, y=0.1)
-
-
-def _handles(all_axes: np.ndarray) -> tuple[list, list[str]]:
-    handles: dict[str, object] = {}
-    for axes in all_axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    return list(handles.values()), list(handles)
 
 
 _ACROSS = 2  # presses side by side
@@ -192,7 +187,8 @@ def _shown(content: dict) -> list[MeasuredPress]:
     names = list(presses.images)
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
     calibrations = calibrations_of(content, presses, sensor)
-    shown = with_truth(presses, content["ball_diameter"], sensor).presses.only([names[k] for k in some])
+    known, *_ = with_truth(presses, content["ball_diameter"], sensor)
+    shown = known.only([names[k] for k in some])
     return list(as_measured(tdn, shown, content["ball_diameter"] / 2, calibrations))
 
 

@@ -130,7 +130,7 @@ class SpeedMeasurement:
     @functools.cached_property
     def _measurements(self) -> list[Measurement]:
         """Measurements of all frames, for methods that do not time the networks."""
-        return Touches.of_images(self._images, self._background, self._networks, {}).measurements
+        return Touches.of_images(self._images, self._background, self._networks).measurements
 
     def alignment(self) -> dict:
         """Return align_ms: of one pose of the codebook, aligned to the penetration map of a touch."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def _row(trials: list[dict], default: list[dict]) -> dict:
     }
     groups = [(t["object"], t["slide"]) for t in trials]
     differences: dict[str, float | list[float]] = {}
-    for name, figure in _PAIRED.items():
+    for name, (_, _, figure) in _PAIRED.items():
         of_trials = figure(trials) - figure(default)
         known = of_trials[np.isfinite(of_trials)]
         differences[name] = float(known.mean()) if len(known) else None
@@ -64,7 +64,7 @@ def verdict(row: Mapping) -> str:
     if row["trials"] < ENOUGH:
         return f"too few ({row['trials']:.0f})"
     found: dict[str, list[str]] = {"worse": [], "better": []}
-    for name, (what, sign) in _JUDGED_BY.items():
+    for name, (what, sign, _) in _PAIRED.items():
         low, high = sorted(sign * bound for bound in row[f"{name}_interval"] or (0, 0))
         if name == "cpu_difference_ms":
             alike = SAME_TIME * (row["cpu_ms_filter"] - row["cpu_difference_ms"])
@@ -74,18 +74,15 @@ def verdict(row: Mapping) -> str:
     return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"
 
 
-_JUDGED_BY = {
-    "difference_mm": ("error", 1),
-    "right_difference": ("right", -1),
-    "wrong_converged_difference": ("converged wrong", 1),
-    "cpu_difference_ms": ("CPU time", 1),
-}
-_PAIRED = {
-    "difference_mm": lambda trials: final_errors(trials, "e_trans_mm"),
-    "right_difference": lambda trials: np.array(list(map(is_right, trials)), float),
-    "wrong_converged_difference": lambda trials: np.array([wrong_converged([trial]) for trial in trials]),
-    "cpu_difference_ms": lambda trials: np.array([trial["filter_cpu_ms"] for trial in trials]),
-}
+_PAIRED: dict[str, tuple[str, int, Callable[[list[dict]], np.ndarray]]] = {
+    "difference_mm": ("error", 1, lambda trials: final_errors(trials, "e_trans_mm")),
+    "right_difference": ("right", -1, lambda trials: np.array(list(map(is_right, trials)), float)),
+    "wrong_converged_difference": (
+        "converged wrong", 1, lambda trials: np.array([wrong_converged([trial]) for trial in trials])
+    ),
+    "cpu_difference_ms": ("CPU time", 1, lambda trials: np.array([trial["filter_cpu_ms"] for trial in trials])),
+}  # fmt: skip
+"""Differences to the default: text of a verdict, 1 if more is worse (-1: better), and the figure of each trial (N,)."""
 
 
 def pareto_front(rows: list[dict], error: str) -> list[dict]:

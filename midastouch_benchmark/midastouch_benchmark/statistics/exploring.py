@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from .intervals import ENOUGH, Figures
@@ -111,7 +113,7 @@ def confusions(trials: list[dict]) -> dict[str, int]:
     """Return the wrong answers at the end, "truth -> answer", with their numbers, the most frequent first."""
     wrong = [t for t in trials if not t["right"]]
     names = [f"{t['object']}{'' if t['in_catalogue'] else ' (left out)'} -> {t['answer']}" for t in wrong]
-    return dict(sorted(((name, names.count(name)) for name in dict.fromkeys(names)), key=lambda each: -each[1]))
+    return dict(Counter(names).most_common())
 
 
 def summarise_observing(trials: list[dict], evidence: tuple[str, ...], spacing: float) -> dict[str, dict]:

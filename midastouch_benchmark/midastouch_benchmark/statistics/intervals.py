@@ -10,6 +10,7 @@ from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from scipy.stats import norm
 
 from midastouch_common.errors import InputError
@@ -29,8 +30,8 @@ def fraction_interval(part: npt.ArrayLike, whole: npt.ArrayLike, groups: Sequenc
     of the part, or of the rest, the variance between groups is not known. The cases are then no more than the groups in
     which something was counted; otherwise one wrong frame would give a narrower interval than none.
     """
-    index, n_groups = _numbered(groups)
-    part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
+    index, different = pd.factorize(pd.Series(groups, dtype=object))
+    part, whole = (np.bincount(index, np.asarray(one, float), len(different)) for one in (part, whole))
     total = whole.sum()
     if not total:
         return None
@@ -54,11 +55,10 @@ def bootstrap_interval(
     """
     values = np.asarray(values, float)
     known = ~np.isnan(values)
-    index, n_groups = _numbered([group for group, ok in zip(groups, known, strict=True) if ok])
-    if n_groups < 2:
+    index, different = pd.factorize(pd.Series(groups, dtype=object)[known])
+    if (count := len(different)) < 2:
         return None
-    rng = np.random.default_rng(0)
-    times_drawn = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=_RESAMPLES)
+    times_drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=_RESAMPLES)
     drawn = _STATISTICS[statistic](values[known], times_drawn[:, index])
     return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], method="nearest").tolist()
 
@@ -76,12 +76,6 @@ def _medians(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 _STATISTICS = {np.mean: _means, np.median: _medians}
-
-
-def _numbered(groups: Sequence[Hashable]) -> tuple[np.ndarray, int]:
-    """Return the number of each item's group (N,), and the count of groups."""
-    numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
-    return np.array([numbers[group] for group in groups], int), len(numbers)
 
 
 class Figures:

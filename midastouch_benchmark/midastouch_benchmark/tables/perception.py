@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..single_touch.matches import TOP
 from ..statistics.intervals import bootstrap_interval, error_ratio
-from .reports import OPTICS, benchmark_summary, report, reported, rows_of
+from .reports import COMMANDS, OPTICS, benchmark_summary, report, reported, rows_of
 from .table import Form, Row, Table, between, fraction, is_missing, listed, percent, pose, text, value, with_row
 
 _GEL: dict[str, Form] = {
@@ -82,10 +82,7 @@ largest RMSE inside [mm], least correlation."""
 _WANTED_DEPTH = {"ball": 0.05, "flat face": 0.12}
 """Largest error of the depth [mm], by what is pressed in."""
 _USUAL_GEL = 3.0  # mm thick
-_DIGIT_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
-_MINI_PRESSES = (
-    "presses_mini_6310", "presses_mini_6310_calibrated", "presses_mini_9500", "presses_mini_9500_calibrated"
-)  # fmt: skip
+_PRESSES = [name for name in COMMANDS if name.startswith("presses_")]
 DEPTH: dict[str, Form] = {
     "RMSE, all pixels": text("rmse_mm", "{:.3f} mm"),
     "in contact": text("contact_rmse_mm", "{:.3f} mm"),
@@ -196,7 +193,7 @@ def _press_row(content: dict) -> dict:
 
 def presses() -> pd.DataFrame:
     """Table of depth on two DIGITs and a GelSight Mini, against the ball under the labelled outline."""
-    rows = rows_of(dict.fromkeys((*_DIGIT_PRESSES, *_MINI_PRESSES), "-"), lambda name: _press_row(report(name)))
+    rows = rows_of(dict.fromkeys(_PRESSES, "-"), lambda name: _press_row(report(name)))
     return Table({"ball": text("ball"), "calibration": text("how")} | PRESSES).of(rows, "report")
 
 
@@ -243,7 +240,7 @@ def wanted() -> pd.DataFrame:
 def _wanted_of_presses() -> Iterator[tuple]:
     """Yield the rows on presses; DIGITs are judged by the balls in the images: their labels are off by the bound."""
     radii = {}
-    for name in (*_DIGIT_PRESSES, *_MINI_PRESSES):
+    for name in _PRESSES:
         one = report(name)
         how = _press_row(one)["how"]
         if how not in _WANTED:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
@@ -149,17 +148,17 @@ def reported() -> list[str]:
 
 
 def report(name: str) -> dict:
-    """Return the content of a report; FileNotFoundError if `reported` does not name it."""
-    return json.loads(_read(name).read_text())
-
-
-def _read(name: str) -> Path:
-    """Return the file of a report, noting that it is read; FileNotFoundError as in `report`."""
+    """Return the content of a report, not to be changed; FileNotFoundError if `reported` does not name it."""
     for names in _readers:
         names.add(name)
     if _only_of_today and stale([name]):
         raise FileNotFoundError(f"reports/*/{name}.json: of earlier code; made by: {COMMANDS[name]}")
-    return report_path(name)
+    return _content(report_path(name))
+
+
+@cache
+def _content(path: Path) -> dict:
+    return json.loads(path.read_text())
 
 
 _readers: list[set[str]] = []
@@ -196,16 +195,9 @@ def ids_of_today() -> dict[str, str]:
 def fingerprint_of(name: str) -> str | None:
     """Return the fingerprint of the code that made a report; None if it stores none, or does not exist."""
     try:
-        path = report_path(name)
+        return _content(report_path(name)).get("fingerprint")
     except FileNotFoundError:
         return None
-    return _fingerprint_in(path, path.stat().st_mtime_ns)
-
-
-@cache
-def _fingerprint_in(path: Path, written_ns: int) -> str | None:
-    """Return the fingerprint in a file; cached until it is written again, as each table asks for every report's."""
-    return json.loads(path.read_text()).get("fingerprint")
 
 
 def stale(names: Iterable[str]) -> list[str]:
@@ -218,14 +210,13 @@ def stale(names: Iterable[str]) -> list[str]:
 
 def benchmark_summary(name: str) -> dict:
     """Return the summary of a benchmark of the filter as shipped, which has one way to start."""
-    path = _read(name)
-    return copy.deepcopy(_summary_in(path, path.stat().st_mtime_ns))
+    report(name)  # it may be missing, or of earlier code
+    return _summary(report_path(name))
 
 
 @cache
-def _summary_in(path: Path, written_ns: int) -> dict:
-    """Return the summary in a file; cached until it is written again, as several tables need it."""
-    content = json.loads(path.read_text())
+def _summary(path: Path) -> dict:
+    content = _content(path)
     (summary,) = content["summary"][DEFAULT].values()
     return counted_anew(summary, [trial for trial in content["trials"] if trial["variant"] == DEFAULT])
 

@@ -35,25 +35,20 @@ _STAGES = ("tdn", "tcn")
 @dataclass(frozen=True)
 class Touches:
     """Touches of N frames. measurements: inputs of the filter, None for frames that are lost; ms: (N, 2), time of depth
-    and code network; made_from: all that they depend on."""
+    and code network."""
 
     measurements: list[Measurement | None]
     ms: np.ndarray
-    made_from: dict
 
     @classmethod
     def perceive(cls, sequence: Sequence, networks: Networks) -> Touches:
         """Run the networks over a sequence; each frame once, timed."""
-        free = untouched_of(sequence)
         images = [sequence.image(i) for i in range(sequence.n_frames)]
-        return cls.of_images(images, free.image, networks, made_from(sequence, networks) | {"background": free.source})
+        return cls.of_images(images, untouched_of(sequence).image, networks)
 
     @classmethod
-    def of_images(
-        cls, images: Iterable[np.ndarray | None], background: np.ndarray, networks: Networks, origin: dict
-    ) -> Touches:
-        """Run the networks over images, None if lost, and a no-contact image, all (320, 240, 3) uint8; origin: as
-        `made_from`."""
+    def of_images(cls, images: Iterable[np.ndarray | None], background: np.ndarray, networks: Networks) -> Touches:
+        """Run the networks over images, None if lost, and a no-contact image, all (320, 240, 3) uint8."""
         images, pipeline = list(images), networks.pipeline()
         for image in [each for each in images if each is not None][:_WARM_UP_FRAMES]:
             pipeline.process(image, background)
@@ -66,10 +61,10 @@ class Touches:
                 continue
             measurements.append(measurement_of(pipeline.process(image, background)))
             row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
-        return cls(measurements, ms, origin)
+        return cls(measurements, ms)
 
-    def save(self, path: Path) -> None:
-        """Write one `.npz`."""
+    def save(self, path: Path, made_from: dict) -> None:
+        """Write one `.npz`; made_from: all that the touches depend on, of which `tcn` is the id of the code network."""
         all_of = [Measurement(False) if m is None else m for m in self.measurements]
         content = {
             "lost": np.array([m is None for m in self.measurements]),
@@ -78,27 +73,27 @@ class Touches:
             "code": np.array([m.code for m in all_of if m.in_contact], np.float32),
             "relief": np.array([m.penetration for m in all_of if m.in_contact], np.float32),
             "ms": self.ms,
-            "made_from": np.array(json.dumps(self.made_from)),
+            "made_from": np.array(json.dumps(made_from)),
         }
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **content)  # type: ignore[arg-type] # none has the name of an option
 
     @classmethod
-    def load(cls, path: Path) -> Touches:
-        """Read a file of `save`; InputError for any other."""
+    def load(cls, path: Path) -> tuple[Touches, dict]:
+        """Return the touches in a file of `save`, and all that they depend on; InputError for any other file."""
         with readable(path, "not a file of touches", "remove it"):
             with np.load(path, allow_pickle=False) as data:
-                origin = json.loads(str(data["made_from"]))
+                made_from = json.loads(str(data["made_from"]))
                 lost, in_contact, area, ms = data["lost"], data["in_contact"], data["area"], data["ms"]
                 touching = iter(zip(data["code"], area[in_contact], data["relief"], strict=True))
             measurements: list[Measurement | None] = []
             for gone, touched in zip(lost, in_contact, strict=True):
                 if touched:
                     code, a, penetration = next(touching)
-                    measurements.append(Measurement(True, code, float(a), origin["tcn"], penetration))
+                    measurements.append(Measurement(True, code, float(a), made_from["tcn"], penetration))
                 else:
                     measurements.append(None if gone else Measurement(False))
-        return cls(measurements, ms, origin)
+        return cls(measurements, ms), made_from
 
     def frames(self, sequence: Sequence, stride: int) -> list[TrialFrame]:
         """Return the frames of a trial over the sequence, every `stride`-th that is not lost."""
@@ -111,11 +106,6 @@ class Touches:
             out.append(TrialFrame(i, measurement, ms, *poses, seconds))
             before = i
         return out
-
-
-def made_from(sequence: Sequence, networks: Networks) -> dict:
-    """Return all that the touches of a sequence depend on."""
-    return {"sequence": str(sequence.path.name), "frames": sequence.n_frames, **networks.describe()}
 
 
 _SEEDS = 10  # tried for a slide that gets stuck
@@ -234,17 +224,16 @@ class Cache:
     def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
         """Return slide `number` over the object and its touches, as the networks measure them."""
         sequence = self.slide(mesh, number)
-        origin = made_from(sequence, self.networks) | self.describe()
+        made_from = {"sequence": str(sequence.path.name), "frames": sequence.n_frames, **self.describe()}
         path = self._home / self._touches / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
         try:
-            touches = Touches.load(path)
-            if origin.items() <= touches.made_from.items():
+            touches, kept_from = Touches.load(path)
+            if made_from.items() <= kept_from.items():
                 return sequence, touches
         except InputError:  # none yet, or damaged
             pass
         touches = self._perceive(mesh, sequence, number)
-        touches = dataclasses.replace(touches, made_from=touches.made_from | origin)
-        touches.save(path)
+        touches.save(path, made_from)
         return sequence, touches
 
     def frames(self, mesh: ObjectMesh, number: int, stride: int = 1) -> list[TrialFrame]:

@@ -1,4 +1,4 @@
-"""Industrial and household parts with flat walls, sharp edges and symmetries that are known by construction.
+"""Industrial and household parts with flat walls and sharp edges.
 
 The set `cad` has 60 to 160 mm; those of `small_cad` a gel covers in one touch or a few. Nothing may be fitted on them:
 they are for judging. Sizes in m, if possible from catalogues of machine elements.
@@ -7,15 +7,12 @@ they are for judging. Sizes in m, if possible from catalogues of machine element
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.symmetry.group import Symmetry, about
 from midastouch_simulation.solids import (
     Layer,
     Outline,
@@ -28,55 +25,18 @@ from midastouch_simulation.solids import (
     stacked,
 )
 
-_ORIGIN = np.zeros(3)
+Part = Callable[[str], ObjectMesh]
+"""Maker of a part: takes its name, returns its mesh."""
 
 
-@dataclass(frozen=True)
-class KnownPart:
-    """Part of known symmetry. make: takes its name, returns its mesh; exact: all motions that map it onto itself; near:
-    those after which most of it is the same (the exact ones among them), None if the exact ones are all."""
-
-    make: Callable[[str], ObjectMesh]
-    exact: Symmetry
-    near: Symmetry | None = None
-
-
-def write_parts(parts: Mapping[str, KnownPart], folder: Path) -> list[ObjectMesh]:
+def write_parts(parts: Mapping[str, Part], folder: Path) -> list[ObjectMesh]:
     """Write the meshes of all parts, by name, into the folder and return them."""
     meshes = []
-    for name, part in parts.items():
+    for name, make in parts.items():
         path = folder / f"{name}.ply"
-        part.make(name).save(path)
+        make(name).save(path)
         meshes.append(ObjectMesh.load(path))
     return meshes
-
-
-NONE = Symmetry()
-ROUND = Symmetry(free="axis")
-ROUND_BOTH_WAYS = Symmetry(about(_ORIGIN, np.stack([np.eye(3), np.diag([1.0, -1, -1])])), "axis")
-"""Symmetries of parts that are alike after any turn about z; the latter also after a half turn across z."""
-
-
-def turns(count: int) -> Symmetry:
-    """Return the turns about z by multiples of 1 / count of a circle."""
-    return Symmetry(about(_ORIGIN, _about_z(count)))
-
-
-def turns_and_flips(count: int) -> Symmetry:
-    """Return the turns of `turns`, and half turns across z, the first of them about x."""
-    rotations = _about_z(count)
-    return Symmetry(about(_ORIGIN, np.concatenate([rotations, rotations @ np.diag([1.0, -1, -1])])))
-
-
-def half_turn(axis: tuple[float, float, float]) -> Symmetry:
-    """Return the half turn about an axis through the origin."""
-    direction = np.array(axis) / np.linalg.norm(axis)
-    return Symmetry(about(_ORIGIN, np.stack([np.eye(3), 2 * np.outer(direction, direction) - np.eye(3)])))
-
-
-def _about_z(count: int) -> np.ndarray:
-    angles = 2 * np.pi * np.arange(count) / count
-    return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
 
 
 def _flange(name: str, holes: int, plugged: int = 0) -> ObjectMesh:
@@ -198,35 +158,35 @@ def _disc(name: str, radius: float, height: float, bore: float = 0.0) -> ObjectM
     return stacked([Layer(height, (circle(radius),), (circle(bore),) if bore else ())], name)
 
 
-CAD_PARTS = {
-    "flange_3": KnownPart(partial(_flange, holes=3), turns(3)),
-    "flange_4": KnownPart(partial(_flange, holes=4), turns(4)),
-    "flange_6": KnownPart(partial(_flange, holes=6), turns(6)),
-    "flange_6_plugged": KnownPart(partial(_flange, holes=6, plugged=1), NONE, turns(6)),
-    "gear_12": KnownPart(partial(_gear, teeth=12, hub=True), turns(12)),
-    "gear_17": KnownPart(partial(_gear, teeth=17), turns_and_flips(17)),
-    "gear_24_drilled": KnownPart(partial(_gear, teeth=24, holes=4, hub=True), turns(4), turns(24)),
-    "gear_18_broken": KnownPart(partial(_gear, teeth=18, hub=True, missing=1), NONE, turns(18)),
-    "gear_base": KnownPart(_gear_base, NONE, turns(2)),
-    "bottle_4": KnownPart(partial(_bottle, sides=4, radius=0.04), turns(4)),
-    "bottle_6": KnownPart(partial(_bottle, sides=6, radius=0.034), turns(6)),
-    "bottle_6_labelled": KnownPart(_labelled_bottle, NONE, turns(6)),
-    "carton": KnownPart(partial(_carton, size=(0.12, 0.08, 0.045)), turns_and_flips(2)),
-    "carton_square": KnownPart(partial(_carton, size=(0.08, 0.08, 0.04)), turns_and_flips(4)),
-    "carton_grip": KnownPart(partial(_carton, size=(0.12, 0.08, 0.045), grip=True), turns(2), turns_and_flips(2)),
-    "battery_housing": KnownPart(_battery_housing, turns(2)),
-    "gearbox_housing": KnownPart(_gearbox_housing, turns(2)),
-    "housing_with_boss": KnownPart(_housing_with_boss, NONE, turns(2)),
-    "shaft_one_key": KnownPart(partial(_shaft, keyways=1), NONE, ROUND),
-    "shaft_two_keys": KnownPart(partial(_shaft, keyways=2), turns(2), ROUND),
-    "bracket_left": KnownPart(_bracket, NONE),
-    "bracket_right": KnownPart(partial(_bracket, right=True), NONE),
-    "angle_bracket": KnownPart(_angle_bracket, half_turn((1, 1, 0))),
-    "cylinder": KnownPart(partial(_disc, radius=0.03, height=0.09), ROUND_BOTH_WAYS),
-    "cone": KnownPart(_cone, ROUND),
-    "ring": KnownPart(partial(_disc, radius=0.045, height=0.018, bore=0.032), ROUND_BOTH_WAYS),
+CAD_PARTS: dict[str, Part] = {
+    "flange_3": partial(_flange, holes=3),
+    "flange_4": partial(_flange, holes=4),
+    "flange_6": partial(_flange, holes=6),
+    "flange_6_plugged": partial(_flange, holes=6, plugged=1),
+    "gear_12": partial(_gear, teeth=12, hub=True),
+    "gear_17": partial(_gear, teeth=17),
+    "gear_24_drilled": partial(_gear, teeth=24, holes=4, hub=True),
+    "gear_18_broken": partial(_gear, teeth=18, hub=True, missing=1),
+    "gear_base": _gear_base,
+    "bottle_4": partial(_bottle, sides=4, radius=0.04),
+    "bottle_6": partial(_bottle, sides=6, radius=0.034),
+    "bottle_6_labelled": _labelled_bottle,
+    "carton": partial(_carton, size=(0.12, 0.08, 0.045)),
+    "carton_square": partial(_carton, size=(0.08, 0.08, 0.04)),
+    "carton_grip": partial(_carton, size=(0.12, 0.08, 0.045), grip=True),
+    "battery_housing": _battery_housing,
+    "gearbox_housing": _gearbox_housing,
+    "housing_with_boss": _housing_with_boss,
+    "shaft_one_key": partial(_shaft, keyways=1),
+    "shaft_two_keys": partial(_shaft, keyways=2),
+    "bracket_left": _bracket,
+    "bracket_right": partial(_bracket, right=True),
+    "angle_bracket": _angle_bracket,
+    "cylinder": partial(_disc, radius=0.03, height=0.09),
+    "cone": _cone,
+    "ring": partial(_disc, radius=0.045, height=0.018, bore=0.032),
 }
-"""Parts by name, each with its known symmetry."""
+"""Parts by name."""
 
 
 def _round_peg(name: str) -> ObjectMesh:
@@ -269,17 +229,17 @@ _THREE_PINS = [rectangle(0.003, 0.0012, x, y) for x, y in ((-0.005, -0.003), (0.
 _TWO_PINS = [circle(0.0012, x, sides=24) for x in (-0.0045, 0.0045)]
 _SLOT, _CROSS = rectangle(0.012, 0.0014), rectangle(0.006, 0.0014)
 
-SMALL_CAD_PARTS = {
-    "round_peg": KnownPart(_round_peg, ROUND_BOTH_WAYS),
-    "square_peg": KnownPart(partial(_prism, outline=rectangle(0.006, 0.006), height=0.018), turns_and_flips(4)),
-    "oblong_key": KnownPart(partial(_prism, outline=rectangle(0.006, 0.02), height=0.005), turns_and_flips(2)),
-    "gear_10": KnownPart(partial(_small_gear, teeth=10), turns(10)),
-    "gear_16_keyed": KnownPart(partial(_small_gear, teeth=16, keyed=True), NONE, turns(16)),
-    "two_pin_plug": KnownPart(partial(_plug, pins=_TWO_PINS), turns(2)),
-    "three_pin_plug": KnownPart(partial(_plug, pins=_THREE_PINS), NONE),
-    "slotted_screw": KnownPart(partial(_screw, drive=[_SLOT]), turns(2), ROUND),
-    "cross_screw": KnownPart(partial(_screw, drive=repeated(_CROSS, 4)[:2]), turns(4)),
-    "socket_screw": KnownPart(partial(_screw, drive=[circle(0.004, sides=6)]), turns(6)),
-    "keyed_pin": KnownPart(_keyed_pin, NONE, ROUND),
+SMALL_CAD_PARTS: dict[str, Part] = {
+    "round_peg": _round_peg,
+    "square_peg": partial(_prism, outline=rectangle(0.006, 0.006), height=0.018),
+    "oblong_key": partial(_prism, outline=rectangle(0.006, 0.02), height=0.005),
+    "gear_10": partial(_small_gear, teeth=10),
+    "gear_16_keyed": partial(_small_gear, teeth=16, keyed=True),
+    "two_pin_plug": partial(_plug, pins=_TWO_PINS),
+    "three_pin_plug": partial(_plug, pins=_THREE_PINS),
+    "slotted_screw": partial(_screw, drive=[_SLOT]),
+    "cross_screw": partial(_screw, drive=repeated(_CROSS, 4)[:2]),
+    "socket_screw": partial(_screw, drive=[circle(0.004, sides=6)]),
+    "keyed_pin": _keyed_pin,
 }
-"""Parts by name, each with its known symmetry."""
+"""Parts by name."""

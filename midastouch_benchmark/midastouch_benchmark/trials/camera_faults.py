@@ -141,10 +141,6 @@ def _markers(image: np.ndarray, k: int, rng: np.random.Generator) -> np.ndarray:
     return image * np.where(rows**2 + columns**2 <= _DOT**2, _DARK, 1.0).astype(np.float32)[..., None]
 
 
-def _unchanged(images: list[np.ndarray], rng: np.random.Generator) -> Images:
-    return [*images]
-
-
 JITTER = "stamps off by up to 50 ms"
 FAULTS: dict[str, Fault] = {
     "noise of 8 grey levels": _each(_noise),
@@ -155,7 +151,7 @@ FAULTS: dict[str, Fault] = {
     "a tenth of the frames is torn": _torn,
     "the image rolls by 80 px": _rolled,
     "the camera hangs for 2 s": _frozen,
-    JITTER: _unchanged,
+    JITTER: lambda images, rng: [*images],
     "a third of the frames is lost, and 1 s": _dropped,
     "every image comes three times": _duplicated,
     "dirt falls on the gel": _covered(_dirt),
@@ -193,7 +189,7 @@ class CameraFaultCache(RealSensorCache):
         images, background, networks = self._seen(mesh, sequence, number // len(FAULTS))
         rng = np.random.default_rng(number)
         background, *seen = FAULTS[_fault(number)]([_full_size(each, rng) for each in (background, *images)], rng)
-        return Touches.of_images(_guarded(seen, background), background, networks, {})
+        return Touches.of_images(_guarded(seen, background), background, networks)
 
 
 def _fault(number: int) -> str:

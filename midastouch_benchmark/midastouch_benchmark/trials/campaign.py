@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import socket
 from functools import cache
 from itertools import product
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import paper_filter
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 from ..baselines import registration
 from ..evidence import fingerprint
@@ -25,8 +28,8 @@ from .disturbances import Disturbed, UndisturbedSlide
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, run_trial
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
-from .variants import VARIANTS, AnyConfig
+from .trial_log import TrialLog, key_of, make_books, run_open, source_digest
+from .variants import VARIANTS
 from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
@@ -48,6 +51,7 @@ class Plan:
     seeds: tuple[int, ...] = tuple(range(10))
     stride: int = 1
     protocol: str = PLAIN
+    UNIT: ClassVar[str] = "trial"
 
     def describe(self) -> dict:
         """Return the settings for the JSON; `midastouch report` shows them."""
@@ -59,7 +63,7 @@ class Plan:
             "stride": self.stride,
             "protocol": self.protocol,
             "slide_length_m": self.cache.slides.followed,
-            **PROTOCOLS[self.protocol].describe(),
+            "foreign": PROTOCOLS[self.protocol].foreign,
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
@@ -71,12 +75,11 @@ class Plan:
         variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
-            "settings": _unlike_defaults(variant.config(self.config, 0)),
+            "settings": {} if variant.method else _unlike_defaults(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
             "slides": self.cache.slides.name,
             "foreign": foreign.sha256 if foreign else None,
-            **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
             "networks": self.cache.describe(),
             "fingerprint": fingerprint.of_estimates(),
@@ -85,7 +88,7 @@ class Plan:
         }
         return key_of(labels | depends_on | variant.inputs)
 
-    def run(self, meshes: list[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+    def run(self, meshes: list[ObjectMesh], workers: Workers, deadline: float = math.inf) -> tuple[list[dict], int]:
         """Run the trials that the log does not hold yet, as `run_open`; slides and codebooks that they need are made
         first.
 
@@ -95,9 +98,9 @@ class Plan:
         foreign = _foreign(PROTOCOLS[self.protocol], meshes)
         sizes = tuple(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))  # None: the cache's own
         objects = {mesh.path for mesh in meshes}
-        make_books(self.cache, sorted(objects), workforce.workers, sizes)
+        make_books(self.cache, sorted(objects), workers, sizes)
         touched = product(sorted(objects | {mesh.path for mesh in foreign if mesh}), self.slides)
-        for _ in workforce.workers.map(_make_touches, [(self.cache, *one) for one in touched], workforce.deadline):
+        for _ in workers.map(_make_touches, [(self.cache, *one) for one in touched], deadline):
             pass
         units, code = [], _filter_code()
         digests = {(mesh.path, size): self.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
@@ -108,7 +111,7 @@ class Plan:
                 labels |= {"init": init, "variant": variant, "protocol": self.protocol}
                 trials[self.key(mesh, other, digest, labels)] = labels
             units.append(((self, mesh.path, other and other.path, variant, code), trials))
-        return run_open(_run_unit, units, TrialLog(self.cache.folder / "trials.jsonl"), workforce)
+        return run_open(_run_unit, units, TrialLog(self.cache.folder / "trials.jsonl"), workers, deadline)
 
 
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
@@ -165,7 +168,7 @@ def _filter_code() -> str:
     return source_digest(*packages, *_METHODS)
 
 
-def _unlike_defaults(config: AnyConfig) -> dict:
+def _unlike_defaults(config: FilterConfig) -> dict:
     """Return the settings that differ from the defaults, by name; the defaults are part of the fingerprint."""
-    usual = type(config)()
-    return {name: value for name, value in dataclasses.asdict(config).items() if value != getattr(usual, name)}
+    usual = dataclasses.asdict(FilterConfig())
+    return {name: value for name, value in dataclasses.asdict(config).items() if value != usual[name]}

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +40,8 @@ from midastouch_tools.datasets.slide_simulation import NOISE_R, NOISE_T
 from ..evidence import fingerprint
 from .cache import Cache
 from .identification import books_of, catalogue_of, right_answer
-from .setup import Networks
 from .trial import FRAME_TIME
-from .trial_log import Campaign, Workforce, source_digest
+from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
 
 POLICIES = {
@@ -68,10 +66,10 @@ class ExplorationPlan(Campaign):
 
     cache: Cache
     config: FilterConfig
-    policies: tuple[str, ...] = _BY_DEFAULT
-    trials: int = 10
-    length: float = 1.0
-    catalogue: tuple[Path, ...] = ()
+    policies: tuple[str, ...]
+    trials: int
+    length: float
+    catalogue: tuple[Path, ...]
     LOG_NAME = "exploration.jsonl"
 
     def describe(self) -> dict:
@@ -98,25 +96,9 @@ class ExplorationPlan(Campaign):
         needed = not _OF_A_CATALOGUE.isdisjoint(self.policies)
         return out | {"catalogue": books_of(self.cache, self.catalogue)} if needed else out
 
-    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
-        """Run the trials that the log does not hold yet over these objects, which are the catalogue."""
-        plan = dataclasses.replace(self, catalogue=tuple(mesh.path for mesh in meshes))
-        return super(ExplorationPlan, plan).run(meshes, workforce)
-
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Explore with one policy from one place."""
-        policy, seed = labels["policy"], labels["seed"]
-        localiser, meshes, truth = Localiser(None, wait=False), {mesh.name: mesh}, mesh.name
-        if policy in _OF_A_CATALOGUE:
-            catalogue = catalogue_of(self.cache, self.catalogue, self.config)
-            if policy == "arm_stranger":
-                catalogue = catalogue.without(catalogue.duplicates.get(mesh.name, mesh.name))
-            localiser, truth = CatalogueLocaliser(catalogue, self.config, seed), right_answer(catalogue, mesh.name)
-            meshes = {entry.name: entry.mesh for entry in catalogue.entries}
-        else:
-            localiser.set_object(object_of(mesh, self.cache.codebook(mesh), self.config, seed))
-        yardstick, networks = Yardstick.of(mesh, self.cache.symmetry(mesh).exact), self.cache.networks
-        return _Trial(mesh, networks, (localiser, meshes), truth, policy, seed, yardstick, self.length).run()
+        return _Trial(self, mesh, labels["policy"], labels["seed"]).run()
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
@@ -130,24 +112,25 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
 
 
 class _Trial:
-    """Exploration of one object by one finger, until its pose is known. believes: localiser, and the meshes of its
-    objects by name; truth: the right answer to which object it is."""
+    """Exploration of one object by one finger, until its pose is known."""
 
-    def __init__(
-        self,
-        mesh: ObjectMesh,
-        networks: Networks,
-        believes: tuple[Localiser, dict[str, ObjectMesh]],
-        truth: str,
-        policy: str,
-        seed: int,
-        yardstick: Yardstick,
-        length: float,
-    ):
+    def __init__(self, plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int):
+        cache, networks = plan.cache, plan.cache.networks
+        self._localiser: Localiser = Localiser(None, wait=False)
+        self._meshes, self._truth = {mesh.name: mesh}, mesh.name  # of the possible objects; which it is
+        if policy in _OF_A_CATALOGUE:
+            catalogue = catalogue_of(cache, plan.catalogue, plan.config)
+            if policy == "arm_stranger":
+                catalogue = catalogue.without(catalogue.duplicates.get(mesh.name, mesh.name))
+            self._localiser = CatalogueLocaliser(catalogue, plan.config, seed)
+            self._meshes = {entry.name: entry.mesh for entry in catalogue.entries}
+            self._truth = right_answer(catalogue, mesh.name)
+        else:
+            self._localiser.set_object(object_of(mesh, cache.codebook(mesh), plan.config, seed))
         self._rng = np.random.default_rng(seed)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
-        self._pipeline, (self._localiser, self._meshes), self._truth = networks.pipeline(), believes, truth
+        self._pipeline, self._yardstick = networks.pipeline(), Yardstick.of(mesh, cache.symmetry(mesh).exact)
         self._arm = None
         if policy.startswith("arm"):
             from .arm_world import ArmWorld  # it needs ROS for its settings, and other fingers do not
@@ -155,8 +138,8 @@ class _Trial:
             self._arm = ArmWorld(mesh, networks.sensor, self._perceive, self._rng)
         self._world = self._arm or World(mesh, networks.sensor, self._rng, STEP)
         reach = self._arm.reach if self._arm else EVERYWHERE
-        self._exploration = Exploration(np.random.default_rng([seed, 1]), length, reach, size=mesh.diagonal)
-        self._policy, self._yardstick, self._length = policy, yardstick, length
+        self._exploration = Exploration(np.random.default_rng([seed, 1]), plan.length, reach, size=mesh.diagonal)
+        self._policy, self._length = policy, plan.length
         self._stamp, self._path = 0, 0.0
         self._before: np.ndarray | None = None
         self._converged_at: float | None = None

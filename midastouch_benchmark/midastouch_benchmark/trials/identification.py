@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from midastouch_filter.identification.identity import UNKNOWN
 from ..evidence import fingerprint
 from .cache import Cache
 from .trial import TrialFrame, with_odometry
-from .trial_log import Campaign, Workforce, source_digest
+from .trial_log import Campaign, source_digest
 from .yardstick import Yardstick
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
@@ -35,8 +35,9 @@ class IdentityPlan(Campaign):
     cache: Cache
     config: FilterConfig
     slides: tuple[int, ...]
-    catalogue: tuple[Path, ...] = ()
+    catalogue: tuple[Path, ...]
     LOG_NAME = "identifications.jsonl"
+    UNIT = "slide"
 
     def describe(self) -> dict:
         """Return the settings for the JSON."""
@@ -75,12 +76,6 @@ class IdentityPlan(Campaign):
         alone = ParticleFilter(entry.mesh, self.cache.codebook(entry.mesh), self.config, slide)
         trials[0] |= _alone(alone, frames, entry)
         return {"trials": trials}
-
-    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
-        """Run the slides that the log does not hold yet over these objects, which are the catalogue."""
-        plan = dataclasses.replace(self, catalogue=tuple(mesh.path for mesh in meshes))
-        done, missing = super(IdentityPlan, plan).run(meshes, workforce)
-        return [trial for both in done for trial in both["trials"]], missing
 
 
 @cache

@@ -26,10 +26,11 @@ from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.rehearsal import PERIOD, PeriodState, Rehearsal
 from midastouch_simulation.simulated_digit import SimulatedDigit
 from midastouch_simulation.slide import somewhere
+from midastouch_tools.jobs import Workers
 
 from . import arm_rig
 from .arm_rig import AT, DEPTH, ArmRig, turn
-from .trial_log import Campaign, TrialLog, Workforce, source_digest
+from .trial_log import Campaign, source_digest
 
 _REACH, _CONE = np.radians((75.0, 90.0))  # tilt of the surfaces it is sent to, and the guard's limit
 _HEIGHTS, _TILT = (3e-3, 15e-3), np.radians(5.0)  # where an approach begins
@@ -120,12 +121,7 @@ class MotionPlan(Campaign):
             "code": source_digest(here, Path(__file__), Path(arm_rig.__file__)),
         }
 
-    @property
-    def log(self) -> TrialLog:
-        """Finished trials, as they are on disk now."""
-        return TrialLog(self.folder / self.LOG_NAME)
-
-    def prepare(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> None:
+    def prepare(self, meshes: Sequence[ObjectMesh], workers: Workers) -> None:
         """Do nothing: there is no filter, so no codebook is needed."""
 
     def rounds(self) -> list[list[dict]]:

@@ -60,6 +60,7 @@ class ObservedPlan(Campaign):
     slides: tuple[int, ...] = (0, 1, 2, 3, 4)
     protocol: str = "uniform"
     LOG_NAME = "observed.jsonl"
+    UNIT = "slide"
 
     def observer(self, evidence: str) -> FilterConfig:
         """Return settings of the filter without a budget, which compares poses with one of `EVIDENCE`."""
@@ -131,7 +132,8 @@ def chosen_observed(protocol: str) -> str:
 def answers(particle_filter: ParticleFilter, scene: Disturbed, yardstick: Yardstick) -> list[Answer]:
     """Return the answers of a started filter at the frames in contact."""
     given: list[Answer] = []
-    paths = path_along(scene.frames)
+    steps = np.diff([frame.truth[:3, 3] for frame in scene.frames], axis=0)
+    paths = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
 
     def watch(frame: TrialFrame, estimate: Estimate, _: object) -> None:
         right = bool(yardstick.right(estimate.pose[None], frame.truth)[0])
@@ -174,9 +176,3 @@ def _known_from(answers: Sequence[Answer]) -> Answer | None:
             break
         found = answer
     return found
-
-
-def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
-    """Return the true path (N,) [m] of the gel up to each frame."""
-    positions = np.array([frame.truth[:3, 3] for frame in frames])
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))

@@ -52,10 +52,6 @@ class Protocol:
     record: Callable[[Yardstick], GraspRecord] | None = None
     real_gel: bool = False
 
-    def describe(self) -> dict:
-        """Return the fields that results depend on, for keys and JSON, without slides and starts, which options set."""
-        return {"foreign": self.foreign}
-
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
     """Return a protocol whose event happens at a certain frame to a filter that has converged."""

@@ -54,15 +54,10 @@ class RealSensorCache(Cache):
         return [MeasuredOptics.load(name) for name in measured_sensors()]
 
     @cached_property
-    def _calibrations(self) -> dict[int, SensorCalibration]:
-        return {}
-
-    def calibration(self, which: int) -> SensorCalibration:
-        """Return the calibration of one of the measured sensors, made on first use."""
-        if which not in self._calibrations:
-            rng = np.random.default_rng(which)
-            self._calibrations[which] = calibrate_measured(self.optics[which], self.networks.sensor, rng)
-        return self._calibrations[which]
+    def calibrations(self) -> list[SensorCalibration]:
+        """The calibrations of the measured sensors, made on first use."""
+        sensor = self.networks.sensor
+        return [calibrate_measured(optics, sensor, np.random.default_rng(k)) for k, optics in enumerate(self.optics)]
 
     def describe(self) -> dict[str, str]:
         optics = " ".join(f"{optics.name}-{optics.content_id}" for optics in self.optics)
@@ -73,13 +68,13 @@ class RealSensorCache(Cache):
         return "touches_calibrated" if self.calibrated else "touches_uncalibrated"
 
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
-        return Touches.of_images(*self._seen(mesh, sequence, number), {})
+        return Touches.of_images(*self._seen(mesh, sequence, number))
 
     def _seen(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> tuple[list[np.ndarray], np.ndarray, Networks]:
         """Return the images of a slide, the no-contact image, all (H, W, 3) uint8 RGB, and the networks for them."""
         which, sensor = number % len(self.optics), self.networks.sensor
         camera = MeasuredSensor(self.optics[which], sensor, np.random.default_rng(number))
-        calibration = self.calibration(which) if self.calibrated else None
+        calibration = self.calibrations[which] if self.calibrated else None
         networks = dataclasses.replace(self.networks, tdn=load_tdn(self.tdn, sensor, calibration=calibration))
         renderer = PenetrationRenderer(mesh, sensor.for_maps)
         images: list[np.ndarray] = []

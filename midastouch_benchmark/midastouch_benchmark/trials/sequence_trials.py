@@ -18,7 +18,7 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 from midastouch_tools.datasets import Sequence
 
-from .setup import Networks, Untouched, untouched_of
+from .setup import Networks, Untouched
 from .trial import AnyFilter, TrialFrame, run_trial
 from .yardstick import Yardstick
 
@@ -55,17 +55,16 @@ def run_sequence(
     networks: Networks,
     config: FilterConfig,
     plan: TrialPlan,
+    untouched: Untouched,
     progress: Callable[[int], object] = lambda frames: None,
-    untouched: Untouched | None = None,
 ) -> tuple[dict, list[dict]]:
     """Run all trials of one sequence; return its entry under `sequences` of the JSON, and its `trials`.
 
-    untouched: its no-contact image; None: as `untouched_of`. progress: called with the number of frames done since the
-    last call. The seed of a trial is its number: 0, 1, ... Networks run again in every trial, so that its times hold.
+    untouched: its no-contact image. progress: called with the number of frames done since the last call. The seed of a
+    trial is its number: 0, 1, ... Networks run again in every trial, so that its times hold.
     """
     indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
-    untouched = untouched or untouched_of(sequence)
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
     yardstick = Yardstick.of(mesh, symmetry_of(mesh, codebook).exact)
     trials = []

@@ -90,122 +90,110 @@ def run_trial(
     `observe` is called with every frame, its estimate and the filter, outside the timing. `event`: on the way, after
     which the pose is judged again.
     """
-    record = _Record(yardstick or Yardstick(), series, event)
+    yardstick, initial = yardstick or Yardstick(), {}
+    judged, rows = [], []
+    stages: Counter[str] = Counter()
     for frame, odometry in with_odometry(frames):
-        if odometry is None:
-            record.start(frame.truth, particle_filter)
+        if odometry is None:  # the errors of the start itself
+            poses = yardstick.counted(particle_filter.poses, frame.truth)
+            initial = _error("e", particle_rmse(poses, frame.truth, particle_filter.weights))
         fingers = {"others": frame.others} if frame.others else {}  # other methods know one finger only
         start, cpu_start = time.perf_counter(), time.process_time()
         estimate = particle_filter.step(odometry, frame.measurement, elapsed=frame.seconds, **fingers)
         ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
-        record.add(frame, estimate, particle_filter, ms, cpu_ms)
+        judged.append(_judged(frame, estimate, yardstick) | {"ms": frame.ms | {"filter": ms}, "cpu_ms": cpu_ms})
+        stages.update(estimate.status.ms)
+        if series:
+            rows.append(_row(frame, estimate, particle_filter, yardstick, judged[-1]))
         if observe is not None:
             observe(frame, estimate, particle_filter)
-    return record.result(particle_filter)
+    last = rows[-1] if series else _row(frame, estimate, particle_filter, yardstick, judged[-1])
+    out = _summary(pd.DataFrame(judged), event) | yardstick.describe()
+    out |= {"initial": initial, "final": {key: last[key] for key in FINAL_KEYS}}
+    out |= {"filter_stages_ms": {name: each / len(judged) for name, each in stages.items()}}
+    return out | ({"per_frame": {key: [row[key] for row in rows] for key in last}} if series else {})
 
 
-class _Record:
-    def __init__(self, yardstick: Yardstick, series: bool, event: Event | None) -> None:
-        self._yardstick, self._series, self._event = yardstick, series, event
-        self._frames: list[dict] = []
-        self._rows: list[dict] = []
-        self._initial: dict[str, float] = {}
-        self._filter_ms: Counter[str] = Counter()
+def _judged(frame: TrialFrame, estimate: Estimate, yardstick: Yardstick) -> dict:
+    """Return all that a trial counts of one frame, without its times."""
+    touch, status = frame.measurement, estimate.status
+    known, right, error = bool(np.isfinite(frame.truth).all()), False, None
+    if estimate.pose is not None and known:
+        right = bool(yardstick.right(estimate.pose[None], frame.truth)[0])
+        if touch.in_contact:
+            # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
+            error = nees(estimate, yardstick.counted(frame.truth[None], estimate.pose)[0])
+    return {
+        "index": frame.index, "state": status.state, "foreign": status.foreign, "known": known, "right": right,
+        "among_modes": bool(yardstick.right(_mode_poses(estimate), frame.truth).any()),
+        "in_contact": touch.in_contact, "area": touch.contact_area if touch.in_contact else np.nan,
+        "judged": error is not None, "nees": error, "n_modes": status.n_modes, "mode_mass": status.mode_mass,
+    }  # fmt: skip
 
-    def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
-        """Record the errors of the start itself, before the first step; truth: (4, 4) `T_obj_gel`."""
-        poses = self._yardstick.counted(particle_filter.poses, truth)
-        self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
 
-    def add(
-        self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float, filter_cpu_ms: float
-    ) -> None:
-        touch, status = frame.measurement, estimate.status
-        known, right, error = bool(np.isfinite(frame.truth).all()), False, None
-        if estimate.pose is not None and known:
-            right = bool(self._yardstick.right(estimate.pose[None], frame.truth)[0])
-            if touch.in_contact:
-                # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
-                error = nees(estimate, self._yardstick.counted(frame.truth[None], estimate.pose)[0])
-        self._filter_ms.update(status.ms)
-        self._frames.append({
-            "index": frame.index, "state": status.state, "foreign": status.foreign, "known": known, "right": right,
-            "among_modes": bool(self._yardstick.right(_mode_poses(estimate), frame.truth).any()),
-            "in_contact": touch.in_contact, "area": touch.contact_area if touch.in_contact else np.nan,
-            "ms": frame.ms | {"filter": filter_ms}, "cpu_ms": filter_cpu_ms,
-            "judged": error is not None, "nees": error, "n_modes": status.n_modes, "mode_mass": status.mode_mass,
-        })  # fmt: skip
-        self._last = frame, estimate
-        if self._series:
-            self._rows.append(self._row(frame, estimate, particle_filter))
+def _row(frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, yardstick: Yardstick, judged: dict) -> dict:
+    """Return all that `per_frame` has of one frame; judged: what the trial counts of it, with its times."""
+    status, truth, counted = estimate.status, frame.truth, yardstick.counted
+    poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
+    modes = counted(_mode_poses(estimate), truth)
+    pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
+    ms = [judged["ms"].get(stage, 0.0) for stage in STAGES]
+    return {
+        "frame": frame.index,
+        **_error("e", particle_rmse(poses, truth, weights)),
+        **_error("e_unweighted", particle_rmse(poses, truth)),
+        **_error("min_cluster", min_cluster_error(modes, truth)),
+        **_error("closest_mode", closest_mode_error(modes, truth)),
+        **_error("estimate", pose_errors(pose, truth)),
+        **{name: getattr(status, name) for name in ("n_particles", "n_modes", "mode_mass", "ess")},
+        **{name: judged[name] for name in ("state", "foreign", "right", "among_modes", "in_contact")},
+        **{f"ms_{stage}": each for stage, each in zip(STAGES, ms, strict=True)},
+        "ms": sum(ms),
+        "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),
+    }
 
-    def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
-        """Return all that `per_frame` has of one frame."""
-        status, truth, counted, now = estimate.status, frame.truth, self._yardstick.counted, self._frames[-1]
-        poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
-        modes = counted(_mode_poses(estimate), truth)
-        pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
-        ms = [now["ms"].get(stage, 0.0) for stage in STAGES]
-        return {
-            "frame": frame.index,
-            **_error("e", particle_rmse(poses, truth, weights)),
-            **_error("e_unweighted", particle_rmse(poses, truth)),
-            **_error("min_cluster", min_cluster_error(modes, truth)),
-            **_error("closest_mode", closest_mode_error(modes, truth)),
-            **_error("estimate", pose_errors(pose, truth)),
-            **{name: getattr(status, name) for name in ("n_particles", "n_modes", "mode_mass", "ess")},
-            **{name: now[name] for name in ("state", "foreign", "right", "among_modes", "in_contact")},
-            **{f"ms_{stage}": each for stage, each in zip(STAGES, ms, strict=True)},
-            "ms": sum(ms),
-            "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),
-        }
 
-    def result(self, particle_filter: AnyFilter) -> dict:
-        last = self._rows[-1] if self._series else self._row(*self._last, particle_filter)
-        frames = pd.DataFrame(self._frames)
-        judged = frames[frames["judged"]]
-        ms = {stage: [each.get(stage, 0.0) for each in frames["ms"]] for stage in STAGES}
-        seconds = 1e-3 * np.sum(list(ms.values()), axis=0)
-        in_contact, converged = (np.array(each) for each in (frames["in_contact"], frames["state"] == CONVERGED))
-        ambiguous = (frames["state"] == AMBIGUOUS) & frames["known"]
-        kept = converged & np.array(frames["right"])
-        out = {
-            "frames": len(seconds),
-            "wall_s": float(seconds.sum()),
-            "hz_mean": float(len(seconds) / seconds.sum()),
-            # the 5th percentile of the rate is the 95th of the time per frame
-            "hz_p05": float(1 / np.percentile(seconds, 95)),
-            "ms": {stage: float(np.mean(each)) for stage, each in ms.items()},
-            "filter_cpu_ms": float(np.mean(frames["cpu_ms"])),
-            "filter_stages_ms": {name: each / len(seconds) for name, each in self._filter_ms.items()},
-            "initial": self._initial,
-            "final": {key: last[key] for key in FINAL_KEYS},
-            "converged_at_frame": next((f["index"] for f in self._frames if f["state"] == CONVERGED), None),
-            "right_from_frame": _from_then_on(kept | ~in_contact),
-            **self._around_event(kept),
-            "frames_in_contact": int(in_contact.sum()),
-            "contact_area_mm2": 1e6 * float(np.mean(frames["area"][in_contact])) if in_contact.any() else None,
-            "frames_converged": int(converged.sum()),
-            "frames_converged_right": int(kept.sum()),
-            "frames_foreign": int(frames["foreign"].sum()),
-            "frames_ambiguous": int(ambiguous.sum()),
-            "frames_ambiguous_among": int((ambiguous & frames["among_modes"]).sum()),
-            **self._yardstick.describe(),
-            "coverage": level_counts(judged),
-            "reliability": weight_counts(judged),
-        }
-        return out | ({"per_frame": {key: [row[key] for row in self._rows] for key in last}} if self._series else {})
+def _summary(frames: pd.DataFrame, event: Event | None) -> dict:
+    """Return the times of a trial, and how often it was right; frames: as of `_judged`, with their times."""
+    judged = frames[frames["judged"]]
+    ms = {stage: [each.get(stage, 0.0) for each in frames["ms"]] for stage in STAGES}
+    seconds = 1e-3 * np.sum(list(ms.values()), axis=0)
+    in_contact, converged = (np.array(each) for each in (frames["in_contact"], frames["state"] == CONVERGED))
+    ambiguous = (frames["state"] == AMBIGUOUS) & frames["known"]
+    kept = converged & np.array(frames["right"])
+    return {
+        "frames": len(seconds),
+        "wall_s": float(seconds.sum()),
+        "hz_mean": float(len(seconds) / seconds.sum()),
+        # the 5th percentile of the rate is the 95th of the time per frame
+        "hz_p05": float(1 / np.percentile(seconds, 95)),
+        "ms": {stage: float(np.mean(each)) for stage, each in ms.items()},
+        "filter_cpu_ms": float(np.mean(frames["cpu_ms"])),
+        "converged_at_frame": int(frames["index"][converged].iloc[0]) if converged.any() else None,
+        "right_from_frame": _from_then_on(kept | ~in_contact),
+        **_around_event(kept, event),
+        "frames_in_contact": int(in_contact.sum()),
+        "contact_area_mm2": 1e6 * float(np.mean(frames["area"][in_contact])) if in_contact.any() else None,
+        "frames_converged": int(converged.sum()),
+        "frames_converged_right": int(kept.sum()),
+        "frames_foreign": int(frames["foreign"].sum()),
+        "frames_ambiguous": int(ambiguous.sum()),
+        "frames_ambiguous_among": int((ambiguous & frames["among_modes"]).sum()),
+        "coverage": level_counts(judged),
+        "reliability": weight_counts(judged),
+    }
 
-    def _around_event(self, right: np.ndarray) -> dict:
-        """Return when an event ends, and whether the frame before it and one some frames later are right; right: (N,).
 
-        All are None without an event, the last also if the slide is shorter.
-        """
-        if self._event is None:
-            return dict.fromkeys(("event_at", "right_before_event", "right_after_event"))
-        start, end, after = self._event.start, self._event.end, self._event.end + AFTER_EVENT
-        later = bool(right[after]) if after < len(right) else None
-        return {"event_at": end, "right_before_event": bool(right[start - 1]), "right_after_event": later}
+def _around_event(right: np.ndarray, event: Event | None) -> dict:
+    """Return when an event ends, and whether the frame before it and one some frames later are right; right: (N,).
+
+    All are None without an event, the last also if the slide is shorter.
+    """
+    if event is None:
+        return dict.fromkeys(("event_at", "right_before_event", "right_after_event"))
+    after = event.end + AFTER_EVENT
+    later = bool(right[after]) if after < len(right) else None
+    return {"event_at": event.end, "right_before_event": bool(right[event.start - 1]), "right_after_event": later}
 
 
 def _from_then_on(holds: np.ndarray) -> int | None:

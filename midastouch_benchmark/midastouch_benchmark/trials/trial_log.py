@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from midastouch_common.mesh import ObjectMesh
 from midastouch_tools.jobs import Workers
+from midastouch_tools.progress import progress_bar
 from midastouch_tools.result_file import to_json
 
 from .cache import Cache
 
 
 class TrialLog:
-    """Log of trials by key, to which trials are only appended. A line cut off by a crash is skipped."""
+    """Log of trials by key, a line each, to which trials are only appended. A line cut off by a crash is skipped."""
 
     def __init__(self, path: str | os.PathLike):
         self._path = Path(path)
@@ -43,15 +42,9 @@ class TrialLog:
         trial = to_json(trial)
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a") as stream:
-            # on its own line even after one that was cut off
-            lead = "" if stream.tell() == 0 or self._ends_with_newline() else "\n"
-            stream.write(lead + json.dumps({"key": key, "trial": trial}, allow_nan=False) + "\n")
+            # on a line of its own, even after one that was cut off
+            stream.write("\n" + json.dumps({"key": key, "trial": trial}, allow_nan=False))
         self._trials[key] = trial
-
-    def _ends_with_newline(self) -> bool:
-        with self._path.open("rb") as stream:
-            stream.seek(-1, os.SEEK_END)
-            return stream.read(1) == b"\n"
 
 
 def key_of(content: dict) -> str:
@@ -67,19 +60,6 @@ def source_digest(*places: Path) -> str:
     for path in sorted([*inside, *(place for place in places if place.is_file())]):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]
-
-
-@dataclass(frozen=True)
-class Workforce:
-    """Workers that run trials, and their deadline.
-
-    Attributes: workers; deadline: in seconds of `time.monotonic`, after which nothing new is started; start_progress:
-    called with the number of trials to run; the function that it returns is called with the number done since.
-    """
-
-    workers: Workers = field(default_factory=Workers)
-    deadline: float = np.inf
-    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None
 
 
 def make_books(cache: Cache, meshes: Iterable[Path], workers: Workers, sizes: tuple[int | None, ...] = (None,)) -> None:
@@ -98,23 +78,26 @@ def run_open(
     run: Callable[..., Mapping[str, dict]],
     units: Iterable[tuple[tuple, Mapping[str, Any]]],
     log: TrialLog,
-    workforce: Workforce,
+    workers: Workers,
+    deadline: float = math.inf,
+    name: str = "trial",
 ) -> tuple[list[dict], int]:
     """Run the trials that the log lacks; return all finished trials, in order, and the number of unfinished ones.
 
     units: work of one worker at a time: arguments, and a request for each trial by its key. run(*arguments, open
-    requests by key) returns the trials by key.
+    requests by key) returns the trials by key. deadline: in seconds of `time.monotonic`, after which nothing new is
+    started; name: of one trial, for the progress bar.
     """
     units = list(units)
     open_ = []
     for arguments, asked in units:
         lacking = {key: what for key, what in asked.items() if log.get(key) is None}
         open_ += [(*arguments, lacking)] if lacking else []
-    progress = workforce.start_progress(sum(len(lacking) for *_, lacking in open_))
-    for trials in workforce.workers.map(run, open_, workforce.deadline):
-        for key, trial in trials.items():
-            log.add(key, trial)
-            progress(1)
+    with progress_bar(total=sum(len(lacking) for *_, lacking in open_), unit=name) as bar:
+        for trials in workers.map(run, open_, deadline):
+            for key, trial in trials.items():
+                log.add(key, trial)
+                bar.update(1)
     keys = [key for _, asked in units for key in asked]
     done = [trial for key in keys if (trial := log.get(key)) is not None]
     return done, len(keys) - len(done)
@@ -123,20 +106,21 @@ def run_open(
 class Campaign(ABC):
     """Trials over objects, each of which depends on the object and on its own labels. A plan: its fields are settings.
 
-    Attributes: cache: of what the trials need; LOG_NAME: file in its folder that keeps finished trials.
+    Attributes: cache: of what the trials need; LOG_NAME: file that keeps finished trials; UNIT: name of one trial.
     """
 
     cache: Cache
     LOG_NAME: ClassVar[str]
+    UNIT: ClassVar[str] = "trial"
 
     @property
-    def log(self) -> TrialLog:
-        """Finished trials, as they are on disk now."""
-        return TrialLog(self.cache.folder / self.LOG_NAME)
+    def folder(self) -> Path:
+        """Folder of the finished trials."""
+        return self.cache.folder
 
-    def prepare(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> None:
+    def prepare(self, meshes: Sequence[ObjectMesh], workers: Workers) -> None:
         """Make all that the keys of trials depend on: the codebooks."""
-        make_books(self.cache, [mesh.path for mesh in meshes], workforce.workers)
+        make_books(self.cache, [mesh.path for mesh in meshes], workers)
 
     @abstractmethod
     def describe(self) -> dict:
@@ -154,16 +138,17 @@ class Campaign(ABC):
     def trial(self, mesh: ObjectMesh, labels: dict) -> dict:
         """Run one trial, in any process, and return its result."""
 
-    def run(self, meshes: Sequence[ObjectMesh], workforce: Workforce) -> tuple[list[dict], int]:
+    def run(self, meshes: Sequence[ObjectMesh], workers: Workers, deadline: float = math.inf) -> tuple[list[dict], int]:
         """Run the trials that the log does not hold yet, as `run_open`."""
-        self.prepare(meshes, workforce)
+        self.prepare(meshes, workers)
         units = []
         for labels_of_round in self.rounds():
             for mesh in meshes:
                 shared = self.depends_on(mesh) | {"mesh": mesh.sha256}
                 for labels in ({"object": mesh.name} | each for each in labels_of_round):
                     units.append(((self, mesh.path), {key_of(labels | shared): labels}))
-        return run_open(_run_trials, units, self.log, workforce)
+        log = TrialLog(self.folder / self.LOG_NAME)
+        return run_open(_run_trials, units, log, workers, deadline, self.UNIT)
 
 
 def _run_trials(plan: Campaign, path: Path, trials: dict[str, dict]) -> dict[str, dict]:

@@ -14,28 +14,26 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS, preset_in_words
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.paper_filter import PaperConfig, PaperFilter
+from midastouch_filter.paper_filter import PaperFilter
 from midastouch_perception.codebook import Codebook
 from midastouch_tools.view import require_open3d
 
-from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
+from ..baselines.registration import DeadReckoning, Registration
 from .trial import AnyFilter, TrialFrame
 
 DEFAULT, PRESET = "default", "preset"
 PAPER, BASELINE, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
 BUDGET, CONTACTS = "budget", "contacts"
-AnyConfig = FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig
-_CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
     """Differences from the default.
 
-    summary: a line for tables; group: kind of difference; method: if it is not ours; settings: fields of `FilterConfig`
-    or of the method's configuration; open_gates: names of the filter's gates that let everything pass; codebook_size:
-    poses, if not the plan's; codes: whether the filter is given them; contacts: number of fingers of a grasp whose
-    touches are used, if not all.
+    summary: a line for tables; group: kind of difference; method: if it is not ours; settings: fields of
+    `FilterConfig`, which no other method has; open_gates: names of the filter's gates that let everything pass;
+    codebook_size: poses, if not the plan's; codes: whether the filter is given them; contacts: number of fingers of a
+    grasp whose touches are used, if not all.
     """
 
     summary: str
@@ -85,21 +83,21 @@ class Variant:
         """Return, for the JSON, summary, group and all that differs from the default."""
         return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
-    def config(self, base: FilterConfig, threads: int) -> AnyConfig:
-        """Return the settings of the filter: the variant's laid over `base`."""
-        if self.method:
-            return _CONFIGS[self.method](**self.settings)
+    def config(self, base: FilterConfig, threads: int) -> FilterConfig:
+        """Return the settings of our filter: the variant's laid over `base`."""
         return dataclasses.replace(base, **({"threads": threads} | self.settings))
 
     def filter(self, mesh: ObjectMesh, codebook: Codebook, base: FilterConfig, threads: int) -> AnyFilter:
         """Return a filter of this variant, its stages timed."""
-        config = self.config(base, threads)
-        if self.method == "paper":
-            return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)  # type: ignore[arg-type] # its own
-        if self.method:
-            method = {"odometry": DeadReckoning, "registration": Registration}[self.method]
-            return method(mesh, codebook, config, clock=time.perf_counter)
-        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)  # type: ignore[arg-type] # its own
+        clock = time.perf_counter
+        match self.method:
+            case "paper":
+                return PaperFilter(mesh, codebook, clock=clock, threads=threads)
+            case "odometry":
+                return DeadReckoning(mesh, codebook, clock)
+            case "registration":
+                return Registration(mesh, codebook, clock)
+        return ParticleFilter(mesh, codebook, self.config(base, threads), clock=clock, open_gates=self.open_gates)
 
 
 def _alike(codes: np.ndarray) -> np.ndarray:

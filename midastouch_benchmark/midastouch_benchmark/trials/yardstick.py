@@ -18,11 +18,10 @@ sooner than a drill, and it does not find the handle of a mug that is turned."""
 @dataclasses.dataclass(frozen=True)
 class Yardstick:
     """Limits of a right pose. symmetry: motions that no touch can detect; of the poses equivalent under it, the one
-    nearest to the truth counts, as in BOP's MSSD (Hodan et al. 2020). distance [m], angle [rad]: largest errors."""
+    nearest to the truth counts, as in BOP's MSSD (Hodan et al. 2020). distance: largest error [m]."""
 
     symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
     distance: float = DISTANCE
-    angle: float = ANGLE
 
     @classmethod
     def of(cls, mesh: ObjectMesh, symmetry: Symmetry) -> Yardstick:
@@ -36,8 +35,8 @@ class Yardstick:
     def right(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Return which (N,) of poses (N, 4, 4) are right; none are if there is no truth (nan)."""
         distance, angle = pose_errors(self.counted(poses, truth), truth)
-        return (distance <= self.distance) & (angle <= self.angle)
+        return (distance <= self.distance) & (angle <= ANGLE)
 
     def describe(self) -> dict[str, float]:
         """Return the limits for the JSON of a trial."""
-        return {"right_m": self.distance, "right_deg": float(np.degrees(self.angle))}
+        return {"right_m": self.distance, "right_deg": float(np.degrees(ANGLE))}

@@ -148,26 +148,24 @@ def parsed(*given: str) -> argparse.Namespace:
 
 
 class Squares:
-    """A campaign of two trials, which keeps its workforce."""
+    """A campaign of two trials, which keeps its deadline."""
+
+    UNIT = "trial"
 
     def describe(self) -> dict:
         return {"power": 2}
 
-    def run(self, meshes, workforce) -> tuple[list[dict], int]:
-        self.deadline = workforce.deadline
-        progress, trials = workforce.start_progress(2), []
-        for square in workforce.workers.map(pow, [(1, 2), (3, 2)], workforce.deadline):
-            trials.append({"square": square})
-            progress(1)
-        return trials, 0
+    def run(self, meshes, workers, deadline) -> tuple[list[dict], int]:
+        self.deadline = deadline
+        return [{"square": square} for square in workers.map(pow, [(1, 2), (3, 2)], deadline)], 0
 
 
 def test_a_campaign_has_workers_and_a_deadline_that_counts_from_its_start():
     plan, before = Squares(), time.monotonic()
-    trials, result = options.run_campaign(parsed("--minutes", "2"), plan, "trial")
+    trials, result = options.run_campaign(parsed("--minutes", "2"), plan, [])
     assert before + 120 <= plan.deadline <= time.monotonic() + 120
     assert trials == [{"square": 1}, {"square": 9}]
     assert result["config"] == {"power": 2, "jobs": 1, "cluster": None}
     assert result["missing_trials"] == 0
-    options.run_campaign(parsed(), plan, "trial")
+    options.run_campaign(parsed(), plan, [])
     assert plan.deadline == math.inf

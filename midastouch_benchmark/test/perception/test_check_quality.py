@@ -6,7 +6,6 @@ from midastouch_benchmark.perception.check_quality import (
     FACTORS,
     FAULTS,
     TOUCHES,
-    CheckQuality,
     ImaginarySensor,
     diameter_checks,
     imaginary_sensors,
@@ -66,14 +65,12 @@ def sensor_at(level: int) -> ImaginarySensor:
 
 @pytest.fixture(scope="module")
 def quality():
-    quality = CheckQuality(SlopeTdn())
-    for level in (100, 130):
-        quality.add(sensor_at(level), sensor_at(level + 40))
-    return quality
+    sensors = [(sensor_at(level), sensor_at(level + 40)) for level in (100, 130)]
+    return check_quality.check_quality(SlopeTdn(), sensors)
 
 
 def test_fit_check_alarms(quality):
-    fit = quality.fit()
+    fit = quality["fit_check"]
     assert set(fit) == {"right", *FAULTS}
     assert fit["right"]["alarms"] == 0
     assert fit["right"]["auc_quietest_tenth"] == 0.5
@@ -84,7 +81,7 @@ def test_fit_check_alarms(quality):
 
 
 def test_contacts_are_counted_by_depth(quality):
-    contact = quality.contact()
+    contact = quality["contact"]
     deep = next(c for c in contact["missed"]["wire"] if c["from_mm"] == pytest.approx(0.2))
     assert (deep["touches"], deep["missed"]) == (2 * TOUCHES, 0)
     faint = contact["missed"]["eyebolt"][0]
@@ -96,7 +93,7 @@ def test_contacts_are_counted_by_depth(quality):
 
 
 def test_captures(quality):
-    capture = quality.capture()
+    capture = quality["capture"]
     assert capture["no contact refused"] == 0
     assert capture["another sensor's no contact refused"] == 0
 

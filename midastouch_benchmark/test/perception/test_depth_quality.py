@@ -69,19 +69,12 @@ class FakeTdn:
         return 1e-5 * (image - background)[..., 0]
 
 
-@pytest.fixture(scope="module")
-def presses():
+def test_what_follows_the_light_is_told_from_what_takes_it_off():
     image = FREE.copy()
     image[100:200, 80:160] = 150
-    return BallPresses({"0.png": image, "1.png": image}, FREE, None)
-
-
-def test_what_follows_the_light_is_told(presses):
+    presses = BallPresses({"0.png": image, "1.png": image}, FREE, None)
     untouched, touched = 10.0, 15.0
     fraction = 100 * 80 / (320 * 240)
     expected = 1e-5 * np.sqrt((1 - fraction) * untouched**2 + fraction * touched**2)
     assert brightness_effect(FakeTdn(gain=False), presses) == pytest.approx(expected)
-
-
-def test_what_takes_off_the_light_is_steady(presses):
     assert brightness_effect(FakeTdn(gain=True), presses) < 1e-9

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -62,12 +64,9 @@ def unseen():
 @pytest.fixture
 def made_of(monkeypatch):
     """Calibrations that are the names of the presses they were made of."""
-
-    class Made:
-        def __init__(self, names):
-            self.calibration = names
-
-    monkeypatch.setattr(press_truth, "calibrate", lambda images, *_, **__: Made(frozenset(images)))
+    monkeypatch.setattr(
+        press_truth, "calibrate", lambda images, *_, **__: SimpleNamespace(calibration=frozenset(images))
+    )
 
 
 def test_no_press_is_judged_with_a_calibration_that_has_seen_it(unseen, made_of):

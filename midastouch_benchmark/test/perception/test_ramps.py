@@ -17,8 +17,8 @@ def contact(depth):
 
 @pytest.mark.slow
 def test_each_shape_is_pressed_and_felt_or_not(monkeypatch):
-    model = ramps.pressed_models()[0]
-    rows = list(ramps.measured_ramps(model, "fast", 1, 0))
+    model = ramps.pressed_sensors("fast")[0]
+    rows = list(ramps.measured_ramps(model, 1, 0))
     assert [row["shape"] for row in rows] == list(ramps.shapes())
     assert all(row["images"] == 46 and row["free_images"] == 10 for row in rows)
     face, _, ball, _ = rows
@@ -28,7 +28,7 @@ def test_each_shape_is_pressed_and_felt_or_not(monkeypatch):
 
     # one that feels only free gel
     monkeypatch.setattr(ramps.DepthStage, "process", lambda *_: contact(0.0))
-    blind = next(ramps.measured_ramps(model, "fast", 2, 0))
+    blind = next(ramps.measured_ramps(model, 2, 0))
     assert blind["missed"] == blind["images"] == 46 + 92
     assert (blind["presses_missed"], blind["false"], blind["presses_falling"]) == (2, 0, 0)
 
@@ -40,6 +40,6 @@ def test_a_reading_that_falls_is_counted_once_for_each_press(monkeypatch):
     up_twice[[10, 20]] = up_twice[[9, 19]] - 0.3e-3
     deep = iter([0.0] * 5 + [*up, *up[::-1]] + [0.0] * 10 + [*up_twice, *up_twice[::-1]] + [0.0] * 5)
     monkeypatch.setattr(ramps.DepthStage, "process", lambda *_: contact(next(deep)))
-    row = next(ramps.measured_ramps(ramps.pressed_models()[1], "fast", 2, 0))
+    row = next(ramps.measured_ramps(ramps.pressed_sensors("fast")[1], 2, 0))
     assert (row["presses_falling"], row["missed"]) == (1, 0)
     assert row["most_fall_mm"] == pytest.approx(0.3)

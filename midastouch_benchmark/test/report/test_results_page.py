@@ -8,40 +8,21 @@ from midastouch_benchmark.report.results_page import write_results_page
 from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_benchmark.tables.reports import report
+from midastouch_benchmark.trials.trial import ERROR_KEYS
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_tools.drawing.page import Page
 
-KEYS = [
-    f"{prefix}_{unit}"
-    for prefix in ("e", "min_cluster", "closest_mode", "estimate")
-    for unit in ("trans_mm", "rot_deg")
-]
-
-
-def trial(seed: int, run) -> dict:
-    errors = {key: [10.0 / (i + seed + 1) for i in range(len(run))] for key in KEYS}
-    return {
-        "sequence": "ball/00",
-        "object": "ball",
-        "seed": seed,
-        "initial": {"e_trans_mm": 20.0, "e_rot_deg": 60.0},
-        "final": {key: column[-1] for key, column in errors.items()}
-        | {"state": "converged", "n_particles": 500, "right": True, "among_modes": True},
-        "hz_mean": 50.0,
-        "hz_p05": 40.0,
-        "ms": {"tdn": 3.0, "tcn": 1.0, "filter": 10.0},
-        "per_frame": {
-            "frame": list(range(len(run))),
-            "estimate": [None] + [se3.to_xyzquat(s.truth).tolist() for s in run[1:]],
-            **errors,
-        },
-    }
-
 
 @pytest.fixture
-def evaluation(run) -> dict:
-    trials = [trial(seed, run) for seed in range(3)]
+def evaluation(run, make_trial) -> dict:
+    trials = []
+    for seed in range(3):
+        errors = {key: [10.0 / (i + seed + 1) for i in range(len(run))] for key in ERROR_KEYS}
+        poses = [None] + [se3.to_xyzquat(s.truth).tolist() for s in run[1:]]
+        frames = {"frame": list(range(len(run))), "estimate": poses, **errors}
+        final = {key: column[-1] for key, column in errors.items()}
+        trials.append(make_trial("", seed, 10.0, final, sequence="ball/00", object="ball", per_frame=frames))
     return {
         "config": {"init": "paper", "beta": 1.0, "seeds": 3, "stride": 1, "networks": {"tdn": "t-1", "tcn": "c-1"}},
         "machine": {"cpu": "a cpu"},
@@ -77,19 +58,13 @@ def test_without_the_mesh_the_page_says_so(evaluation, tmp_path):
     assert "/nowhere/ball.ply is not there" in content
 
 
-def newest_of_each_kind() -> dict[str, str]:
-    """Names of reports in this tree, by kind."""
-    found: dict[str, str] = {}
+def test_every_kind_of_result_has_its_tables_on_the_page(tmp_path):
+    results = {}
     for name in ("checks", "bench", "identify", "presses_vocdex", "evaluate_tdn", "soft_gel", "start", "exploration",
                  "motion", "observer_uniform", "scale"):  # fmt: skip
-        found[next(k for k, e in EXPERIMENTS.items() if all(key in report(name) for key in e.keys))] = name
-    return found
-
-
-def test_every_kind_of_result_has_its_tables_on_the_page(tmp_path):
-    kinds = newest_of_each_kind()
-    assert len(kinds) == 11
-    results = {kind: (f"{name}.json", report(name)) for kind, name in kinds.items()}
+        kind = next(k for k, e in EXPERIMENTS.items() if all(key in report(name) for key in e.keys))
+        results[kind] = f"{name}.json", report(name)
+    assert len(results) == 11
     content = html.unescape(write_results_page(list(results.values()), tmp_path).read_text())
     for kind, (_, result) in results.items():
         experiment = EXPERIMENTS[kind]

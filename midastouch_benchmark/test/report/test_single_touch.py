@@ -20,23 +20,20 @@ def touch(ball, tmp_path) -> dict:
     rng = np.random.default_rng(0)
 
     def entry(name: str, error: float, folder: str) -> dict:
-        errors = (2 * error * rng.random(50)).tolist()
-        values = dict.fromkeys(FIGURES, error)
         return {
             "object": name,
             "mesh": f"{folder}/ball.ply",
             "queries": 50,
             "missed": 1,
-            "summary": values,
+            "summary": dict.fromkeys(FIGURES, error),
             "exhaustive": None,
-            "errors": errors,
+            "errors": (2 * error * rng.random(50)).tolist(),
             "cells": [[30.0 * x, 0.0, 0.0, x, 0, 0, error, 25] for x in (-1, 1)],
         }
 
     config = {"lighting": "random", "backgrounds": None, "networks": {"tdn": "t-1", "tcn": "c-1"}}
-    return summarise_objects([entry("lost", 0.612, "/nowhere"), entry("ball", 0.234, str(tmp_path))]) | {
-        "config": config
-    }
+    objects = [entry("lost", 0.612, "/nowhere"), entry("ball", 0.234, str(tmp_path))]
+    return summarise_objects(objects) | {"config": config}
 
 
 @pytest.mark.slow
@@ -66,7 +63,7 @@ def test_places_are_red_where_the_error_is_large(ball):
     places = 30 * normals  # mm
     cells = np.hstack([places, normals, [[0.95], [0.05], [0.5]], np.ones((3, 1))])
     picture = error_picture(view, cells).astype(int)
-    (columns, rows), _ = view.camera.project(1e-3 * places[:2])[0].T, None
+    columns, rows = view.camera.project(1e-3 * places[:2])[0].T
     large, small = (picture[int(row), int(column)] for row, column in zip(rows, columns, strict=True))
     assert large[0] > large[2] + 50
     assert small[2] > small[0] + 50

@@ -9,10 +9,9 @@ from midastouch_common.errors import InputError
 
 
 def trial(policy, seed, ending="converged", right=True, path=0.1):
-    asked = None if policy == "random" else [20.0, 30.0]
     return {
         "object": "mug", "policy": policy, "seed": seed, "ending": ending, "right": right, "path_m": path,
-        "asked_ms": asked,
+        "asked_ms": None if policy == "random" else [20.0, 30.0],
     }  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 import trimesh
+from cad_symmetries import EXACT, NEAR
 
-from midastouch_benchmark.trials.cad_parts import CAD_PARTS, SMALL_CAD_PARTS, KnownPart, write_parts
+from midastouch_benchmark.trials.cad_parts import CAD_PARTS, SMALL_CAD_PARTS, write_parts
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import codebook_poses
@@ -22,9 +23,8 @@ def moved_distances(mesh: ObjectMesh, motion: np.ndarray) -> np.ndarray:
     return mesh.closest_points(points @ motion[:3, :3].T + motion[:3, 3])[1]
 
 
-def look_alikes(part: KnownPart) -> list[np.ndarray]:
-    motions = part.near.turned(TURNS) if part.near else []
-    return [motion for motion in motions if part.exact.distance(np.eye(4)[None], motion)[0] > SAME]
+def look_alikes(name: str) -> list[np.ndarray]:
+    return [each for each in NEAR[name].turned(TURNS) if EXACT[name].distance(np.eye(4)[None], each)[0] > SAME]
 
 
 def holds(group: Symmetry, motion: np.ndarray) -> bool:
@@ -38,14 +38,14 @@ def test_sets_are_as_large_as_their_objects_should_be():
     assert len(CAD_PARTS) >= 22
     assert len(SMALL_CAD_PARTS) >= 8
     for parts, low, high in ((CAD_PARTS, 0.05, 0.16), (SMALL_CAD_PARTS, 0.012, 0.025)):
-        sizes = [np.ptp(part.make(name).bounds, axis=0).max() for name, part in parts.items()]
+        sizes = [np.ptp(make(name).bounds, axis=0).max() for name, make in parts.items()]
         assert low < min(sizes)
         assert max(sizes) < high
 
 
 @every_part
 def test_a_part_is_closed_and_its_faces_look_outward(name):
-    mesh = PARTS[name].make(name)
+    mesh = PARTS[name](name)
     solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     assert solid.is_watertight
     assert solid.is_winding_consistent
@@ -64,21 +64,20 @@ def test_files_of_parts_are_the_same_each_time(tmp_path):
 
 @every_part
 def test_the_known_group_maps_a_part_onto_itself(name):
-    mesh, part = PARTS[name].make(name), PARTS[name]
-    for motion in part.exact.turned(TURNS):
+    mesh = PARTS[name](name)
+    for motion in EXACT[name].turned(TURNS):
         assert moved_distances(mesh, motion).max() < SAME
 
 
 @every_part
 def test_the_known_group_is_one(name):
-    for group in filter(None, (PARTS[name].exact, PARTS[name].near)):
+    for group in filter(None, (EXACT[name], NEAR.get(name))):
         assert all(holds(group, first @ second) for first in group.transforms for second in group.transforms)
 
 
-@pytest.mark.parametrize("name", [name for name, part in PARTS.items() if part.near])
+@pytest.mark.parametrize("name", NEAR)
 def test_nearly_symmetric_parts_differ_on_a_small_part(name):
-    mesh, part = PARTS[name].make(name), PARTS[name]
-    motions = look_alikes(part)
+    mesh, motions = PARTS[name](name), look_alikes(name)
     assert motions
     for motion in motions:
         distances = moved_distances(mesh, motion)
@@ -87,7 +86,7 @@ def test_nearly_symmetric_parts_differ_on_a_small_part(name):
 
 
 def test_no_turn_makes_a_mirror_image():
-    left, right = (PARTS[name].make(name) for name in ("bracket_left", "bracket_right"))
+    left, right = (PARTS[name](name) for name in ("bracket_left", "bracket_right"))
     points, _, _ = left.sample_surface(4000, np.random.default_rng(0))
     assert right.closest_points(points * [-1, 1, 1])[1].max() < SAME
     corners = left.vertices[left.faces].mean(axis=(0, 1))
@@ -100,8 +99,8 @@ def test_no_turn_makes_a_mirror_image():
 @pytest.mark.slow
 @every_part
 def test_the_search_finds_the_known_group(name):
-    mesh, part, sensor = PARTS[name].make(name), PARTS[name], SensorModel.load("digit_tacto")
+    mesh, exact, sensor = PARTS[name](name), EXACT[name], SensorModel.load("digit_tacto")
     found: ObjectSymmetry = object_symmetry(mesh, sensor, codebook_poses(mesh, 4000, sensor, np.random.default_rng(0)))
-    assert (found.exact.free, len(found.exact.transforms)) == (part.exact.free, len(part.exact.transforms))
-    assert all(holds(found.exact, motion) for motion in part.exact.turned(TURNS))
-    assert all(holds(found.near, motion) for motion in (part.near or part.exact).turned(TURNS))
+    assert (found.exact.free, len(found.exact.transforms)) == (exact.free, len(exact.transforms))
+    assert all(holds(found.exact, motion) for motion in exact.turned(TURNS))
+    assert all(holds(found.near, motion) for motion in NEAR.get(name, exact).turned(TURNS))

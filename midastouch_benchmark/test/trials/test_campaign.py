@@ -9,11 +9,11 @@ import trimesh
 
 from midastouch_benchmark.trials.cache import SlideKind, Touches
 from midastouch_benchmark.trials.campaign import Plan
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_benchmark.trials.variants import BUDGET, VARIANTS, Variant
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.symmetry.search import ObjectSymmetry
+from midastouch_tools.jobs import Workers
 
 
 @dataclass(frozen=True)
@@ -66,43 +66,31 @@ def plan(sequence, codebook, networks, tmp_path) -> Plan:
     )
 
 
-@pytest.fixture
-def here() -> Workforce:
-    return Workforce()
-
-
 @pytest.mark.slow
-def test_every_combination_is_run_once(plan, saved_mesh, here):
-    totals, done = [], []
-
-    def start_progress(total):
-        totals.append(total)
-        return done.append
-
-    reported = replace(here, start_progress=start_progress)
-    trials, missing = plan.run([saved_mesh], reported)
+def test_every_combination_is_run_once(plan, saved_mesh, bars):
+    trials, missing = plan.run([saved_mesh], Workers())
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_drift", 0), ("no_drift", 1),
     }  # fmt: skip
     assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
-    assert (totals, sum(done)) == ([4], 4)
+    assert [(bar.total, bar.n) for bar in bars] == [(4, 4)]
     # again: nothing is left to do
-    again, _ = plan.run([saved_mesh], reported)
-    assert totals == [4, 0]
+    again, _ = plan.run([saved_mesh], Workers())
+    assert [bar.total for bar in bars] == [4, 0]
     assert again == trials
     # other settings are other trials
     other = replace(plan, config=replace(plan.config, tested_poses=301))
-    assert other.run([saved_mesh], replace(here, deadline=0))[1] == 4
+    assert other.run([saved_mesh], Workers(), deadline=0)[1] == 4
 
 
-def test_nothing_is_started_after_the_time_given(plan, saved_mesh, here):
-    trials, missing = plan.run([saved_mesh], replace(here, deadline=0))
+def test_nothing_is_started_after_the_time_given(plan, saved_mesh):
+    trials, missing = plan.run([saved_mesh], Workers(), deadline=0)
     assert (trials, missing) == ([], 4)
 
 
 @pytest.mark.slow
-def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, here, monkeypatch):
+def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, monkeypatch):
     monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", BUDGET, codebook_size=500))
     seen = []
     make = Variant.filter
@@ -113,7 +101,7 @@ def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, here
 
     monkeypatch.setattr(Variant, "filter", spy)
     plan = replace(plan, variants=("few_poses", "no_codes"), seeds=(0,))
-    trials, missing = plan.run([saved_mesh], here)
+    trials, missing = plan.run([saved_mesh], Workers())
     assert (missing, seen) == (0, [(500, False), (4000, True)])
     assert all(t["frames_in_contact"] == 10 for t in trials)
     # and they are other trials than the default's
@@ -121,10 +109,15 @@ def test_a_variant_may_have_another_codebook_and_no_codes(plan, saved_mesh, here
     assert len({plan.key(saved_mesh, None, "", labels) for labels in variants}) == 2
 
 
-def test_a_protocol_disturbs_the_frames(plan, saved_mesh, here):
+def test_touches_of_another_foreign_object_are_another_trial(plan, saved_mesh, tool):
+    plan, labels = replace(plan, protocol="wrong_mesh"), {"variant": "default"}
+    assert plan.key(saved_mesh, tool, "", labels) != plan.key(saved_mesh, saved_mesh, "", labels)
+
+
+def test_a_protocol_disturbs_the_frames(plan, saved_mesh):
     plan = replace(plan, variants=("default",), seeds=(0,))
-    plain, _ = plan.run([saved_mesh], here)
-    lifted, _ = replace(plan, protocol="lift").run([saved_mesh], here)
+    plain, _ = plan.run([saved_mesh], Workers())
+    lifted, _ = replace(plan, protocol="lift").run([saved_mesh], Workers())
     assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
     assert plain[0]["frames_in_contact"] == plain[0]["frames"]
     assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10

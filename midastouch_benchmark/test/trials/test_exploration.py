@@ -6,25 +6,21 @@ from midastouch_benchmark.trials import exploration
 from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS
 from midastouch_benchmark.trials.exploration import ExplorationPlan
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 
 @pytest.fixture(scope="module")
 def explored(tmp_path_factory):
     """Where it is told to and at random, for 30 mm each."""
     folder = tmp_path_factory.mktemp("exploration")
-    cache = Cache(folder, codebook_size=400)
-    plan = ExplorationPlan(
-        cache, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03
-    )
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():
-        return plan.run([mesh], Workforce())
+        return run_plan(folder, ("suggested", "random"), 0.03, mesh)
 
     return run(), run
 
@@ -54,11 +50,15 @@ def test_the_same_command_goes_on_and_finds_the_same(explored):
     assert run() == first
 
 
+def run_plan(folder, policies, length, *meshes, trials=1):
+    """Trials with a small codebook and few particles, and the number of missing ones."""
+    config, catalogue = FilterConfig(max_particles=1000, threads=1), tuple(mesh.path for mesh in meshes)
+    plan = ExplorationPlan(Cache(folder, codebook_size=400), config, policies, trials, length, catalogue)
+    return plan.run(meshes, Workers())
+
+
 def trials_of(folder, policy, length, *meshes, trials=1):
-    """Tried with a small codebook and few particles."""
-    config = FilterConfig(max_particles=1000, threads=1)
-    plan = ExplorationPlan(Cache(folder, codebook_size=400), config, (policy,), trials, length)
-    return plan.run(meshes, Workforce())[0]
+    return run_plan(folder, (policy,), length, *meshes, trials=trials)[0]
 
 
 @pytest.mark.slow
@@ -82,7 +82,7 @@ def test_a_first_touch_that_is_not_felt_is_gone_on_from(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_finger_that_begins_over_a_hole_goes_elsewhere(tmp_path):
     """As with the second seed on this flange."""
-    CAD_PARTS["flange_4"].make("flange_4").save(tmp_path / "flange_4.ply")
+    CAD_PARTS["flange_4"]("flange_4").save(tmp_path / "flange_4.ply")
     trials = trials_of(tmp_path, "random", 0.01, ObjectMesh.load(tmp_path / "flange_4.ply"), trials=2)
     assert all(trial["path_m"] > 0 for trial in trials)
 

@@ -8,29 +8,30 @@ from midastouch_benchmark.tables.experiments import EXPERIMENTS
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, identify
 from midastouch_benchmark.trials.trial import TrialFrame
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import read_catalogue
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
-    """Two bundled objects, slid over for 60 mm each: the plan, meshes and trials."""
+    """Two bundled objects, slid over for 60 mm each: the plan, meshes and slides."""
     folder = tmp_path_factory.mktemp("identify")
     cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
-    plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
-    trials, missing = plan.run(meshes, Workforce())
+    plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,), tuple(mesh.path for mesh in meshes))
+    slides, missing = plan.run(meshes, Workers())
     assert not missing
-    return plan, meshes, trials
+    return plan, meshes, slides
 
 
 @pytest.mark.slow
 def test_every_slide_is_run_with_the_object_and_without(campaign):
-    _, meshes, trials = campaign
+    _, meshes, slides = campaign
+    trials = [trial for slide in slides for trial in slide["trials"]]
     names = [mesh.name for mesh in meshes]
     assert [(t["object"], t["in_catalogue"], t["objects"]) for t in trials] == [
         (name, there, 2 if there else 1) for name in names for there in (True, False)
@@ -44,15 +45,13 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
 
 
 @pytest.mark.slow
-def test_finished_slides_are_kept_and_a_deadline_ends(campaign):
-    plan, meshes, trials = campaign
-    begun = []
-    reported = Workforce(start_progress=lambda total: begun.append(total) or (lambda done: None))
-    again, _ = plan.run(meshes, reported)
+def test_finished_slides_are_kept_and_a_deadline_ends(campaign, bars):
+    plan, meshes, slides = campaign
+    again, _ = plan.run(meshes, Workers())
     further = dataclasses.replace(plan, slides=(0, 1))
-    _, missing = further.run(meshes, Workforce(deadline=-np.inf))
-    assert begun == [0]
-    assert again == trials
+    _, missing = further.run(meshes, Workers(), deadline=-np.inf)
+    assert bars[0].total == 0
+    assert again == slides
     assert missing == 2
 
 

@@ -7,11 +7,11 @@ from midastouch_benchmark.tables.exploring import observing_table
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.observed_slides import EVIDENCE, Answer, ObservedPlan, chosen_observed, found_out
 from midastouch_benchmark.trials.trial import Event
-from midastouch_benchmark.trials.trial_log import Workforce
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.jobs import Workers
 
 
 def answers(*rows: tuple[int, float, bool]) -> list[Answer]:
@@ -90,7 +90,7 @@ def test_the_same_slides_are_run_once(tmp_path):
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():
-        return plan.run([mesh], Workforce())
+        return plan.run([mesh], Workers())
 
     (found,), missing = run()
     assert not missing

@@ -21,7 +21,7 @@ def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(tool, folder):
     for calibrated in (False, True):
         cache = RealSensorCache(folder, **SETTINGS, calibrated=calibrated)
         sequence, touches = cache.touches(tool, 0)
-        assert touches.made_from["calibrated"] == str(calibrated)
+        assert cache.describe()["calibrated"] == str(calibrated)
         maps = PenetrationRenderer(tool, cache.networks.sensor.for_maps).render(sequence.poses_true)
         measurement = [
             touch.penetration if touch.in_contact else np.zeros((80, 60), np.float32) for touch in touches.measurements

@@ -5,6 +5,7 @@ import pytest
 
 from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_benchmark.trials.sequence_trials import TrialPlan, run_sequence
+from midastouch_benchmark.trials.setup import untouched_of
 from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, run_trial
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common import se3
@@ -28,7 +29,7 @@ FINAL_KEYS = {
 
 @pytest.fixture(scope="module")
 def evaluated(sequence, mesh, codebook, networks):
-    return run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=3))
+    return run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=3), untouched_of(sequence))
 
 
 def test_trials_have_the_keys_of_the_file_format(evaluated):
@@ -59,7 +60,7 @@ def test_rates_count_the_whole_pipeline(evaluated):
 
 
 def test_a_seed_fixes_a_trial(evaluated, sequence, mesh, codebook, networks):
-    again = run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=2))[1]
+    again = run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=2), untouched_of(sequence))[1]
     errors = [t["per_frame"]["e_trans_mm"] for t in evaluated[1]]
     assert again[0]["per_frame"]["e_trans_mm"] == errors[0]
     assert again[1]["per_frame"]["e_trans_mm"] == errors[1]
@@ -72,7 +73,8 @@ def test_uniform_start_does_not_look_at_the_truth(sequence, mesh, codebook, netw
     other.poses_true = np.roll(sequence.poses_true, 7, axis=0)
     plan = TrialPlan(init="uniform", seeds=1, max_frames=5)
     first, second = (
-        run_sequence(s, mesh, codebook, networks, CONFIG, plan)[1][0]["per_frame"] for s in (sequence, other)
+        run_sequence(s, mesh, codebook, networks, CONFIG, plan, untouched_of(s))[1][0]["per_frame"]
+        for s in (sequence, other)
     )
     assert [e.tolist() for e in first["estimate"]] == [e.tolist() for e in second["estimate"]]
     assert first["e_trans_mm"] != second["e_trans_mm"]
@@ -81,7 +83,8 @@ def test_uniform_start_does_not_look_at_the_truth(sequence, mesh, codebook, netw
 def test_stride_and_limit_choose_the_frames(sequence, mesh, codebook, networks):
     done = []
     plan = TrialPlan(seeds=1, stride=4, max_frames=3)
-    description, trials = run_sequence(sequence, mesh, codebook, networks, CONFIG, plan, done.append)
+    free = untouched_of(sequence)
+    description, trials = run_sequence(sequence, mesh, codebook, networks, CONFIG, plan, free, done.append)
     assert trials[0]["per_frame"]["frame"] == [0, 4, 8]
     assert np.shape(description["truth"]) == (3, 7)
     assert sum(done) == 3

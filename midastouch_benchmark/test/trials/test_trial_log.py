@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.trials.trial_log import TrialLog, Workforce, key_of, run_open, source_digest
+from midastouch_benchmark.trials.trial_log import TrialLog, key_of, run_open, source_digest
+from midastouch_tools.jobs import Workers
 
 
 def test_trials_are_found_again(tmp_path):
@@ -70,15 +71,16 @@ class Run:
 
 
 def complete(log, run, **options):
-    return run_open(run, UNITS, log, Workforce(**options))
+    return run_open(run, UNITS, log, Workers(), **options)
 
 
-def test_only_what_the_log_lacks_is_run(log):
+def test_only_what_the_log_lacks_is_run(log, bars):
     log.add("a1", {"found": -1})
-    run, reported = Run(), []
-    trials, missing = complete(log, run, start_progress=lambda total: reported.append(total) or reported.append)
+    run = Run()
+    trials, missing = complete(log, run)
     assert run.asked == [("a", {"a2": 2}), ("b", {"b1": 1})]
-    assert ([each["found"] for each in trials], missing, reported) == ([-1, 4, 3], 0, [2, 1, 1])
+    assert ([each["found"] for each in trials], missing) == ([-1, 4, 3], 0)
+    assert [(bar.total, bar.n) for bar in bars] == [(2, 2)]
 
 
 def test_after_the_deadline_the_rest_is_counted(log):

@@ -7,17 +7,16 @@ from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
-from midastouch_filter.paper_filter import PaperConfig
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_every_variant_is_valid_and_differs_from_the_default(name):
     variant = VARIANTS[name]
-    config = variant.config(FilterConfig(), threads=1)
     if variant.method:
-        assert not isinstance(config, FilterConfig)
-        assert isinstance(config, PaperConfig) == (variant.group == PAPER)
+        assert (variant.method == "paper") == (variant.group == PAPER)
+        assert variant.settings == {}
     else:
+        config = variant.config(FilterConfig(), threads=1)
         assert config.threads == 1
         same = config == FilterConfig(threads=1) and set(variant.describe()) == {"summary", "group"}
         assert same == (name == DEFAULT)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from cad_symmetries import EXACT
 
 from midastouch_benchmark.trials.cad_parts import CAD_PARTS, SMALL_CAD_PARTS
 from midastouch_benchmark.trials.yardstick import Yardstick
@@ -17,8 +18,7 @@ def off(metres: float = 0.0, degrees: float = 0.0) -> np.ndarray:
 
 
 def yardstick(name: str) -> Yardstick:
-    part = (CAD_PARTS | SMALL_CAD_PARTS)[name]
-    return Yardstick.of(part.make(name), part.exact)
+    return Yardstick.of((CAD_PARTS | SMALL_CAD_PARTS)[name](name), EXACT[name])
 
 
 def test_both_distance_and_turn_count():
