@@ -27,9 +27,7 @@ def add_parser(subparsers) -> None:
         "Its page is Rerun's: it sends no data away, but may ask for Rerun's newest version and a font.",
     )
     parser.add_argument("run_or_bag", metavar="RUN_OR_BAG", nargs="?", help="a finished run (default: what runs)")
-    parser.add_argument(
-        "--namespace", type=arguments.name_of("namespace"), default="", help="of the nodes (default: none)"
-    )
+    arguments.add_name(parser, "--namespace", "namespace", "of the nodes")
     parser.add_argument("--rate", type=limits.drawings_per_s, default=2.0, help="drawings per second (default 2)")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve; 0.0.0.0: to all (default 127.0.0.1)")
     parser.add_argument("--port", type=limits.port, default=9876, help="of the data (default 9876)")
@@ -101,10 +99,7 @@ def _follow(scene, namespace: str, rate: float) -> int:
 
     from ..nodes.view import View
 
-    ros_arguments = ["view", "--ros-args", "-p", f"rate:={rate}"]
-    if namespace:
-        ros_arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
-    return spin.run(lambda: [View(scene)], ros_arguments)
+    return spin.run(lambda: [View(scene)], arguments.ros_arguments("view", {"rate": rate}, namespace))
 
 
 def _finished(args: argparse.Namespace) -> tuple:
