@@ -67,7 +67,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         result = read_json(found)
         write_words(result, "the reading of the recording, or the drawing, was interrupted", out)
         print("interrupted: the recording is kept, the page has no pictures", flush=True)
-    return 0 if result["right"] or console.ended.by_hand else 1
+    return 0 if result["right"] or console.ended["by_hand"] else 1
 
 
 def _conclude(console: Console, what: Mapping[str, str], bag: Path, out: Path, seconds: float) -> dict:
