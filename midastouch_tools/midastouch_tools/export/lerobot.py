@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import chain, pairwise
 from pathlib import Path
 
 import cv2
@@ -140,29 +141,21 @@ class _Episode:
 
     def _rows(self, recording: Recording) -> Iterator[dict[str, np.ndarray]]:
         """Yield the value of each feature, frame by frame; a frame's action is the motion to the next one."""
-        row = None
-        for following in recording.rows():
-            if row is not None:
-                yield self._completed(recording, row, _motion(row["base_from_gel"], following["base_from_gel"]))
-            row = following
-        yield self._completed(recording, row, np.zeros(6))
-
-    def _completed(self, recording: Recording, row: dict[str, np.ndarray], action: np.ndarray) -> dict:
-        frame, self.length = self.length, self.length + 1
-        return {_feature(column): row[column.name] for column in recording.columns} | {
-            ACTION: action,
-            "timestamp": np.array([frame / self._fps]),
-            "frame_index": np.array([frame]),
-            "episode_index": np.array([self.number]),
-            "index": np.array([self.start + frame]),
-            "task_index": np.array([self._task]),
-        }
+        for row, following in pairwise(chain(recording.rows(), [None])):
+            frame, self.length = self.length, self.length + 1
+            yield {_feature(column): row[column.name] for column in recording.columns} | {
+                ACTION: _motion(row["base_from_gel"], following["base_from_gel"]) if following else np.zeros(6),
+                "timestamp": np.array([frame / self._fps]),
+                "frame_index": np.array([frame]),
+                "episode_index": np.array([self.number]),
+                "index": np.array([self.start + frame]),
+                "task_index": np.array([self._task]),
+            }
 
 
 def _motion(pose: np.ndarray, following: np.ndarray) -> np.ndarray:
     """Twist (6,) m, rad from one pose of the gel to the next, in the gel frame of the first."""
-    first, second = se3.from_xyzquat(pose), se3.from_xyzquat(following)
-    return se3.log(se3.inverse(first) @ second)
+    return se3.log(se3.inverse(se3.from_xyzquat(pose)) @ se3.from_xyzquat(following))
 
 
 def _encoded(row: dict[str, np.ndarray]) -> dict:
