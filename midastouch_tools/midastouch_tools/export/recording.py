@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +63,6 @@ class Recording:
 
     def __init__(self, path: str | Path, stream: GelStream = OWN):
         self.path, self._stream = Path(path), stream
-        self._posed_frames = partial(read_bag, self.path, self._stream)
         self._topics = {topic.name for topic in bag_topics(path)}
         self.object_name = bag_metadata(path).get("object", "")
         self.columns = tuple(self._find_columns(next(self.frames())))
@@ -85,7 +83,7 @@ class Recording:
         states = answers(self.path) if STATUS in self._topics else {}
         measured = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
         newest = -1
-        for posed in self._posed_frames():
+        for posed in read_bag(self.path, self._stream):
             stamp = posed.stamp_ns
             if stamp <= newest:
                 continue

@@ -7,20 +7,18 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
-from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
-from ..bags.run_record import MODES, OBJECTS, PARTICLES, PENETRATION, NoResults, read_run
+from ..bags.messages import IMAGE_TOPIC, TF_TOPIC, Topic
+from ..bags.run_record import MODES, OBJECTS, PARTICLES, NoResults, read_run
 from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
-from ..nodes.recorder import TOPICS, Recorder
+from ..nodes.recorder import Recorder
 from ..processes.foreground import Wait, await_ends, woken_by_signals
 from ..processes.process import Process, Program
 from ..processes.supervisor import NodeFailed, Supervisor
@@ -29,7 +27,7 @@ from ..replay.keyboard import Keyboard
 from ..result_file import read_json, write_json
 from ..text_table import text_table
 from .exploration_console import Console, file_of, keys_help
-from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
+from .recorded_run import RESULTS, await_recorder, hear_the_last, recorder_of_run, supervised_run
 
 _LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
 _AFTER_A_TOUCH = (MODES, PARTICLES)  # before the first one, the filter of several objects has no pose to publish
@@ -122,7 +120,8 @@ def _explore(
             raise KeyboardInterrupt
 
     with supervised_run(domain, logs, end_at_once) as (supervisor, executor):
-        executor.add_node(recorder := _recorder(bag, mesh, executor.context))
+        objects = Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True)
+        executor.add_node(recorder := recorder_of_run(bag, {"object": Path(mesh).stem}, executor.context, [objects]))
         executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
             supervisor.start(program)
@@ -132,16 +131,6 @@ def _explore(
             later = () if given else _AFTER_A_TOUCH
             _follow(executor, supervisor, recorder, console, later, stopped=lambda: wait(0.0))
         return console
-
-
-def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
-    topics = (
-        *TOPICS,
-        Topic(PENETRATION, IMAGE_TYPE),
-        Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True),
-    )
-    overrides = [Parameter("path", value=str(bag))]
-    return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
 
 
 def _follow(

@@ -66,7 +66,8 @@ def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Pa
     with supervised_run(domain, logs) as (supervisor, executor):
         for name in NODES:
             supervisor.start(node_program(name, parameters))
-        executor.add_node(recorder := _recorder(bag, sequence, executor.context))
+        metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+        executor.add_node(recorder := recorder_of_run(bag, metadata, executor.context, sim_time=True))
         executor.add_node(listener := _Listener(sequence, executor.context))
 
         def turn() -> bool:
@@ -80,10 +81,12 @@ def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Pa
         return listener.seconds
 
 
-def _recorder(bag: Path, sequence: RecordedSequence, context: rclpy.Context) -> Recorder:
-    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE))
-    overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=True)]
-    metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+def recorder_of_run(
+    bag: Path, metadata: dict[str, str], context: rclpy.Context, topics: Sequence[Topic] = (), sim_time: bool = False
+) -> Recorder:
+    """Return a recorder of what a run sends, with its penetration maps and further topics, into a new bag."""
+    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE), *topics)
+    overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=sim_time)]
     return Recorder(topics, metadata, parameter_overrides=overrides, context=context)
 
 

@@ -10,10 +10,10 @@ from midastouch_common.errors import InputError
 from midastouch_tools.processes.process import Process, Program, end, find_executable, node_program
 
 
-def test_a_node_gets_its_parameters_and_options():
-    program = node_program("python3", Path("p.yaml"), ["--log-level", "warn"])
+def test_a_node_gets_its_parameters():
+    program = node_program("python3", Path("p.yaml"))
     assert program.name == "python3"
-    assert program.command[1:] == ("--ros-args", "--params-file", "p.yaml", "--log-level", "warn")
+    assert program.command[1:] == ("--ros-args", "--params-file", "p.yaml")
     assert not program.ends
 
 
