@@ -12,16 +12,24 @@ from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_msgs.msg import FilterStatus
 from midastouch_tools.nodes.replay import Replay
 
-PACED = {"ack_topic": "filter_status", "wait_for_subscribers": 1}
-
 
 def replay(graph, source, **parameters):
     return graph.add(Replay, {"source": str(source), "rate": 0.0, **parameters})
 
 
+def paced(graph, source, **parameters):
+    """A replay that waits for the answers of a filter."""
+    return replay(graph, source, ack_topic="filter_status", wait_for_subscribers=1, **parameters)
+
+
 def play(graph, node):
     node.start()
     graph.spin_until(node.finished.is_set, "the end of the replay")
+
+
+def frames(node):
+    """Numbers of frames sent, repeated and lost."""
+    return node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost
 
 
 def stamps(messages):
