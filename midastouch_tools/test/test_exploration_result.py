@@ -24,7 +24,7 @@ def frame(objects, off=0.0, state="converged", symmetry=None):
 
 
 def result(*args, **kwargs):
-    return exploration_result(RunRecord([frame(*args, **kwargs)], [1], [1.0], {}), "mug", ENDED, 1.0, 2.0)
+    return exploration_result(RunRecord([frame(*args, **kwargs)], {}), "mug", ENDED, 1.0, 2.0)
 
 
 def test_object_and_place_must_be_right():
@@ -81,7 +81,7 @@ def test_an_object_that_was_told_is_known():
 )
 def test_the_page_says_when_it_was_found_and_how_far_off_the_end_is_on_the_clock_of_its_axes(frames, found):
     snapshots = [dataclasses.replace(frame({}, off, state), time=0.5 * k) for k, (state, off) in enumerate(frames)]
-    made = exploration_result(RunRecord(snapshots, [1], [1.0], {}), "mug", ENDED, 1.0, 60.0)
+    made = exploration_result(RunRecord(snapshots, {}), "mug", ENDED, 1.0, 60.0)
     assert made["found_s"] == found
     sentence = in_a_sentence("It slid", made)
     assert ("1.0 s" in sentence and "4.0 mm" in sentence) if found else "never" in sentence
