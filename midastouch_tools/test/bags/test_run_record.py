@@ -97,23 +97,18 @@ def test_a_real_run_has_no_truth(bag, tmp_path):
     assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
 
 
-def test_unanswered_and_repeated_frames_do_not_count(bag):
-    record = read_run(bag(answered=[0, 2, 3], repeated=[2, 3])[1])
-    assert [s.frame for s in record.snapshots] == [0, 2, 3]
-
-
-def test_the_word_that_an_answer_is_still_to_come_is_none(bag):
-    record = read_run(bag(answered=[0, 2, 3], waited=[1, 2])[1])
-    assert [s.frame for s in record.snapshots] == [0, 2, 3]
-    assert [s.state for s in record.snapshots] == ["converged"] * 3
-    assert [s.n_particles for s in record.snapshots] == [700] * 3
-
-
-def test_of_a_frame_recorded_twice_the_first_answer_counts(bag):
-    """The filter refuses the second."""
-    record = read_run(bag(repeated=[2], refused=[2])[1])
-    assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
-    assert [s.state for s in record.snapshots] == ["converged"] * 4
+@pytest.mark.parametrize(
+    ("options", "frames"),
+    [
+        ({"answered": [0, 2, 3], "repeated": [2, 3]}, [0, 2, 3]),
+        ({"answered": [0, 2, 3], "waited": [1, 2]}, [0, 2, 3]),
+        ({"repeated": [2], "refused": [2]}, [0, 1, 2, 3]),
+    ],
+    ids=["unanswered and repeated", "an answer is still to come", "the filter refuses the second of a frame"],
+)
+def test_the_first_answer_to_each_frame_counts(bag, options, frames):
+    snapshots = read_run(bag(**options)[1]).snapshots
+    assert [(s.frame, s.state, s.n_particles) for s in snapshots] == [(frame, "converged", 700) for frame in frames]
 
 
 def test_a_run_without_results_is_refused(bag):
