@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rclpy.executors import SingleThreadedExecutor
@@ -18,10 +18,9 @@ from ..bags.messages import IMAGE_TOPIC, TF_TOPIC, Topic
 from ..bags.run_record import MODES, OBJECTS, PARTICLES, NoResults, read_run
 from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
-from ..nodes.recorder import Recorder
 from ..processes.foreground import Wait, await_ends, woken_by_signals
 from ..processes.process import Process, Program
-from ..processes.supervisor import NodeFailed, Supervisor
+from ..processes.supervisor import NodeFailed
 from ..progress import close_bars
 from ..replay.keyboard import Keyboard
 from ..result_file import read_json, write_json
@@ -113,7 +112,22 @@ def _explore(
     domain: int,
     wait: Wait,
 ) -> Console:
-    """Run the exploration; return its console, which knows how it ended."""
+    """Let the finger move once the recorder hears everything, until it is over; return the console, which knows how it
+    ended. given: True if the filter is given the object, and has a pose to publish before the first touch."""
+    topics = (TF_TOPIC, IMAGE_TOPIC, *RESULTS)
+    later = () if given else _AFTER_A_TOUCH
+
+    def turn() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        console.carry_out_keys()
+        if wait(0.0):
+            console.quit()
+        supervisor.look_after()
+        return console.ended is None
+
+    def still_to_come() -> str:
+        # the recorder may know a publisher that does not know it yet; a message from it proves both
+        return ", ".join(topic for topic in topics if topic not in later and not recorder.counts[topic])
 
     def end_at_once(left: list[Process], seconds: float) -> None:
         if await_ends(wait, left, seconds):
@@ -128,46 +142,22 @@ def _explore(
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(keys_help(finger), flush=True)
-            later = () if given else _AFTER_A_TOUCH
-            _follow(executor, supervisor, recorder, console, later, stopped=lambda: wait(0.0))
+            try:
+                if await_recorder(recorder, topics, turn, still_to_come):
+                    while turn():
+                        console.let_begin()
+            except NodeFailed as error:
+                _hear_why(executor, console, error)
+            hear_the_last(executor)
         return console
 
 
-def _follow(
-    executor: SingleThreadedExecutor,
-    supervisor: Supervisor,
-    recorder: Recorder,
-    console: Console,
-    later: Collection[str],
-    stopped: Callable[[], bool],
-) -> None:
-    """Let the finger move once the recorder hears everything except the topics `later`, and spin until it is over."""
-
-    def turn() -> bool:
+def _hear_why(executor: SingleThreadedExecutor, console: Console, error: NodeFailed) -> None:
+    """Wait for the explorer's last words, as it also ends with an error when it gives up; without any it has failed."""
+    deadline = time.monotonic() + _LAST_WORDS_S
+    while console.ended is None and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
-        console.carry_out_keys()
-        if stopped():
-            console.quit()
-        supervisor.look_after()
-        return console.ended is None
-
-    topics = (TF_TOPIC, IMAGE_TOPIC, *RESULTS)
-
-    def still_to_come() -> str:
-        # the recorder may know a publisher that does not know it yet; a message from it proves both
-        return ", ".join(topic for topic in topics if topic not in later and not recorder.counts[topic])
-
-    try:
-        if await_recorder(recorder, topics, turn, still_to_come):
-            while turn():
-                console.let_begin()
-    except NodeFailed as error:
-        # the explorer also ends with an error when it gives up
-        deadline = time.monotonic() + _LAST_WORDS_S
-        while console.ended is None and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.1)
-        if console.ended is None:
-            close_bars()
-            print(f"midastouch: error: {error}", file=sys.stderr)
-            console.fail(error.cause)
-    hear_the_last(executor)
+    if console.ended is None:
+        close_bars()
+        print(f"midastouch: error: {error}", file=sys.stderr)
+        console.fail(error.cause)

@@ -77,7 +77,16 @@ def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Pa
 
         await_recorder(recorder, RESULTS, turn, lambda: listener.consumers.waiting_for)
         supervisor.start(node_program("replay", parameters, ends=True))
-        _follow(executor, supervisor, listener)
+        while "replay" in supervisor.pids:
+            turn()
+            if time.monotonic() - listener.heard_at > _SILENCE_S:
+                raise NodeFailed(f"no filter_status for {_SILENCE_S:g} s; see the logs in the output folder")
+        ended = time.monotonic()
+        while not listener.done:
+            turn()
+            if time.monotonic() - ended > _LAST_STATUS_S:
+                raise NodeFailed("the replay has ended, but its last frame was never answered")
+        hear_the_last(executor)
         return listener.seconds
 
 
@@ -124,22 +133,6 @@ class _Listener(Node):
     def destroy_node(self) -> None:
         self._bar.close()
         super().destroy_node()
-
-
-def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: _Listener) -> None:
-    """Spin until the replay has ended and its last frame is answered."""
-    while "replay" in supervisor.pids:
-        executor.spin_once(timeout_sec=0.1)
-        supervisor.look_after()
-        if time.monotonic() - listener.heard_at > _SILENCE_S:
-            raise NodeFailed(f"no filter_status for {_SILENCE_S:g} s; see the logs in the output folder")
-    ended = time.monotonic()
-    while not listener.done:
-        executor.spin_once(timeout_sec=0.1)
-        supervisor.look_after()
-        if time.monotonic() - ended > _LAST_STATUS_S:
-            raise NodeFailed("the replay has ended, but its last frame was never answered")
-    hear_the_last(executor)
 
 
 def await_recorder(
