@@ -100,9 +100,18 @@ def writable_folder(text: str) -> Path:
     return _checked(require_place, text, "folder")
 
 
-def writable_place(text: str) -> Path:
-    """argparse type: a file or a folder that can be written."""
-    return _checked(require_place, text, "file or folder")
+_METAVARS = {"file": "FILE", "folder": "DIR", "file or folder": "PATH"}
+
+
+def add_place(
+    parser: argparse.ArgumentParser, option: str, kind: str, what: str, default: str | None = None, **options
+) -> None:
+    """Add an option for a place that is written: a `file`, a `folder`, or a `file or folder`.
+
+    what: for its help, which names the default; options: of `add_argument`.
+    """
+    options = {"metavar": _METAVARS[kind], "help": f"{what} (default {default})" if default else what, **options}
+    parser.add_argument(option, type=lambda text: _checked(require_place, text, kind), default=default, **options)
 
 
 def _checked(check: Callable[..., Checked], *arguments: str) -> Checked:

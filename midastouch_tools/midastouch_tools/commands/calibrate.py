@@ -46,37 +46,21 @@ def add_parser(subparsers) -> None:
         help="calibrate even if the ball measures like one of another diameter",
     )
     arguments.add_name(parser, "--serial", "serial number", "serial number of the sensor")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_file,
-        metavar="FILE",
-        help="write the calibration here (default: keep it for --serial)",
-    )
+    arguments.add_place(parser, "--out", "file", "write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
     parser.add_argument("--sensor", default=_SENSOR, help=f"sensor model (default {_SENSOR})")
     parser.add_argument(
         "--px-per-mm", type=limits.pixels_per_mm, metavar="X", help="scale of this very sensor (default: the model's)"
     )
     arguments.add_name(parser, "--namespace", "namespace", "of the live sensor")
-    parser.add_argument(
-        "--save",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)",
+    new = "new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)"
+    arguments.add_place(parser, "--save", "folder", new)
+    optics = (
+        "write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
+        "midastouch benchmark --protocol real_sensor)"
     )
-    parser.add_argument(
-        "--optics",
-        type=arguments.writable_file,
-        metavar="FILE",
-        help="write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
-        "midastouch benchmark --protocol real_sensor)",
-    )
-    parser.add_argument(
-        "--page",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="write a page here that shows every press before and after",
-    )
+    arguments.add_place(parser, "--optics", "file", optics)
+    arguments.add_place(parser, "--page", "folder", "write a page here that shows every press before and after")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ def add_parser(subparsers) -> None:
         "For foxglove_bridge: import the file as a layout.",
     )
     arguments.add_name(parser, "--namespace", "namespace", "of the nodes")
-    parser.add_argument("--out", type=arguments.writable_file, metavar="FILE", required=True, help="the layout (JSON)")
+    arguments.add_place(parser, "--out", "file", "the layout (JSON)", required=True)
 
 
 def run(args: argparse.Namespace) -> int:

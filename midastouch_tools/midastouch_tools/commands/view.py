@@ -33,19 +33,12 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--port", type=limits.port, default=9876, help="of the data (default 9876)")
     parser.add_argument("--web-port", type=limits.port, default=9090, help="of the page (default 9090)")
     parser.add_argument("--memory", type=limits.megabytes, help="history kept, MB (default 500; live 30)")
-    parser.add_argument(
-        "--save", type=arguments.writable_file, metavar="FILE.rrd", help="record to a file instead of serving"
-    )
+    arguments.add_place(parser, "--save", "file", "record to a file instead of serving", metavar="FILE.rrd")
     finished = parser.add_argument_group("a finished run")
     finished.add_argument("--mesh", help="file or bundled object (default: the run's)")
     finished.add_argument("--sequence", help="of a JSON file with several")
     finished.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
-    finished.add_argument(
-        "--export",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="write mesh, clouds and lines as PLY, and show nothing",
-    )
+    arguments.add_place(finished, "--export", "folder", "write mesh, clouds and lines as PLY, and show nothing")
 
 
 def run(args: argparse.Namespace) -> int:
