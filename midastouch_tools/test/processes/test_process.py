@@ -31,10 +31,6 @@ def test_those_of_a_sourced_workspace_come_first(tmp_path, monkeypatch):
     assert find_executable("python3") == str(ours)
 
 
-def test_executables_beside_python_are_found():
-    assert Path(find_executable("python3")).exists()
-
-
 def test_a_node_that_has_not_loaded_yet_is_ended_without_a_traceback(tmp_path):
     (script := tmp_path / "tdn").write_text(
         f"#!/bin/sh\ntrap 'echo traceback' INT\ntrap 'echo ended; exit 0' TERM\n"
