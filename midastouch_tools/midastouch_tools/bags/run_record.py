@@ -44,14 +44,11 @@ class RunRecord:
     snapshots: list[Snapshot]
     node_ms: dict[str, float]
 
-    def last(self, seconds: float) -> RunRecord:
-        """Return the last `seconds` of the record."""
+    def since_change(self, seconds: float) -> RunRecord:
+        """Return the last `seconds`, without the probabilities of objects, as if the object had been given."""
         begin = self.snapshots[-1].time - seconds
-        return dataclasses.replace(self, snapshots=[one for one in self.snapshots if one.time >= begin])
-
-    def of_known_object(self) -> RunRecord:
-        """Return the record without the probabilities of objects, as if the object had been given."""
-        return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
+        last = [dataclasses.replace(one, objects={}) for one in self.snapshots if one.time >= begin]
+        return dataclasses.replace(self, snapshots=last)
 
 
 def read_run(path: str | Path) -> RunRecord:
@@ -82,7 +79,7 @@ def read_run(path: str | Path) -> RunRecord:
     messages, total = bag_messages(path, counts), sum(counts.values())  # in one pass: each reads the whole file
     for message in progress_bar(iterable=messages, desc=f"reading {Path(path).name}", unit="message", total=total):
         found[message.topic].append((header_stamp_ns(message.data), message.content))
-    results = {topic: dict(messages) for topic, messages in found.items()} | {STATUS: _answers(found[STATUS])}
+    results = {topic: dict(messages) for topic, messages in found.items()} | {STATUS: answers(found[STATUS])}
     snapshots, start, seen, objects = [], None, set(), {}
     for frame in read_bag(path):
         start = frame.stamp_ns if start is None else start
@@ -123,17 +120,13 @@ def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
         yield header_stamp_ns(message.data), message.content
 
 
-def answers(path: str | Path) -> dict[int, Any]:
+def answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
     """Return the first status of each stamp [ns] that is an answer, not the state `waiting`."""
-    return _answers(by_stamp(path, STATUS))
-
-
-def _answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
-    answers: dict[int, Any] = {}
+    found: dict[int, Any] = {}
     for stamp, status in statuses:
         if status.state != status.STATE_WAITING:
-            answers.setdefault(stamp, status)
-    return answers
+            found.setdefault(stamp, status)
+    return found
 
 
 def _hypothesis(mode: Any) -> RecordedMode:

@@ -54,18 +54,10 @@ def _tactile_tracking() -> int:
 
 def _meshes(args: argparse.Namespace) -> int:
     from ..download.ycb import SERVER, download_mesh
-    from ..progress import progress_bar
 
     folder = args.out or Path("out/ycb")
     for name in args.names:
-        with progress_bar(unit="B", unit_scale=True, desc=name) as bar:
-
-            def show(done: int, total: int | None, bar=bar) -> None:
-                bar.total = total
-                bar.update(max(0, done - bar.n))
-
-            mesh = download_mesh(name, folder, args.mirror or SERVER, progress=show)
-        print(mesh)
+        print(download_mesh(name, folder, args.mirror or SERVER))
     return 0
 
 

@@ -98,7 +98,7 @@ class Recording:
     def _values(self) -> Iterator[dict]:
         """Yield, frame by frame, what the bag has for each column."""
         estimates = {at: se3.to_xyzquat(pose_from_msg(msg.pose.pose)) for at, msg in self._by_stamp(POSE)}
-        states = answers(self.path) if STATUS in self._topics else {}
+        states = answers(self._by_stamp(STATUS))
         # a bag may list a topic without messages
         first_map = next(self._by_stamp(PENETRATION), None)
         untouched = None if first_map is None else np.zeros_like(image_from_msg(first_map[1]))

@@ -85,7 +85,7 @@ def _conclude(console: Console, what: Mapping[str, str], bag: Path, out: Path, s
         print(f"nothing to draw: {why}", flush=True)
         return result
     if changed:
-        record = record.last(1e-9 * console.since_change_ns).of_known_object()
+        record = record.since_change(1e-9 * console.since_change_ns)
         new = {"mesh": console.mesh, "codebook": "", "objects": ""}
         prepare_codebooks(quick_codebooks(new))
         touched, codebook = console.mesh, explored(new)["codebook"]

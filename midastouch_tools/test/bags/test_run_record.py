@@ -72,7 +72,7 @@ def test_the_last_word_on_the_object_holds_until_the_next(bag):
     said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
-    assert not any(s.objects for s in record.of_known_object().snapshots)
+    assert [(s.frame, s.objects) for s in record.since_change(0.15).snapshots] == [(2, {}), (3, {})]
 
 
 def test_what_the_recorder_leaves_out_may_be_missing(bag):
