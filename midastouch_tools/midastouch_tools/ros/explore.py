@@ -103,14 +103,7 @@ def _tell(result: dict, out: Path) -> None:
 
 
 def _explore(
-    programs: Sequence[Program],
-    mesh: str,
-    given: bool,
-    finger: bool,
-    bag: Path,
-    logs: Path,
-    domain: int,
-    wait: Wait,
+    programs: Sequence[Program], mesh: str, given: bool, finger: bool, bag: Path, logs: Path, domain: int, wait: Wait
 ) -> Console:
     """Let the finger move once the recorder hears everything, until it is over; return the console, which knows how it
     ended. given: True if the filter is given the object, and has a pose to publish before the first touch."""
