@@ -5,10 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from recorded import compressed, cut_off, edited, new, write
+from recorded import compressed, cut_off, edited, write
 
 from midastouch_common.errors import InputError
 from midastouch_tools.bags.messages import Message, header, sequence_messages
+from midastouch_tools.bags.messages import new_message as new
 from midastouch_tools.bags.writer import write_bag
 from midastouch_tools.replay.source import ReplaySource
 
