@@ -5,6 +5,7 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
@@ -69,3 +70,13 @@ class Consumer:
     def report_regularly(self) -> None:
         """Report a health at work, faster than a filter does."""
         self.node.create_timer(0.02, lambda: self.report("state"))
+
+
+def begun(graph, source, answers, **parameters):
+    """A consumer whose filter reports its health and gives `answers`, and a replay that waits for it, at work."""
+    consumer = Consumer(graph, answers)
+    consumer.report_regularly()
+    node = paced(graph, source, **parameters)
+    graph.listen(TFMessage, "/tf")
+    node.start()
+    return consumer, node

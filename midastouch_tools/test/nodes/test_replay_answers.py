@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from rclpy.node import Node
 from recorded import write
-from replay_rig import Consumer, frames, paced, play
+from replay_rig import Consumer, begun, frames, paced
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.ros import qos
@@ -19,10 +19,8 @@ MS = 1_000_000
 
 def test_with_one_frame_in_flight_best_effort_loses_none(graph, simulated_sequence):
     sequence = simulated_sequence(n=12)
-    consumer = Consumer(graph, answers=lambda n: True)
-    node = paced(graph, sequence.path)
-    graph.listen(TFMessage, "/tf")
-    play(graph, node)
+    consumer, node = begun(graph, sequence.path, answers=lambda n: True)
+    graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns.tolist()
     assert frames(node) == (12, 0, 0)
 
@@ -64,11 +62,7 @@ def test_the_next_image_waits_for_the_answer_and_is_sent_once(graph, simulated_s
 
 def test_what_the_filter_says_nothing_of_is_given_up_and_counted(graph, simulated_sequence):
     sequence = simulated_sequence(n=4)
-    consumer = Consumer(graph, answers=lambda n: n == 4)
-    consumer.report_regularly()
-    node = paced(graph, sequence.path, ack_timeout=3.0)
-    graph.listen(TFMessage, "/tf")
-    node.start()
+    consumer, node = begun(graph, sequence.path, answers=lambda n: n == 4, ack_timeout=3.0)
     graph.spin_until(lambda: len(consumer.received) == 2, "the second image")
     consumer.answer(consumer.received[0])  # late
     graph.spin_until(node.finished.is_set, "the end")
@@ -79,11 +73,7 @@ def test_what_the_filter_says_nothing_of_is_given_up_and_counted(graph, simulate
 def test_after_a_loss_it_waits_until_all_listeners_are_back(graph, simulated_sequence):
     """A depth network that dies and is started again costs the image it had."""
     sequence = simulated_sequence(n=4)
-    consumer = Consumer(graph, answers=lambda n: n != 2)
-    consumer.report_regularly()
-    node = paced(graph, sequence.path, ack_timeout=3.0)
-    graph.listen(TFMessage, "/tf")
-    node.start()
+    consumer, node = begun(graph, sequence.path, answers=lambda n: n != 2, ack_timeout=3.0)
     graph.spin_until(lambda: len(consumer.received) == 2, "the second image")
     graph.companion.destroy_subscription(consumer.images)
     graph.spin_until(lambda: node.player.frames_lost == 1, "the loss")
@@ -116,11 +106,7 @@ def test_transforms_do_not_overrun_a_busy_filter(graph, tmp_path, simulated_sequ
 
 def test_what_still_waits_after_the_end_is_no_loss(graph, simulated_sequence):
     """Without /clock nobody can let the filter's time run out."""
-    consumer = Consumer(graph, answers=lambda n: False)
-    consumer.report_regularly()
-    node = paced(graph, simulated_sequence(n=2).path, ack_timeout=3.0)
-    graph.listen(TFMessage, "/tf")
-    node.start()
+    consumer, node = begun(graph, simulated_sequence(n=2).path, answers=lambda n: False, ack_timeout=3.0)
     for n in (1, 2):
         graph.spin_until(lambda n=n: len(consumer.received) == n, "an image")
         consumer.answer(consumer.received[-1], FilterStatus.STATE_WAITING)
