@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import CLONE, install_extra, pip_install
 
 from . import arguments
@@ -67,8 +68,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_common.errors import InputError
-
     from ..machine import machine_info, ros_distribution
     from ..processes.process import find_executable
     from ..text_table import text_table

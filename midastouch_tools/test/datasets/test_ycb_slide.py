@@ -152,7 +152,9 @@ def lose_some(data):
 
 
 @pytest.mark.parametrize(
-    ("edit", "dropped"), [(jump(10, 30), (10, 30)), (jump(0), (0,)), (lose_some, (4, 8, 12, 16))], ids=str
+    ("edit", "dropped"),
+    [(jump(10, 30), (10, 30)), (jump(0), (0,)), (lose_some, (4, 8, 12, 16))],
+    ids=["two jumps", "a jump at the start", "lost by the tracker"],
 )
 def test_jumps_and_lost_poses_are_dropped_with_their_images(real_sequence_folder, edit, dropped):
     path, truth = real_sequence_folder(n=61, edit=edit)
