@@ -48,22 +48,6 @@ _SECTIONS = {
 _OF_OTHERS = "measure, and what other packages bring"
 _INDENT = 24  # columns before the summary of a command
 
-OF_BENCHMARK = (
-    *(
-        "bench",
-        "bench-scale",
-        "benchmark",
-        "evaluate",
-        "evaluate-checks",
-        "evaluate-exploration",
-        "evaluate-gel",
-        "evaluate-motion",
-    ),
-    *("evaluate-perception", "evaluate-presses", "evaluate-start", "evaluate-tdn", "evidence", "fingerprint"),
-    *("ideal-observer", "identify", "report", "single-touch"),
-)
-"""Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
-
 
 class Section:
     """Stand-in for argparse's sub-parsers, which know no headings, as the argument of a command's `add_parser`.
@@ -125,22 +109,28 @@ def add_commands(parser: argparse.ArgumentParser) -> list[Section]:
     return [section for section in sections if section.parsers]
 
 
+def command_parsers() -> dict[str, argparse.ArgumentParser]:
+    """Return the parser of every sub-command, by name."""
+    sections = add_commands(argparse.ArgumentParser())
+    return {name: parser for section in sections for name, parser in section.parsers.items()}
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit status: 0 success, 1 the command found a failure, 2 bad input, 128 and the
     number of a signal that ended it: 130 Ctrl-C, 143 SIGTERM."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments and arguments[0] in OF_BENCHMARK and not commands_of_others():
+    if not arguments:
+        build_parser().print_help(sys.stderr)
+        return EXIT_BAD_INPUT
+    if not (commands_of_others() or arguments[0].startswith("-") or arguments[0] in command_parsers()):
         print(
-            f"midastouch: error: {arguments[0]}: comes with the package midastouch_benchmark, which is not installed; "
-            "install it: run make, or colcon build --packages-up-to midastouch_benchmark",
+            f"midastouch: error: {arguments[0]}: no such command here; those that measure come with the package "
+            "midastouch_benchmark, which is not installed: run make, or colcon build --packages-up-to "
+            "midastouch_benchmark",
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT
-    parser = build_parser()
-    if not arguments:
-        parser.print_help(sys.stderr)
-        return EXIT_BAD_INPUT
-    args = parser.parse_args(arguments)
+    args = build_parser().parse_args(arguments)
     what = [each for before, each in pairwise(["", *arguments]) if not {before, each.partition("=")[0]} & _WHERE]
     args.command_line = shlex.join(["midastouch", *what])  # for result files
     try:

@@ -40,7 +40,8 @@ def build_and_save(
     interrupted build keeps its progress next to `path`, and the next call for the same codebook continues there.
     """
     start = time.perf_counter()
-    build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed, symmetry), unfinished_path(path)
+    build = CodebookBuild(mesh, tcn, sensor, size, seed, symmetry)
+    unfinished = Path(path).with_suffix(".unfinished.npz")
     if unfinished.is_file():
         try:
             build.restore(unfinished)
@@ -80,11 +81,6 @@ def build_and_save(
     codebook.save(path)
     unfinished.unlink(missing_ok=True)
     return Codebook.load(path), time.perf_counter() - start  # a file is less precise: the first run is as the next
-
-
-def unfinished_path(path: str | Path) -> Path:
-    """Path where an interrupted build of the codebook `path` keeps its progress."""
-    return Path(path).with_suffix(".unfinished.npz")
 
 
 def cached_codebook(
@@ -154,3 +150,12 @@ def build_from_files(
     book, seconds = build_and_save(*what, path, jobs, symmetry)
     poses, mebibytes = f"{len(book.poses)} poses of {book.meta['mesh_name']}", path.stat().st_size / 2**20
     return f"{path}: {poses}, {mebibytes:.1f} MiB, {seconds:.1f} s; symmetry: {book.symmetry.describe()}{former}"
+
+
+def build_command(mesh: str, sensor: str = "", out: str = "") -> str:
+    """Return the command that builds a codebook, without the options that are empty.
+
+    mesh: file, or name of a bundled object; sensor: name of the sensor model; out: path of the codebook.
+    """
+    options = {"--sensor": sensor, "--out": out}
+    return " ".join(["midastouch build-codebook", mesh, *(f"{name} {text}" for name, text in options.items() if text)])

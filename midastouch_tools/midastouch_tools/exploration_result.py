@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -45,44 +44,29 @@ def write_words(result: dict, why: str, out: Path) -> Path:
     return page.write(out / "index.html")
 
 
-@dataclass(frozen=True)
-class ExplorationEnd:
-    """End of an exploration: the explorer's state, or "failed", and the reason, path on the surface [m], motions, and
-    whether a person ended it."""
+def end_of(status: Any, by_hand: bool = False) -> dict:
+    """Return how an exploration ended, by the keys of `result.json`.
 
-    state: str
-    reason: str
-    path_length: float
-    slides: int
-    lifts: int
-    by_hand: bool = False
-
-    @staticmethod
-    def of(status: Any, by_hand: bool = False) -> ExplorationEnd:
-        """Return the end that an `ExplorerStatus` reports."""
-        fields = (status.state, status.reason, status.path_length, status.slides, status.lifts)
-        return ExplorationEnd(*fields, by_hand=by_hand)
-
-
-def ending(ended: ExplorationEnd, object_name: str, seconds: float) -> dict:
-    """Return the part of `result.json` that every end has, even one before the filter's first answer; seconds: of the
-    whole run, from the start of the nodes on."""
+    status: `ExplorerStatus` with the end's state and reason, the path on the surface [m], and the number of motions;
+    by_hand: True if a person ended it.
+    """
     return {
-        "object": object_name,
-        "right": False,
-        "ended": ended.state,
-        "reason": ended.reason,
-        "by_hand": ended.by_hand,
-        "path_m": ended.path_length,
-        "slides": ended.slides,
-        "lifts": ended.lifts,
-        "seconds": seconds,
+        "ended": status.state,
+        "reason": status.reason,
+        "by_hand": by_hand,
+        "path_m": status.path_length,
+        "slides": status.slides,
+        "lifts": status.lifts,
     }
 
 
-def exploration_result(
-    record: RunRecord, object_name: str, ended: ExplorationEnd, answering: float, seconds: float
-) -> dict:
+def ending(ended: dict, object_name: str, seconds: float) -> dict:
+    """Return the part of `result.json` that every end has, even one before the filter's first answer; ended: as of
+    `end_of`; seconds: of the whole run, from the start of the nodes on."""
+    return {"object": object_name, "right": False, **ended, "seconds": seconds}
+
+
+def exploration_result(record: RunRecord, object_name: str, ended: dict, answering: float, seconds: float) -> dict:
     """Return the content of `result.json`: `ending`, and the filter's answers; answering [s]: from its first answer to
     the last."""
     result = demo_result(record, object_name, answering)

@@ -45,6 +45,6 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else plural(noun)}"
 
 
-def number(value: float | None, digits: int = 1) -> str:
-    """Format `value` with `digits` decimals; a dash for None or nan."""
-    return "-" if value is None or value != value else f"{value:.{digits}f}"
+def number(value: float | None) -> str:
+    """Format `value` with one decimal; a dash for None or nan."""
+    return "-" if value is None or value != value else f"{value:.1f}"

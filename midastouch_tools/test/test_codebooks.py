@@ -184,14 +184,6 @@ def test_a_book_that_fits_is_not_built_again(build, ball, tmp_path):
     assert other.batches > 0
 
 
-def test_a_book_of_no_pose_is_refused(tmp_path, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["build-codebook", "ball", "--size", "0", "--out", str(tmp_path / "none.npz")])
-    assert stopped.value.code == 2
-    assert "--size: '0' is not a whole number from 1 to 2,000,000 (a million poses" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_codebook_of_another_sensor_is_not_taken_for_it(ball, tmp_path):
     sensors = [SensorModel.load(name) for name in ("digit_real", "digit_tacto", "digit_tacto")]
     books = [codebooks.ensure_codebook(tmp_path / "book.npz", ball, FlatTcn(), sensor, CHUNK) for sensor in sensors]
@@ -230,15 +222,3 @@ def test_a_codebook_is_built_again_after_changes_or_by_force(tmp_path, capsys):
         assert ("is up to date" in said) != built[-1]
         assert ("in place of one of 20 poses" in said) == (built[-1] and before is not None)
     assert built == [True, False, True, False, True, True]
-
-
-@pytest.mark.parametrize("objects", [["ball"], ["ball", "eyebolt"]])
-def test_an_unwritable_path_is_refused_before_the_work(objects, tmp_path, monkeypatch, capsys):
-    blocked = tmp_path / "file"
-    blocked.touch()
-    monkeypatch.setattr(codebooks, "CodebookBuild", lambda *_: pytest.fail("built"))
-    with pytest.raises(SystemExit, match="2"):
-        cli.main(["build-codebook", *objects, "--out", str(blocked / "books" / "ball.npz")])
-    line = capsys.readouterr().err.splitlines()[-1]
-    assert "ball.npz" in line
-    assert "no file or folder can be written there" in line

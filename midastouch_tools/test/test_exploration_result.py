@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
+from midastouch_msgs.msg import ExplorerStatus
 from midastouch_perception.symmetry.group import Symmetry
 from midastouch_tools.bags.run_record import RecordedMode, RunRecord, Snapshot
 from midastouch_tools.demo.result import in_a_sentence
-from midastouch_tools.exploration_result import (
-    ExplorationEnd,
-    ending,
-    exploration_result,
-    result_rows,
-    write_page,
-    write_words,
-)
+from midastouch_tools.exploration_result import end_of, ending, exploration_result, result_rows, write_page, write_words
 
-ENDED = ExplorationEnd("known", "the filter knows the pose", 0.2, 3, 1)
+REASON = "the filter knows the pose"
+ENDED = end_of(ExplorerStatus(state="known", reason=REASON, path_length=0.2, slides=3, lifts=1))
 
 
 def frame(objects, off=0.0, state="converged", symmetry=None):
@@ -29,7 +24,7 @@ def frame(objects, off=0.0, state="converged", symmetry=None):
 
 
 def result(*args, **kwargs):
-    return exploration_result(RunRecord([frame(*args, **kwargs)], [1], [1.0], {}), "mug", ENDED, 1.0, 2.0)
+    return exploration_result(RunRecord([frame(*args, **kwargs)], {}), "mug", ENDED, 1.0, 2.0)
 
 
 def test_object_and_place_must_be_right():
@@ -86,7 +81,7 @@ def test_an_object_that_was_told_is_known():
 )
 def test_the_page_says_when_it_was_found_and_how_far_off_the_end_is_on_the_clock_of_its_axes(frames, found):
     snapshots = [dataclasses.replace(frame({}, off, state), time=0.5 * k) for k, (state, off) in enumerate(frames)]
-    made = exploration_result(RunRecord(snapshots, [1], [1.0], {}), "mug", ENDED, 1.0, 60.0)
+    made = exploration_result(RunRecord(snapshots, {}), "mug", ENDED, 1.0, 60.0)
     assert made["found_s"] == found
     sentence = in_a_sentence("It slid", made)
     assert ("1.0 s" in sentence and "4.0 mm" in sentence) if found else "never" in sentence
@@ -94,15 +89,16 @@ def test_the_page_says_when_it_was_found_and_how_far_off_the_end_is_on_the_clock
 
 
 def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
-    ended = ExplorationEnd("gave_up", "still uninitialised after 1.50 m", 1.5, 9, 1)
-    result = ending(ended, "mug", 60.0)
+    reason = "still uninitialised after 1.50 m"
+    status = ExplorerStatus(state="gave_up", reason=reason, path_length=1.5, slides=9, lifts=1)
+    result = ending(end_of(status), "mug", 60.0)
     assert not result["right"]
     page = write_words(result, "no frame with a status", tmp_path).read_text()
-    for words in ("A finger explores: mug", ended.reason, "1500 mm, 9 slides, 1 lift", "no frame with a status"):
+    for words in ("A finger explores: mug", reason, "1500 mm, 9 slides, 1 lift", "no frame with a status"):
         assert words in page
 
 
 def test_a_run_without_recorded_touches_still_gets_a_page(tmp_path):
     page = write_page([frame({})], None, None, result({}), tmp_path).read_text()
     assert "There is nothing to draw" in page
-    assert ENDED.reason in page
+    assert REASON in page

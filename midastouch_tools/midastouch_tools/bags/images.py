@@ -22,7 +22,7 @@ from midastouch_common.transforms.rigid import TransformError
 from ..datasets.plain_images import upright
 from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, header_stamp_ns
 from .reader import bag_messages, bag_topics, content_of, readable
-from .transforms import RecordedTransforms, recorded_transforms
+from .transforms import recorded_transforms
 
 
 @dataclass(frozen=True)
@@ -81,21 +81,16 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
         except BrokenImageError as error:
             broken.append(error)
             continue
-        used += 1
-        yield BagFrame(stamp, pixels, pose, _true_pose(transforms, stamp))
+        used, truth = used + 1, None
+        with contextlib.suppress(TransformError):
+            truth = transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
+        yield BagFrame(stamp, pixels, pose, truth)
     if broken and not used:
         raise broken[0]
     if broken:
         print(f"{broken[0]} ({len(broken)} of {used + len(broken)} images are damaged and left out)", file=sys.stderr)
     if not used:
         raise InputError(f"{path}: no image on {stream.image_topic} has a pose ({reason}); record /tf and /tf_static")
-
-
-def _true_pose(transforms: RecordedTransforms, stamp: int) -> np.ndarray | None:
-    try:
-        return transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
-    except TransformError:
-        return None
 
 
 def image_messages(path: str | Path, topic: str) -> Iterator[Message]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -140,7 +141,7 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
             _transform(stamp, BASE_FRAME, GEL_FRAME, measured[i]),
             _transform(stamp, TRUTH_FRAME, TRUTH_GEL_FRAME, sequence.poses_true[i]),
         ]
-        yield Message.of(TF_TOPIC, typestore().types[TF_TYPE](transforms=transforms), stamp)
+        yield Message.of(TF_TOPIC, new_message(TF_TYPE, transforms=transforms), stamp)
         camera_info.header = header(stamp, OPTICAL_FRAME)
         yield Message.of(CAMERA_INFO_TOPIC, camera_info, stamp)
         yield image_message(camera_info.header, sequence.image(i), stamp)
@@ -155,24 +156,35 @@ def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Me
         yield image_message(camera_info.header, pixels, stamp)
 
 
+def new_message(type_name: str, **given: Any) -> Any:
+    """Return a message of the type store; fields that are not given are zero or empty."""
+    store = typestore()
+    fields = store.fielddefs[type_name][1]
+    return store.types[type_name](**{name: given[name] if name in given else _empty(*kind) for name, kind in fields})
+
+
+def _empty(node: Nodetype, kind: Any) -> Any:
+    if node == Nodetype.NAME:
+        return new_message(kind)
+    if node == Nodetype.BASE:
+        return {"string": "", "bool": False, "float64": 0.0}.get(kind[0], 0)
+    (element, of), count = kind
+    return [] if element == Nodetype.NAME or of[0] == "string" else np.zeros(count, of[0])
+
+
 def header(stamp_ns: int, frame: str) -> Any:
     """Return a `std_msgs/msg/Header` of the type store."""
-    types = typestore().types
-    time = types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
-    return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
+    stamp = new_message("builtin_interfaces/msg/Time", sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
+    return new_message("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
 
 def _transform(stamp: int, parent: str, child: str, transform: np.ndarray) -> Any:
-    types = typestore().types
     x, y, z, *quaternion = se3.to_xyzquat(transform).tolist()
-    return types["geometry_msgs/msg/TransformStamped"](
-        header=header(stamp, parent),
-        child_frame_id=child,
-        transform=types["geometry_msgs/msg/Transform"](
-            translation=types["geometry_msgs/msg/Vector3"](x, y, z),
-            rotation=types["geometry_msgs/msg/Quaternion"](*quaternion),
-        ),
-    )
+    moved = new_message("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+    turned = new_message("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", quaternion, strict=True)))
+    placed = new_message("geometry_msgs/msg/Transform", translation=moved, rotation=turned)
+    about = header(stamp, parent)
+    return new_message("geometry_msgs/msg/TransformStamped", header=about, child_frame_id=child, transform=placed)
 
 
 def _static_transforms(stamp: int) -> Message:
@@ -183,18 +195,18 @@ def _static_transforms(stamp: int) -> Message:
         _transform(stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))),
         _transform(stamp, BASE_FRAME, TRUTH_FRAME, BASE_FROM_OBJECT),
     ]
-    return Message.of(TF_STATIC_TOPIC, typestore().types[TF_TYPE](transforms=transforms), stamp, latched=True)
+    return Message.of(TF_STATIC_TOPIC, new_message(TF_TYPE, transforms=transforms), stamp, latched=True)
 
 
 def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
     """Return a tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
     height, width, channels = pixels.shape
-    content = typestore().types[IMAGE_TYPE](
+    content = new_message(
+        IMAGE_TYPE,
         header=header,
         height=height,
         width=width,
         encoding="rgb8",
-        is_bigendian=0,
         step=width * channels,
         data=pixels.reshape(-1),
     )
@@ -203,18 +215,4 @@ def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
 
 def _camera_info() -> Any:
     """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
-    types = typestore().types
-    region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    return types["sensor_msgs/msg/CameraInfo"](
-        header=None,
-        height=320,
-        width=240,
-        distortion_model="",
-        d=np.zeros(0),
-        k=np.zeros(9),
-        r=np.zeros(9),
-        p=np.zeros(12),
-        binning_x=0,
-        binning_y=0,
-        roi=region,
-    )
+    return new_message("sensor_msgs/msg/CameraInfo", height=320, width=240)

@@ -47,9 +47,7 @@ def bag_metadata(path: str | Path) -> dict[str, str]:
 
 def bag_topics(path: str | Path) -> list[Topic]:
     """The topics of a bag that have messages. Raises InputError if it cannot be read."""
-    path = Path(path)
-    with _opened(path) as reader:
-        return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections if c.msgcount]
+    return [topic for topic, count in message_counts(path).items() if count]
 
 
 def message_counts(path: str | Path) -> dict[Topic, int]:

@@ -39,22 +39,16 @@ class NoResults(InputError):
 
 @dataclasses.dataclass(frozen=True)
 class RunRecord:
-    """A run: snapshots in order of time, n_particles and filter_ms of each, node_ms: mean work per frame by node."""
+    """A run: snapshots in order of time, node_ms: mean work per frame by node."""
 
     snapshots: list[Snapshot]
-    n_particles: list[int]
-    filter_ms: list[float]
     node_ms: dict[str, float]
 
-    def last(self, seconds: float) -> RunRecord:
-        """Return the last `seconds` of the record."""
-        begin = next(i for i, one in enumerate(self.snapshots) if one.time >= self.snapshots[-1].time - seconds)
-        of_frames = (self.snapshots[begin:], self.n_particles[begin:], self.filter_ms[begin:])
-        return RunRecord(*of_frames, self.node_ms)
-
-    def of_known_object(self) -> RunRecord:
-        """Return the record without the probabilities of objects, as if the object had been given."""
-        return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
+    def since_change(self, seconds: float) -> RunRecord:
+        """Return the last `seconds`, without the probabilities of objects, as if the object had been given."""
+        begin = self.snapshots[-1].time - seconds
+        last = [dataclasses.replace(one, objects={}) for one in self.snapshots if one.time >= begin]
+        return dataclasses.replace(self, snapshots=last)
 
 
 def read_run(path: str | Path) -> RunRecord:
@@ -85,9 +79,8 @@ def read_run(path: str | Path) -> RunRecord:
     messages, total = bag_messages(path, counts), sum(counts.values())  # in one pass: each reads the whole file
     for message in progress_bar(iterable=messages, desc=f"reading {Path(path).name}", unit="message", total=total):
         found[message.topic].append((header_stamp_ns(message.data), message.content))
-    results = {topic: dict(messages) for topic, messages in found.items()} | {STATUS: _answers(found[STATUS])}
-    snapshots, n_particles, filter_ms = [], [], []
-    start, seen, objects = None, set(), {}
+    results = {topic: dict(messages) for topic, messages in found.items()} | {STATUS: answers(found[STATUS])}
+    snapshots, start, seen, objects = [], None, set(), {}
     for frame in read_bag(path):
         start = frame.stamp_ns if start is None else start
         stamp = frame.stamp_ns
@@ -112,13 +105,13 @@ def read_run(path: str | Path) -> RunRecord:
             state=status.state,
             objects=objects,
             symmetry=_symmetry(results[MODES][stamp]),
+            n_particles=int(status.n_particles),
+            filter_ms=float(np.sum(status.stage_ms)),
         )
         snapshots.append(_nearest_to_truth(snapshot))
-        n_particles.append(int(status.n_particles))
-        filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
         raise no_results
-    return RunRecord(snapshots, n_particles, filter_ms, _node_times(found[DIAGNOSTICS]))
+    return RunRecord(snapshots, _node_times(found[DIAGNOSTICS]))
 
 
 def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
@@ -127,17 +120,13 @@ def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
         yield header_stamp_ns(message.data), message.content
 
 
-def answers(path: str | Path) -> dict[int, Any]:
+def answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
     """Return the first status of each stamp [ns] that is an answer, not the state `waiting`."""
-    return _answers(by_stamp(path, STATUS))
-
-
-def _answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
-    answers: dict[int, Any] = {}
+    found: dict[int, Any] = {}
     for stamp, status in statuses:
         if status.state != status.STATE_WAITING:
-            answers.setdefault(stamp, status)
-    return answers
+            found.setdefault(stamp, status)
+    return found
 
 
 def _hypothesis(mode: Any) -> RecordedMode:
@@ -198,7 +187,7 @@ class Snapshot:
     particles (N, 4, 4): drawn by weight; modes: heaviest first; estimate (4, 4): the published pose, None before the
     first; image (H, W, 3): uint8; penetration (h, w): m, None if it was not recorded; code (D,): None without contact;
     state: of the filter; objects: probability of each candidate object by name, empty if the object was given;
-    symmetry: of the object that the filter believes is touched.
+    symmetry: of the object that the filter believes is touched; n_particles: hypotheses; filter_ms: work of the filter.
     Pictures of the report need the truth and the penetration; every demo has both.
     """
 
@@ -214,6 +203,8 @@ class Snapshot:
     state: str
     objects: Mapping[str, float] = dataclasses.field(default_factory=dict)
     symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
+    n_particles: int = 0
+    filter_ms: float = 0.0
 
 
 def moments(run: list[Snapshot], count: int) -> list[Snapshot]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -38,20 +39,26 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add --image-topic, --base-frame, --gel-frame and --rotation, the options of `gel_stream`."""
-    _add_name(parser, "--image-topic", "/image_raw", "topic", "images of the bag")
+    add_name(parser, "--image-topic", "topic", "images of the bag", "/image_raw")
     add_frame_options(parser)
     add_rotation(parser)
 
 
 def add_frame_options(parser: argparse.ArgumentParser) -> None:
     """Add --base-frame and --gel-frame."""
-    _add_name(parser, "--base-frame", "base_link", "frame", "frame of the sensor's poses in the bag")
-    _add_name(parser, "--gel-frame", "digit_gel_frame", "frame", "the sensor's, in the bag")
+    add_name(parser, "--base-frame", "frame", "frame of the sensor's poses in the bag", "base_link")
+    add_name(parser, "--gel-frame", "frame", "the sensor's, in the bag", "digit_gel_frame")
 
 
-def _add_name(parser: argparse.ArgumentParser, option: str, default: str, kind: str, what: str) -> None:
-    help_text = f"{what} (default {default})"
-    parser.add_argument(option, type=name_of(kind), default=default, metavar=kind.upper(), help=help_text)
+def add_name(parser: argparse.ArgumentParser, option: str, kind: str, what: str, default: str = "") -> None:
+    """Add an option that takes a name of this kind, as `require_name` knows them, or nothing; what: for its help."""
+    parser.add_argument(
+        option,
+        type=lambda text: text and _checked(require_name, kind, text, "the name"),
+        default=default,
+        metavar=kind.split()[0].upper(),
+        help=f"{what} (default: {default or 'none'})",
+    )
 
 
 def add_rotation(parser: argparse.ArgumentParser) -> None:
@@ -83,11 +90,6 @@ def add_jobs_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def name_of(kind: str) -> Callable[[str], str]:
-    """Return an argparse type: a name of this kind, as `require_name` knows them, or nothing."""
-    return lambda text: text and _checked(require_name, kind, text, "the name")
-
-
 def writable_file(text: str) -> Path:
     """argparse type: a file that can be written; its folders need not be there."""
     return _checked(require_place, text, "file")
@@ -98,9 +100,18 @@ def writable_folder(text: str) -> Path:
     return _checked(require_place, text, "folder")
 
 
-def writable_place(text: str) -> Path:
-    """argparse type: a file or a folder that can be written."""
-    return _checked(require_place, text, "file or folder")
+_METAVARS = {"file": "FILE", "folder": "DIR", "file or folder": "PATH"}
+
+
+def add_place(
+    parser: argparse.ArgumentParser, option: str, kind: str, what: str, default: str | None = None, **options
+) -> None:
+    """Add an option for a place that is written: a `file`, a `folder`, or a `file or folder`.
+
+    what: for its help, which names the default; options: of `add_argument`.
+    """
+    options = {"metavar": _METAVARS[kind], "help": f"{what} (default {default})" if default else what, **options}
+    parser.add_argument(option, type=lambda text: _checked(require_place, text, kind), default=default, **options)
 
 
 def _checked(check: Callable[..., Checked], *arguments: str) -> Checked:
@@ -108,6 +119,16 @@ def _checked(check: Callable[..., Checked], *arguments: str) -> Checked:
         return check(*arguments)
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def ros_arguments(node: str, parameters: Mapping[str, object], namespace: str = "") -> list[str]:
+    """Return the command line of a node's executable that sets its parameters and its namespace."""
+    # ROS reads values as YAML, and JSON is YAML: quotes keep a path text; YAML has no surrogates, so no ASCII escapes
+    written = {name: json.dumps(value, ensure_ascii=False) for name, value in parameters.items()}
+    words = [word for name, value in written.items() for word in ("-p", f"{name}:={value}")]
+    if namespace:
+        words += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    return [node, "--ros-args", *words]
 
 
 def load_mesh(name_or_path: str) -> ObjectMesh:

@@ -25,12 +25,8 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "mesh", metavar="MESH", nargs="+", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name"
     )
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_place,
-        metavar="PATH",
-        help="file, of several meshes folder (default: out/codebooks/<mesh name>.npz)",
-    )
+    what = "file, of several meshes folder (default: out/codebooks/<mesh name>.npz)"
+    arguments.add_place(parser, "--out", "file or folder", what)
     parser.add_argument("--size", type=limits.poses, default=50_000, help="number of poses (default 50000)")
     parser.add_argument("--seed", type=limits.seed, default=0, help="of the poses (default 0)")
     parser.add_argument("--force", action="store_true", help="build again what is up to date")

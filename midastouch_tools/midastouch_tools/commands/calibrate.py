@@ -45,46 +45,22 @@ def add_parser(subparsers) -> None:
         action="store_true",
         help="calibrate even if the ball measures like one of another diameter",
     )
-    parser.add_argument(
-        "--serial",
-        type=arguments.name_of("serial number"),
-        default="",
-        metavar="SERIAL",
-        help="serial number of the sensor",
-    )
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_file,
-        metavar="FILE",
-        help="write the calibration here (default: keep it for --serial)",
-    )
+    arguments.add_name(parser, "--serial", "serial number", "serial number of the sensor")
+    arguments.add_place(parser, "--out", "file", "write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
     parser.add_argument("--sensor", default=_SENSOR, help=f"sensor model (default {_SENSOR})")
     parser.add_argument(
         "--px-per-mm", type=limits.pixels_per_mm, metavar="X", help="scale of this very sensor (default: the model's)"
     )
-    parser.add_argument(
-        "--namespace", type=arguments.name_of("namespace"), default="", help="of the live sensor (default: none)"
+    arguments.add_name(parser, "--namespace", "namespace", "of the live sensor")
+    new = "new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)"
+    arguments.add_place(parser, "--save", "folder", new)
+    optics = (
+        "write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
+        "midastouch benchmark --protocol real_sensor)"
     )
-    parser.add_argument(
-        "--save",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)",
-    )
-    parser.add_argument(
-        "--optics",
-        type=arguments.writable_file,
-        metavar="FILE",
-        help="write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
-        "midastouch benchmark --protocol real_sensor)",
-    )
-    parser.add_argument(
-        "--page",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="write a page here that shows every press before and after",
-    )
+    arguments.add_place(parser, "--optics", "file", optics)
+    arguments.add_place(parser, "--page", "folder", "write a page here that shows every press before and after")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -145,18 +121,15 @@ def _live(args: argparse.Namespace, path: Path):
         raise InputError("calibrate live: give the sensor's --serial")
     folder = require_new_folder(args.save) if args.save else f"out/presses/{args.serial}"
     parameters = {
-        "serial": _quoted(args.serial),
+        "serial": args.serial,
         "ball_diameter": args.ball_diameter,
         "diameter_is_right": args.diameter_is_right,
-        "sensor_model": _quoted(args.sensor),
+        "sensor_model": args.sensor,
         "px_per_mm": args.px_per_mm or 0.0,
-        "background_folder": _quoted(args.background_folder),
-        "out": _quoted(path),
-        "presses_folder": _quoted(folder),
+        "background_folder": args.background_folder,
+        "out": str(path),
+        "presses_folder": str(folder),
     }
-    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    if args.namespace:
-        words += ["-r", f"__ns:=/{args.namespace.strip('/')}"]
     made: list[CalibrateNode] = []
 
     def guide() -> list[CalibrateNode]:
@@ -164,7 +137,7 @@ def _live(args: argparse.Namespace, path: Path):
         return made
 
     with handlers_kept():  # drawing a page takes time
-        spin.run(guide, ["calibrate", "--ros-args", *words])
+        spin.run(guide, arguments.ros_arguments("calibrate", parameters, args.namespace))
     if not made:
         return None, {}, 2
     (node,) = made
@@ -173,11 +146,6 @@ def _live(args: argparse.Namespace, path: Path):
         print(shlex.join(_from_folder(args, node.presses_folder)))
         return None, {}, 2 if node.failure else 1
     return node.result, node.images, 0
-
-
-def _quoted(text: str | Path) -> str:
-    """Quote a parameter's value, which ROS reads as YAML."""
-    return "'" + str(text).replace("'", "''") + "'"
 
 
 def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:

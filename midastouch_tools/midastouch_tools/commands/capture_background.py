@@ -18,13 +18,7 @@ def add_parser(subparsers) -> None:
         "Calls the service capture_background of the running node tdn. Started with the sensor's serial number, that\n"
         "node keeps the image for its next start.",
     )
-    parser.add_argument(
-        "--namespace",
-        type=arguments.name_of("namespace"),
-        default="",
-        metavar="NAME",
-        help="of the node (default: none)",
-    )
+    arguments.add_name(parser, "--namespace", "namespace", "of the node")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -21,13 +21,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
     parser.add_argument("--headless", action="store_true", help="do not open the page in a browser")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_folder,
-        default="out/demo",
-        metavar="DIR",
-        help="folder for the results (default out/demo)",
-    )
+    arguments.add_place(parser, "--out", "folder", "folder for the results", "out/demo")
     parser.add_argument("--seed", type=limits.seed, default=SEED, help=f"of the slide (default {SEED})")
     parser.add_argument("--domain", type=limits.domain, metavar="ID", help="ROS_DOMAIN_ID (default: a free one)")
 

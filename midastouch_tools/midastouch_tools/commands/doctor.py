@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import CLONE, install_extra, pip_install
 
 from . import arguments
-from .plugins import BrokenCommand, commands_of_others
+from .plugins import BrokenCommand, commands_of_others, problem_of
 
 _CLONED = (CLONE / "Makefile").is_file()
 _SET_UP = "make setup" if _CLONED else "make setup, in a clone of the repository"
@@ -50,14 +51,7 @@ MODULES = (
     ("h5py", "h5py", "midastouch export --format hdf5", False, install_extra("export")),
     ("midastouch_tools.view.open3d_library", "open3d-cpu", "midastouch view --export", False, _OPEN3D),
 )
-_PROGRAMS = (
-    ("digit_driver", _SET_UP),
-    ("tdn", _SET_UP),
-    ("tcn", _SET_UP),
-    ("particle_filter", _SET_UP),
-    ("replay", _SET_UP),
-    ("all_in_one", _SET_UP),
-)
+_PROGRAMS = ("digit_driver", "tdn", "tcn", "particle_filter", "replay", "all_in_one")
 
 
 def add_parser(subparsers) -> None:
@@ -75,6 +69,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from ..machine import machine_info, ros_distribution
+    from ..processes.process import find_executable
     from ..text_table import text_table
 
     info = machine_info()
@@ -87,13 +82,18 @@ def run(args: argparse.Namespace) -> int:
         rows.append([distribution, purpose, version if not problem else _missing(required)])
         if problem:
             fixes.append((distribution, problem, fix, required))
-    for program, fix in _PROGRAMS:
-        found = _has_executable(program)
-        rows.append([program, "executable", "found" if found else _missing(True)])
-        if not found:
-            fixes.append((program, "no such executable beside this Python or on PATH", fix, True))
+    for program in _PROGRAMS:
+        try:
+            find_executable(program)
+            rows.append([program, "executable", "found"])
+        except InputError as error:
+            rows.append([program, "executable", _missing(True)])
+            fixes.append((program, str(error), _SET_UP, True))
     rows.append(_network_row(fixes))
-    rows += _broken_commands(fixes)
+    for command in commands_of_others():
+        if isinstance(command, BrokenCommand):
+            rows.append([f"midastouch {command.name}", "command of another package", "BROKEN"])
+            fixes.append((f"midastouch {command.name}", command.problem, _SET_UP, False))
     print(text_table(["part", "for", "state"], rows, left=2))
     for name, problem, fix, required in fixes:
         print(f"\n{name}: {problem}\n  {'fix' if required else 'if wanted'}: {fix}")
@@ -113,27 +113,8 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
     try:
         imported = importlib.import_module(module)
     except Exception as error:  # a broken install can fail in any way while it is imported
-        return "", f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return "", problem_of(error)
     return package_version(distribution) or getattr(imported, "__version__", "found"), ""
-
-
-def _has_executable(name: str) -> bool:
-    from midastouch_common.errors import InputError
-
-    from ..processes.process import find_executable
-
-    try:
-        find_executable(name)
-    except InputError:
-        return False
-    return True
-
-
-def _broken_commands(fixes: list) -> list[list[str]]:
-    """Return a row for each command of another package that cannot be imported; add its fix to `fixes`."""
-    broken = [command for command in commands_of_others() if isinstance(command, BrokenCommand)]
-    fixes += [(f"midastouch {command.name}", command.problem, _SET_UP, False) for command in broken]
-    return [[f"midastouch {command.name}", "command of another package", "BROKEN"] for command in broken]
 
 
 def _network_row(fixes: list) -> list[str]:
@@ -145,6 +126,5 @@ def _network_row(fixes: list) -> list[str]:
         networks = f"{load_tdn('fast').network_id}, {load_tcn('fast').network_id}"
         return ["weights", "shipped networks", networks]
     except Exception as error:  # as above: any failure to load them is the finding
-        problem = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        fixes.append(("weights", problem, "git checkout -- midastouch_perception", True))
+        fixes.append(("weights", problem_of(error), "git checkout -- midastouch_perception", True))
         return ["weights", "shipped networks", _missing(True)]

@@ -17,18 +17,15 @@ def add_parser(subparsers) -> None:
         "download YCB meshes or parts of YCB-Slide",
         "midastouch download ycb-mesh 025_mug 035_power_drill",
         "ycb-mesh NAME...: 16k-face scans (CC BY 4.0), one PLY each. ycb-slide sim|real|backgrounds...: recordings\n"
-        "(CC BY-SA 4.0; MIT is the licence of its code alone), with gdown. A broken download continues where it\n"
-        "stopped. The sum of each file is kept in SHA256SUMS and compared the next time, as its publishers give\n"
-        "none. tactile-tracking: where NormalFlow's recordings with a GelSight Mini lie, and what to do with them;\n"
+        "(CC BY-SA 4.0; MIT is the licence of its code alone), with gdown, which continues where an earlier call was\n"
+        "stopped. tactile-tracking: where NormalFlow's recordings with a GelSight Mini lie, and what to do with them;\n"
         "nothing is downloaded.",
     )
     parser.add_argument("what", choices=("ycb-mesh", "ycb-slide", "tactile-tracking"), help="which collection")
     parser.add_argument(
         "names", nargs="*", default=[], metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)"
     )
-    parser.add_argument(
-        "--out", type=arguments.writable_folder, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)"
-    )
+    arguments.add_place(parser, "--out", "folder", "folder (default out/ycb, out/ycb_slide)")
     parser.add_argument("--mirror", metavar="URL", help="take ycb-mesh from a copy of the server's data folder")
 
 
@@ -57,18 +54,10 @@ def _tactile_tracking() -> int:
 
 def _meshes(args: argparse.Namespace) -> int:
     from ..download.ycb import SERVER, download_mesh
-    from ..progress import progress_bar
 
     folder = args.out or Path("out/ycb")
     for name in args.names:
-        with progress_bar(unit="B", unit_scale=True, desc=name) as bar:
-
-            def show(done: int, total: int | None, bar=bar) -> None:
-                bar.total = total
-                bar.update(max(0, done - bar.n))
-
-            mesh = download_mesh(name, folder, args.mirror or SERVER, progress=show)
-        print(mesh)
+        print(download_mesh(name, folder, args.mirror or SERVER))
     return 0
 
 

@@ -28,7 +28,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
     parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
-    parser.add_argument("--out", type=arguments.writable_folder, required=True, metavar="DIR", help="folder to write")
+    arguments.add_place(parser, "--out", "folder", "folder to write", required=True)
     arguments.add_bag_options(parser)
 
 

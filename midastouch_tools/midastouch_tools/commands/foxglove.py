@@ -17,14 +17,8 @@ def add_parser(subparsers) -> None:
         "midastouch foxglove --namespace left --out left.json",
         "For foxglove_bridge: import the file as a layout.",
     )
-    parser.add_argument(
-        "--namespace",
-        type=arguments.name_of("namespace"),
-        default="",
-        metavar="NAME",
-        help="of the nodes (default: none)",
-    )
-    parser.add_argument("--out", type=arguments.writable_file, metavar="FILE", required=True, help="the layout (JSON)")
+    arguments.add_name(parser, "--namespace", "namespace", "of the nodes")
+    arguments.add_place(parser, "--out", "file", "the layout (JSON)", required=True)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -20,13 +20,7 @@ def add_parser(subparsers) -> None:
         "The network and its model card are written to --out.",
     )
     parser.add_argument("file", metavar="FILE", help="checkpoint, such as tdn_weights.pth.tar or tcn_weights.pth.tar")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_folder,
-        default="out/weights",
-        metavar="DIR",
-        help="folder (default out/weights)",
-    )
+    arguments.add_place(parser, "--out", "folder", "folder", "out/weights")
     parser.add_argument(
         "--voxel-size",
         type=limits.voxel_size,

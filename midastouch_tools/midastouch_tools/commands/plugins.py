@@ -17,7 +17,7 @@ class BrokenCommand:
     """Stand-in for a command of another package that cannot be imported; all others, such as `doctor`, still work."""
 
     def __init__(self, name: str, error: Exception):
-        self.name, self.problem = name, f"{type(error).__name__}: {one_line(error)}"
+        self.name, self.problem = name, problem_of(error)
 
     def add_parser(self, subparsers) -> None:
         """Add the sub-command, which accepts any arguments and reports the problem."""
@@ -43,6 +43,11 @@ def _loaded(found: importlib.metadata.EntryPoint) -> ModuleType | BrokenCommand:
         return command
     except Exception as error:  # a broken install can fail in any way while it is imported
         return BrokenCommand(found.name.replace("_", "-"), error)
+
+
+def problem_of(error: Exception) -> str:
+    """Return the type of an error and its description in one line."""
+    return f"{type(error).__name__}: {one_line(error)}"
 
 
 def one_line(error: Exception) -> str:

@@ -37,8 +37,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    import json
-
     from ..replay.source import ReplaySource, parsed_remaps
 
     # refuses an unplayable source before anything is started
@@ -54,7 +52,4 @@ def run(args: argparse.Namespace) -> int:
         "start_paused": args.paused,
         "clock": not args.no_clock,
     }
-    # ROS reads values as YAML, and JSON is YAML: quotes keep a path text; YAML has no surrogates, so no ASCII escapes
-    written = {name: json.dumps(value, ensure_ascii=False) for name, value in parameters.items()}
-    ros_arguments = [word for name, value in written.items() for word in ("-p", f"{name}:={value}")]
-    return main(["replay", "--ros-args", *ros_arguments])
+    return main(arguments.ros_arguments("replay", parameters))

@@ -20,13 +20,7 @@ def add_parser(subparsers) -> None:
         "(0.5 mm, 1 deg) and the sensor's no-contact image.",
     )
     parser.add_argument("mesh", metavar="MESH", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_folder,
-        required=True,
-        metavar="DIR",
-        help="sequence folder to write; must not exist",
-    )
+    arguments.add_place(parser, "--out", "folder", "sequence folder to write; must not exist", required=True)
     parser.add_argument("--length", type=limits.path_length, default=0.5, help="of the path, m (default 0.5)")
     parser.add_argument("--seed", type=limits.seed, default=0, help="of path, noise and lighting (default 0)")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")

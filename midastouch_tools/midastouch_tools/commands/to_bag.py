@@ -18,13 +18,8 @@ def add_parser(subparsers) -> None:
         "With image, camera info, transforms, and the ground truth on its own frame; `ros2 bag` reads it.",
     )
     parser.add_argument("sequence", metavar="SEQ", help="YCB-Slide sequence folder")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_place,
-        required=True,
-        metavar="BAG",
-        help="file ending in .mcap, or a bag folder",
-    )
+    what = "file ending in .mcap, or a bag folder"
+    arguments.add_place(parser, "--out", "file or folder", what, required=True, metavar="BAG")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -79,9 +79,7 @@ def _add_command(subparsers, name: str, run: Callable, summary: str) -> argparse
     parser.add_argument(
         "--colour-table", metavar="FILE", help="colours of a real DIGIT, polycalib.npz of the Taxim simulator"
     )
-    parser.add_argument(
-        "--out", type=arguments.writable_folder, default=f"out/{name}", metavar="DIR", help="default %(default)s"
-    )
+    arguments.add_place(parser, "--out", "folder", "folder for the results", f"out/{name}")
     parser.add_argument("--seed", type=limits.seed, default=0, help="of weights and data (default 0)")
     return parser
 

@@ -27,27 +27,18 @@ def add_parser(subparsers) -> None:
         "Its page is Rerun's: it sends no data away, but may ask for Rerun's newest version and a font.",
     )
     parser.add_argument("run_or_bag", metavar="RUN_OR_BAG", nargs="?", help="a finished run (default: what runs)")
-    parser.add_argument(
-        "--namespace", type=arguments.name_of("namespace"), default="", help="of the nodes (default: none)"
-    )
+    arguments.add_name(parser, "--namespace", "namespace", "of the nodes")
     parser.add_argument("--rate", type=limits.drawings_per_s, default=2.0, help="drawings per second (default 2)")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve; 0.0.0.0: to all (default 127.0.0.1)")
     parser.add_argument("--port", type=limits.port, default=9876, help="of the data (default 9876)")
     parser.add_argument("--web-port", type=limits.port, default=9090, help="of the page (default 9090)")
     parser.add_argument("--memory", type=limits.megabytes, help="history kept, MB (default 500; live 30)")
-    parser.add_argument(
-        "--save", type=arguments.writable_file, metavar="FILE.rrd", help="record to a file instead of serving"
-    )
+    arguments.add_place(parser, "--save", "file", "record to a file instead of serving", metavar="FILE.rrd")
     finished = parser.add_argument_group("a finished run")
     finished.add_argument("--mesh", help="file or bundled object (default: the run's)")
     finished.add_argument("--sequence", help="of a JSON file with several")
     finished.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
-    finished.add_argument(
-        "--export",
-        type=arguments.writable_folder,
-        metavar="DIR",
-        help="write mesh, clouds and lines as PLY, and show nothing",
-    )
+    arguments.add_place(finished, "--export", "folder", "write mesh, clouds and lines as PLY, and show nothing")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -101,10 +92,7 @@ def _follow(scene, namespace: str, rate: float) -> int:
 
     from ..nodes.view import View
 
-    ros_arguments = ["view", "--ros-args", "-p", f"rate:={rate}"]
-    if namespace:
-        ros_arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
-    return spin.run(lambda: [View(scene)], ros_arguments)
+    return spin.run(lambda: [View(scene)], arguments.ros_arguments("view", {"rate": rate}, namespace))
 
 
 def _finished(args: argparse.Namespace) -> tuple:

@@ -52,7 +52,7 @@ class Sequence:
 
     @property
     def n_frames(self) -> int:
-        return len(self.image_paths)
+        return len(self.stamps_ns)
 
     def image(self, i: int) -> np.ndarray:
         """Tactile image of frame `i`: (320, 240, 3) uint8 RGB. Raises InputError if it cannot be read."""
@@ -83,10 +83,6 @@ class VideoSequence(Sequence):
     """A sequence whose images came out of one video. images: (320, 240, 3) uint8 RGB each; no `image_paths`."""
 
     images: tuple[np.ndarray, ...] = field(default=(), repr=False)
-
-    @property
-    def n_frames(self) -> int:
-        return len(self.images)
 
     def image(self, i: int) -> np.ndarray:
         """Tactile image of frame `i`: (320, 240, 3) uint8 RGB."""

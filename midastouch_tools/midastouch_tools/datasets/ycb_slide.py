@@ -254,7 +254,8 @@ def _rows(value: Any, file: Path) -> np.ndarray:
 
 
 def _transforms(value: Any, file: Path) -> np.ndarray:
+    rows = _rows(value, file)
     try:
-        return se3.from_xyzquat(_rows(value, file))
+        return se3.from_xyzquat(rows)
     except InputError as error:
-        raise InputError(f"{file}: {str(error).removeprefix(f'{file}: ')}") from error
+        raise InputError(f"{file}: {error}") from error

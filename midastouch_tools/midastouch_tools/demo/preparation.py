@@ -13,7 +13,7 @@ from midastouch_perception.objects import bundled_mesh, bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
-from ..codebooks import ensure_codebook
+from ..codebooks import build_command, ensure_codebook
 from ..datasets.slide_simulation import simulate_sequence
 from . import SEED, SLIDE_LENGTH
 
@@ -41,8 +41,8 @@ def require_there(given: Mapping[str, str]) -> None:
             if address in bundled_objects():
                 also = f", or give the bundled object by its name, object:={address}"
             elif name == "codebook":
-                sensor = f" --sensor {given['sensor_model']}" if given.get("sensor_model") else ""
-                also = f", or make it: midastouch build-codebook {given.get('mesh') or 'MESH'}{sensor} --out {address}"
+                command = build_command(given.get("mesh") or "MESH", given.get("sensor_model", ""), address)
+                also = f", or make it: {command}"
             raise InputError(f"{name}:={address}: no such file or folder; check the path{also}")
 
 
@@ -51,8 +51,7 @@ def require_built(given: Mapping[str, str]) -> None:
     if given["object"] and not (given["codebook"] or given["objects"]):
         name, sensor = given["object"], given["sensor_model"]
         if not (path := codebook_path(name, sensor)).is_file():
-            how = f" --sensor {sensor}" if sensor else ""
-            raise InputError(f"object:={name}: {path} is not built yet: midastouch build-codebook {name}{how}")
+            raise InputError(f"object:={name}: {path} is not built yet: {build_command(name, sensor)}")
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:

@@ -97,7 +97,7 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
         "particles": _in_units(particle_rmse(last.particles, last.truth)),
     }
     right = (one.time for one in record.snapshots if one.state == "converged" and is_found(_error(one)))
-    stage_ms = {**record.node_ms, "particle_filter": float(np.mean(record.filter_ms))}
+    stage_ms = {**record.node_ms, "particle_filter": float(np.mean([one.filter_ms for one in record.snapshots]))}
     return {
         "object": object_name,
         "frames": len(record.snapshots),
@@ -107,7 +107,7 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
         "symmetry": last.symmetry.as_json(),
         "alike": [] if last.estimate is None else se3.to_xyzquat(last.symmetry.transforms @ last.estimate).tolist(),
         "state": last.state,
-        "n_particles": record.n_particles[-1],
+        "n_particles": last.n_particles,
         "n_modes": len(last.modes),
         "stage_ms": {name: stage_ms[name] for name in NODES if name in stage_ms},
         "hz": (len(record.snapshots) - 1) / seconds if seconds > 0 else None,

@@ -9,12 +9,12 @@ import shutil
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
+from ..progress import progress_bar
 from .archive import RESERVE
 
 _BLOCK = 1 << 18
@@ -26,24 +26,17 @@ class _BrokeOff(Exception):
     """Raised if the transfer ended early; another attempt may succeed."""
 
 
-def fetch(
-    url: str,
-    path: Path,
-    attempts: int = 5,
-    pause_s: float = 1.0,
-    progress: Callable[[int, int | None], None] = lambda done, total: None,
-) -> None:
-    """Download `url` to `path`, which appears only once it is complete.
+def fetch(url: str, path: Path, attempts: int = 5, pause_s: float = 1.0) -> None:
+    """Download `url` to `path`, which appears only once it is complete, with a progress bar.
 
-    `progress(bytes so far, total or None)`. Raises InputError if there is no such file or no space, or if `attempts`
-    transfers broke off; then nothing is left.
+    Raises InputError if there is no such file or no space, or if `attempts` transfers broke off; then nothing is left.
     """
     if not re.match(r"https?://", url):
         raise InputError(f"{url}: not an http or https address")
     for attempt in range(attempts):
         try:
             with _open(url) as response, atomic_path(path) as temporary:
-                _write(response, temporary, progress)
+                _write(response, temporary, path.name)
             return
         except _BrokeOff as error:
             problem = error
@@ -64,12 +57,12 @@ def _open(url: str) -> http.client.HTTPResponse:
         raise _BrokeOff(f"no connection ({getattr(error, 'reason', error)})") from error
 
 
-def _write(response: http.client.HTTPResponse, path: Path, progress: Callable) -> None:
+def _write(response: http.client.HTTPResponse, path: Path, name: str) -> None:
     length = response.headers.get("Content-Length", "")
     total, have = int(length) if length.isdecimal() else None, 0
     if (total or 0) + RESERVE > (free := shutil.disk_usage(path.parent).free):
         raise InputError(f"{path.parent}: needs {(total or 0) >> 20} MiB, but {free >> 20} MiB are free; make room")
-    with path.open("wb") as file:
+    with path.open("wb") as file, progress_bar(unit="B", unit_scale=True, desc=name, total=total) as bar:
         while True:
             try:
                 block = response.read(_BLOCK)
@@ -85,6 +78,6 @@ def _write(response: http.client.HTTPResponse, path: Path, progress: Callable) -
                     raise
                 raise InputError(f"{path.parent}: the disk is full; make room and call again") from error
             have += len(block)
-            progress(have, total)
+            bar.update(len(block))
     if total is not None and have != total:
         raise _BrokeOff(f"broke off after {have} of {total} bytes")

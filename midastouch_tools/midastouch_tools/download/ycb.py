@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-from collections.abc import Callable
 from pathlib import Path
 
 from midastouch_common.errors import InputError
@@ -33,7 +32,7 @@ FOLDERS = {
 """Parts of YCB-Slide, from the script in rpl-cmu/YCB-Slide."""
 
 
-def download_mesh(name: str, folder: Path, server: str, progress: Callable = lambda done, total: None) -> Path:
+def download_mesh(name: str, folder: Path, server: str) -> Path:
     """Download the 16k-face scan of an object such as 025_mug to `folder/NAME.ply`, metres; returns that path.
 
     A mesh that is already there is not fetched again. Raises InputError as `fetch` does, for a name of no object, and
@@ -45,7 +44,7 @@ def download_mesh(name: str, folder: Path, server: str, progress: Callable = lam
     if mesh.is_file():
         return mesh
     packed = folder / archive
-    fetch(f"{server}/google/{archive}", packed, progress=progress)
+    fetch(f"{server}/google/{archive}", packed)
     with atomic_path(mesh) as temporary:
         _take_mesh(packed, temporary)
     packed.unlink()

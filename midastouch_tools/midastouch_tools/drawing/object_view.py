@@ -161,9 +161,7 @@ def _up(mesh: ObjectMesh, direction: np.ndarray) -> np.ndarray:
 
 
 def _spread(points: np.ndarray, direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    x = np.cross(up, direction)
-    x /= max(np.linalg.norm(x), 1e-9)
-    return points @ np.stack([x, np.cross(direction, x)], axis=1)
+    return points @ Camera.around(points, direction, up, 1, 1).rotation[:2].T
 
 
 class _LikelihoodField:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +33,10 @@ from .page import Page
 from .scale import draw_scale
 
 
-def write_gif(
-    path: Path, view: ObjectView, run: list[Snapshot], frames: int, progress: Callable[[list], Iterable] = iter
-) -> Path:
-    """Write up to `frames` snapshots of `run` (see `moments`) to `path`, shown for 6 s; the last one stays 2 s.
-
-    progress: wraps the list that is iterated over (such as tqdm).
-    """
-    chosen = moments(run, frames)
-    stage = _Stage(run, view)
-    pictures = [stage.draw(snapshot) for snapshot in progress(chosen)]
+def write_gif(path: Path, view: ObjectView, run: list[Snapshot], frames: int) -> Path:
+    """Write up to `frames` snapshots of `run` (see `moments`) to `path`, shown for 6 s; the last one stays 2 s."""
+    chosen, stage = moments(run, frames), _Stage(run, view)
+    pictures = [stage.draw(each) for each in progress_bar(iterable=chosen, unit="picture", desc=path.name)]
     # One palette for all frames: no flicker, and unchanged pixels compress away. The touch is small but
     # colourful, so it gets a larger part of the sample that the palette is made from.
     sample = pictures[:: max(len(pictures) // 6, 1)]
@@ -121,8 +113,7 @@ def add_run(page: Page, table: tuple, run: list[Snapshot], mesh: ObjectMesh, cod
     # from the side that is touched at the end, which may not be the one touched most
     last, contact = run[-1], measured_contact(run[-1], SensorModel.load("digit_tacto"))
     final = save(final_figure(ObjectView(mesh, last.truth[None], _WIDTH), last, contact), out / "final.png")
-    drawn = partial(progress_bar, unit="picture", desc="run.gif")
-    animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: drawn(iterable=chosen))
+    animation = write_gif(out / "run.gif", view, run, GIF_FRAMES)
     page.picture(animation, "The run from the first estimate on: particles on the object, touch, errors")
     page.table(*table)
     page.picture(overview, "Touch, its likelihood over the object, particles, errors (the paper's figure 7)")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import cv2
@@ -61,11 +62,28 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> int:
     tasks: dict[str, int] = {}
     episodes, index, total = [], 0, RowStatistics({IMAGE})
     for number, recording in enumerate(recordings):
-        task = f"slide over {recording.object_name or 'an object'}"
-        episode = _Episode(number, index, tasks.setdefault(task, len(tasks)), fps)
-        statistics = episode.write(recording, folder, total)
-        episodes.append(_episode_row(episode, task, statistics))
-        index += episode.length
+        task, own, start = f"slide over {recording.object_name or 'an object'}", RowStatistics({IMAGE}), index
+        chunk, file = divmod(number, _FILES_PER_CHUNK)
+        path = folder / _DATA_PATH.format(chunk_index=chunk, file_index=file)
+        rows = _rows(recording, number, start, tasks.setdefault(task, len(tasks)), fps)
+        for row in _write_rows(rows, columns, path):
+            for statistics in (own, total):
+                statistics.add(row)
+            index += 1
+        episode = {
+            "episode_index": number,
+            "tasks": [task],
+            "length": index - start,
+            "data/chunk_index": chunk,
+            "data/file_index": file,
+            "dataset_from_index": start,
+            "dataset_to_index": index,
+            "meta/episodes/chunk_index": 0,
+            "meta/episodes/file_index": 0,
+        }
+        for name, summary in own.summary().items():
+            episode |= {f"stats/{name}/{key}": value for key, value in summary.items()}
+        episodes.append(episode)
     _write_table(folder / _EPISODES_PATH, episodes)
     _write_tasks(folder / "meta" / "tasks.parquet", tasks)
     _write_json(folder / "meta" / "stats.json", total.summary())
@@ -112,57 +130,35 @@ def _common_rate(recordings: Sequence[Recording]) -> int:
     return max(1, round(float(np.median(rates))))
 
 
-class _Episode:
-    """One recording in the dataset: episode `number`, whose first frame is number `start` of all."""
+def _rows(recording: Recording, episode: int, start: int, task: int, fps: int) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the value of each feature, frame by frame; a frame's action is the motion to the next one.
 
-    def __init__(self, number: int, start: int, task: int, fps: int):
-        self.number, self.start, self.length = number, start, 0
-        self._task, self._fps = task, fps
-        self.chunk, self.file = divmod(number, _FILES_PER_CHUNK)
-
-    def write(self, recording: Recording, folder: Path, total: RowStatistics) -> RowStatistics:
-        """Write the frames of a recording; returns their statistics, and adds them to `total`."""
-        schema, own = _schema(recording.columns), RowStatistics({IMAGE})
-        path = folder / _DATA_PATH.format(chunk_index=self.chunk, file_index=self.file)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with parquet.ParquetWriter(path, schema) as writer:
-            batch = []
-            for row in self._rows(recording):
-                for statistics in (own, total):
-                    statistics.add(row)
-                batch.append(_encoded(row))
-                if len(batch) == _ROWS_AT_A_TIME:
-                    writer.write_table(pa.Table.from_pylist(batch, schema=schema))
-                    batch = []
-            if batch:
-                writer.write_table(pa.Table.from_pylist(batch, schema=schema))
-        return own
-
-    def _rows(self, recording: Recording) -> Iterator[dict[str, np.ndarray]]:
-        """Yield the value of each feature, frame by frame; a frame's action is the motion to the next one."""
-        row = None
-        for following in recording.rows():
-            if row is not None:
-                yield self._completed(recording, row, _motion(row["base_from_gel"], following["base_from_gel"]))
-            row = following
-        yield self._completed(recording, row, np.zeros(6))
-
-    def _completed(self, recording: Recording, row: dict[str, np.ndarray], action: np.ndarray) -> dict:
-        frame, self.length = self.length, self.length + 1
-        return {_feature(column): row[column.name] for column in recording.columns} | {
-            ACTION: action,
-            "timestamp": np.array([frame / self._fps]),
+    start: number of the first frame among those of all episodes.
+    """
+    for frame, (row, following) in enumerate(pairwise(chain(recording.rows(), [None]))):
+        yield {_feature(column): row[column.name] for column in recording.columns} | {
+            ACTION: _motion(row["base_from_gel"], following["base_from_gel"]) if following else np.zeros(6),
+            "timestamp": np.array([frame / fps]),
             "frame_index": np.array([frame]),
-            "episode_index": np.array([self.number]),
-            "index": np.array([self.start + frame]),
-            "task_index": np.array([self._task]),
+            "episode_index": np.array([episode]),
+            "index": np.array([start + frame]),
+            "task_index": np.array([task]),
         }
+
+
+def _write_rows(rows: Iterator[dict[str, np.ndarray]], columns: Sequence[Column], path: Path) -> Iterator[dict]:
+    """Write rows to a file while they are passed on."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    schema = _schema(columns)
+    with parquet.ParquetWriter(path, schema) as writer:
+        while batch := list(islice(rows, _ROWS_AT_A_TIME)):
+            writer.write_table(pa.Table.from_pylist([_encoded(row) for row in batch], schema=schema))
+            yield from batch
 
 
 def _motion(pose: np.ndarray, following: np.ndarray) -> np.ndarray:
     """Twist (6,) m, rad from one pose of the gel to the next, in the gel frame of the first."""
-    first, second = se3.from_xyzquat(pose), se3.from_xyzquat(following)
-    return se3.log(se3.inverse(first) @ second)
+    return se3.log(se3.inverse(se3.from_xyzquat(pose)) @ se3.from_xyzquat(following))
 
 
 def _encoded(row: dict[str, np.ndarray]) -> dict:
@@ -188,23 +184,6 @@ def _schema(columns: Sequence[Column]) -> pa.Schema:
             kind = pa.list_(pa.list_(plain[feature["dtype"]]))
         fields.append((name, kind))
     return pa.schema(fields)
-
-
-def _episode_row(episode: _Episode, task: str, statistics: RowStatistics) -> dict:
-    row = {
-        "episode_index": episode.number,
-        "tasks": [task],
-        "length": episode.length,
-        "data/chunk_index": episode.chunk,
-        "data/file_index": episode.file,
-        "dataset_from_index": episode.start,
-        "dataset_to_index": episode.start + episode.length,
-        "meta/episodes/chunk_index": 0,
-        "meta/episodes/file_index": 0,
-    }
-    for name, summary in statistics.summary().items():
-        row |= {f"stats/{name}/{key}": value for key, value in summary.items()}
-    return row
 
 
 def _write_table(path: Path, rows: list[dict], metadata: dict[str, str] | None = None) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, pose_from_msg
 from midastouch_filter.core.state import STATES
 
-from ..bags.images import OWN, BagFrame, GelStream, image_messages, read_bag
+from ..bags.images import OWN, GelStream, image_messages, read_bag
 from ..bags.messages import header_stamp_ns
 from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
@@ -24,50 +24,52 @@ FILTER_STATES = ("none", *STATES)
 
 POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _NOWHERE = np.array([0, 0, 0, 0, 0, 0, 1.0])
+_IS_POSE = "position [m], quaternion"
+
+# type in NumPy, and description with unit, by name of the column
+_COLUMNS = {
+    "stamp_ns": ("int64", "time of the image [ns]"),
+    "image": ("uint8", "tactile image, RGB"),
+    "base_from_gel": ("float64", f"gel frame in the base of the arm: {_IS_POSE}"),
+    "penetration": ("float32", "how far the object is in the gel, as the depth network measures it [m]"),
+    "penetration_valid": ("bool", "whether the frame has penetration"),
+    "estimate": ("float64", f"gel frame on the object, where the filter believes it most: {_IS_POSE}"),
+    "estimate_valid": ("bool", "whether the frame has estimate"),
+    "filter_state": (
+        "int64", "what the filter knows: " + ", ".join(f"{i} {name}" for i, name in enumerate(FILTER_STATES))
+    ),
+    "truth": ("float64", f"gel frame on the object in truth: {_IS_POSE}"),
+    "truth_valid": ("bool", "whether the frame has truth"),
+}  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True)
-class RecordedFrame:
-    """One image with the results of its stamp; None, or the state "none", for results that the bag does not have.
-
-    estimate: T_obj_gel (4, 4); penetration (H, W): float32 m, as measured.
-    """
-
-    posed: BagFrame
-    penetration: np.ndarray | None
-    estimate: np.ndarray | None
-    state: str
-
-
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Column:
     """A quantity that every frame has.
 
-    Attributes: name; dtype: of NumPy; shape: of one value; description: with unit; value: function of a frame; names:
-    of the elements of a vector.
+    Attributes: name; dtype: of NumPy; shape: of one value; description: with unit; names: of the elements of a vector.
     """
 
     name: str
     dtype: str
     shape: tuple[int, ...]
     description: str
-    value: Callable[[RecordedFrame], np.ndarray]
     names: tuple[str, ...] = ()
 
 
 class Recording:
     """Frames of a stream of a bag, read from the file each time they are asked for.
 
-    Attributes: path; object_name: empty if the bag does not name it; columns. Raises InputError if `path` is no bag
-    with such images and transforms.
+    Attributes: path; object_name: empty if the bag does not name it; columns: those for which the bag has values.
+    Raises InputError if `path` is no bag with such images and transforms.
     """
 
     def __init__(self, path: str | Path, stream: GelStream = OWN):
         self.path, self._stream = Path(path), stream
-        self._posed_frames = partial(read_bag, self.path, self._stream)
         self._topics = {topic.name for topic in bag_topics(path)}
         self.object_name = bag_metadata(path).get("object", "")
-        self.columns = tuple(self._find_columns(next(self.frames())))
+        self.columns: tuple[Column, ...] = ()
+        self.columns = tuple(_column(name, value.shape) for name, value in next(self.rows()).items())
 
     @property
     def rate(self) -> float:
@@ -79,87 +81,68 @@ class Recording:
             raise InputError(f"{self.path}: one image is no recording; record a slide")
         return 1e9 / float(np.median(np.diff(distinct)))
 
-    def frames(self) -> Iterator[RecordedFrame]:
-        """Yield frame by frame; an image that was recorded twice comes once."""
-        estimates = dict(by_stamp(self.path, POSE)) if POSE in self._topics else {}
-        states = answers(self.path) if STATUS in self._topics else {}
-        measured = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
-        newest = -1
-        for posed in self._posed_frames():
-            stamp = posed.stamp_ns
-            if stamp <= newest:
-                continue
-            newest = stamp
-            pose, status, penetration = estimates.get(stamp), states.get(stamp), measured.at(stamp)
-            yield RecordedFrame(
-                posed,
-                None if penetration is None else image_from_msg(penetration).astype(np.float32),
-                None if pose is None else pose_from_msg(pose.pose.pose),
-                "none" if status is None else status.state,
-            )
-
     def rows(self) -> Iterator[dict[str, np.ndarray]]:
-        """Yield, frame by frame, the value of each column in the column's type and shape."""
-        for frame in self.frames():
-            row = {column.name: np.asarray(column.value(frame), column.dtype) for column in self.columns}
+        """Yield, frame by frame, the value of each column in the column's type and shape.
+
+        An image that was recorded twice comes once. A value that a frame lacks is zero, or the identity, and its column
+        `..._valid` is False. Raises InputError if the shape of a value changes.
+        """
+        for values in self._values():
+            row = {name: np.asarray(value, _COLUMNS[name][0]) for name, value in values.items()}
             for column in self.columns:
                 if row[column.name].shape != column.shape:
                     wrong = f"{column.name} of {row[column.name].shape} after some of {column.shape}"
                     raise InputError(f"{self.path}: {wrong}; export the parts of one sensor apart")
             yield row
 
-    def _find_columns(self, first: RecordedFrame) -> Iterator[Column]:
-        yield Column("stamp_ns", "int64", (1,), "time of the image [ns]", lambda f: np.array([f.posed.stamp_ns]))
-        yield Column("image", "uint8", first.posed.image.shape, "tactile image, RGB", lambda f: f.posed.image)
-        yield _pose("base_from_gel", "gel frame in the base of the arm", lambda f: f.posed.base_from_gel)
+    def _values(self) -> Iterator[dict]:
+        """Yield, frame by frame, what the bag has for each column."""
+        estimates = {at: se3.to_xyzquat(pose_from_msg(msg.pose.pose)) for at, msg in self._by_stamp(POSE)}
+        states = answers(self._by_stamp(STATUS))
         # a bag may list a topic without messages
-        if PENETRATION in self._topics and (measured := next(by_stamp(self.path, PENETRATION), None)):
-            nothing = np.zeros_like(image_from_msg(measured[1]), np.float32)
-            what = "how far the object is in the gel, as the depth network measures it [m]"
-            whole = Column("penetration", "float32", nothing.shape, what, lambda f: f.penetration)
-            yield from _where_known(whole, nothing)
-        if POSE in self._topics:
-            of_filter = "gel frame on the object, where the filter believes it most"
-            yield from _where_known(_pose("estimate", of_filter, lambda f: f.estimate), _NOWHERE)
-        if STATUS in self._topics:
-            numbers = ", ".join(f"{i} {name}" for i, name in enumerate(FILTER_STATES))
-            state = lambda f: np.array([FILTER_STATES.index(f.state)])  # noqa: E731
-            yield Column("filter_state", "int64", (1,), f"what the filter knows: {numbers}", state)
-        if first.posed.object_from_gel_true is not None:
-            true = _pose("truth", "gel frame on the object in truth", lambda f: f.posed.object_from_gel_true)
-            yield from _where_known(true, _NOWHERE)
+        first_map = next(self._by_stamp(PENETRATION), None)
+        untouched = None if first_map is None else np.zeros_like(image_from_msg(first_map[1]))
+        measured = _InOrder(self._by_stamp(PENETRATION))
+        newest, has_truth = -1, None
+        for posed in read_bag(self.path, self._stream):
+            stamp, truth = posed.stamp_ns, posed.object_from_gel_true
+            if stamp <= newest:
+                continue
+            newest, has_truth = stamp, truth is not None if has_truth is None else has_truth
+            row = {"stamp_ns": [stamp], "image": posed.image, "base_from_gel": se3.to_xyzquat(posed.base_from_gel)}
+            if untouched is not None:
+                penetration = None if (image := measured.at(stamp)) is None else image_from_msg(image)
+                row |= _where_known("penetration", penetration, untouched)
+            if POSE in self._topics:
+                row |= _where_known("estimate", estimates.get(stamp), _NOWHERE)
+            if STATUS in self._topics:
+                row["filter_state"] = [FILTER_STATES.index(states[stamp].state if stamp in states else "none")]
+            if has_truth:
+                row |= _where_known("truth", None if truth is None else se3.to_xyzquat(truth), _NOWHERE)
+            yield row
+
+    def _by_stamp(self, topic: str) -> Iterator[tuple[int, Any]]:
+        return by_stamp(self.path, topic) if topic in self._topics else iter(())
 
 
-def _pose(name: str, what: str, pose: Callable[[RecordedFrame], np.ndarray | None]) -> Column:
-    def value(frame: RecordedFrame) -> np.ndarray | None:
-        transform = pose(frame)
-        return None if transform is None else se3.to_xyzquat(transform)
-
-    return Column(name, "float64", (7,), f"{what}: position [m], quaternion", value, POSE_NAMES)
+def _column(name: str, shape: tuple[int, ...]) -> Column:
+    dtype, description = _COLUMNS[name]
+    return Column(name, dtype, shape, description, POSE_NAMES if description.endswith(_IS_POSE) else ())
 
 
-def _where_known(column: Column, missing: np.ndarray) -> tuple[Column, Column]:
-    """Return the column with `missing` in place of None, and a column that is True for the frames with a value."""
-
-    def value(frame: RecordedFrame) -> np.ndarray:
-        known = column.value(frame)
-        return missing if known is None else known
-
-    def valid(frame: RecordedFrame) -> np.ndarray:
-        return np.array([column.value(frame) is not None])
-
-    says = f"whether the frame has {column.name}"
-    return dataclasses.replace(column, value=value), Column(f"{column.name}_valid", "bool", (1,), says, valid)
+def _where_known(name: str, value: np.ndarray | None, missing: np.ndarray) -> dict:
+    """Return the value, or `missing` for None, and whether it is known."""
+    return {name: missing if value is None else value, f"{name}_valid": [value is not None]}
 
 
 class _InOrder:
     """Large values by stamp, asked for in order of time, so that only the present one is held in memory."""
 
-    def __init__(self, values: Iterator[tuple[int, object]]):
+    def __init__(self, values: Iterator[tuple[int, Any]]):
         self._values = values
         self._present = next(values, None)
 
-    def at(self, stamp: int) -> object | None:
+    def at(self, stamp: int) -> Any | None:
         while self._present is not None and self._present[0] < stamp:
             self._present = next(self._values, None)
         return self._present[1] if self._present is not None and self._present[0] == stamp else None

@@ -150,15 +150,14 @@ class Recorder(PipelineNode):
         self._write(topic, data, now)
 
     def _keep_early(self, topic: Topic, data: bytes) -> None:
-        self._early_size += len(data)
-        if self._early_size > MOST_EARLY and not topic.latched:
-            self._early_size -= len(data)
+        if self._early_size + len(data) > MOST_EARLY and not topic.latched:
             self._diagnostics.problem(
                 "before_clock",
                 "nothing publishes /clock, messages are lost: start the replay, or set use_sim_time to false",
             )
             return
         self.counts[topic.name] += 1
+        self._early_size += len(data)
         self._early.append((topic, data))
 
     def _write_early(self, now: int) -> None:

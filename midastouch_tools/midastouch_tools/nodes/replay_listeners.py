@@ -71,7 +71,7 @@ class Listeners:
         self, node: Node, output: ReplayOutput, answers: FilterAnswers | None, nodes: list[str], subscribers: int
     ):
         self._node, self._output, self._answers, self._subscribers = node, output, answers, subscribers
-        self._nodes = LifecycleWatch(node, nodes)
+        self._nodes, self._images = LifecycleWatch(node, nodes), list(filter(is_image, output.topics))
 
     def wait(self, stopped: Callable[[], bool]) -> None:
         """Wait until all subscribers are there, or `stopped()`; the log names those that are missing for long."""
@@ -90,29 +90,24 @@ class Listeners:
     @property
     def unheard(self) -> str:
         """Topics of images that nothing subscribes to; "" if they are heard."""
-        images = [topic for topic in self._output.topics if is_image(topic)]
-        return "" if any(map(self._output.listeners, images)) else " and ".join(images)
+        return "" if any(map(self._output.listeners, self._images)) else " and ".join(self._images)
 
     def _missing(self) -> list[str]:
         """List in words what is missing: active nodes, subscribers of the images, the filter's subscription of TF."""
         missing = [self._nodes.waiting_for] if self._nodes.waiting_for else []
-        images = [topic for topic in self._output.topics if is_image(topic)]
-        wanted = self._subscribers - sum(map(self._output.listeners, images))
+        wanted = self._subscribers - sum(map(self._output.listeners, self._images))
         if wanted > 0:
-            missing.append(f"{counted(wanted, 'more subscriber')} of {' and '.join(images)}")
-        if self._answers is not None:
-            missing += self._missing_of_the_filter(self._answers)
-        return missing
-
-    def _missing_of_the_filter(self, answers: FilterAnswers) -> list[str]:
-        filters = answers.publishers()
-        if not filters or not answers.connected:
-            return [f"a publisher of {answers.topic}"]
-        if TF_TOPIC in self._output.topics:
+            missing.append(f"{counted(wanted, 'more subscriber')} of {' and '.join(self._images)}")
+        if self._answers is None:
+            return missing
+        filters = self._answers.publishers()
+        if not filters or not self._answers.connected:
+            missing.append(f"a publisher of {self._answers.topic}")
+        elif TF_TOPIC in self._output.topics:
             listeners = self._node.get_subscriptions_info_by_topic(TF_TOPIC)
             if not filters & _names(listeners) or self._output.listeners(TF_TOPIC) < len(listeners):
-                return [f"{' or '.join(sorted(filters))} to subscribe {TF_TOPIC}"]
-        return []
+                missing.append(f"{' or '.join(sorted(filters))} to subscribe {TF_TOPIC}")
+        return missing
 
 
 def _names(infos: Iterable) -> set[str]:

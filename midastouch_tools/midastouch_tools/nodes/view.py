@@ -85,7 +85,7 @@ class View(PipelineNode):
             # Large: Fast DDS loses such messages unless they are sent again on request.
             _Topic("particles/cloud", PointCloud2, reliable, self._particles),
             _Topic("pose_modes", PoseModes, latest, self._modes),
-            _Topic("pose", PoseWithCovarianceStamped, qos.latched(), lambda msg: scene.estimate(_pose(msg))),
+            _Topic("pose", PoseWithCovarianceStamped, qos.latched(), self._pose),
             _Topic("tactile/points", PointCloud2, latest, lambda msg: scene.contact(points_from_msg(msg))),
             # All of TF arrives here, but only the truth, which few recordings have, is drawn.
             _Topic("/tf", TFMessage, qos.TF, self._truth, TRUTH_GEL_FRAME.encode()),
@@ -152,6 +152,9 @@ class View(PipelineNode):
         cloud = points_from_msg(msg, ("x", "y", "z", "normal_x", "normal_y", "normal_z", "intensity"))
         self._scene.particles(cloud[:, :3], cloud[:, 3:6], cloud[:, 6])
 
+    def _pose(self, msg: PoseWithCovarianceStamped) -> None:
+        self._scene.estimate(pose_from_msg(msg.pose.pose))
+
     def _modes(self, msg: PoseModes) -> None:
         poses = np.array([pose_from_msg(mode.pose.pose) for mode in msg.modes]).reshape(-1, 4, 4)
         covariances = np.array([covariance_from_msg(mode.pose.covariance) for mode in msg.modes]).reshape(-1, 6, 6)
@@ -162,7 +165,3 @@ class View(PipelineNode):
         for transform in msg.transforms:
             if (transform.header.frame_id, transform.child_frame_id) == (TRUTH_FRAME, TRUTH_GEL_FRAME):
                 self._scene.truth(transform_from_msg(transform.transform))
-
-
-def _pose(msg: PoseWithCovarianceStamped) -> np.ndarray:
-    return pose_from_msg(msg.pose.pose)

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,10 +33,9 @@ class Program:
     ends: bool = False
 
 
-def node_program(executable: str, parameters: Path, options: Sequence[str] = (), ends: bool = False) -> Program:
-    """Return one of our executables with a parameter file and further ROS options. Raises as `find_executable`."""
-    command = (find_executable(executable), "--ros-args", "--params-file", str(parameters), *options)
-    return Program(executable, command, ends)
+def node_program(executable: str, parameters: Path, ends: bool = False) -> Program:
+    """Return one of our executables with a parameter file. Raises as `find_executable`."""
+    return Program(executable, (find_executable(executable), "--ros-args", "--params-file", str(parameters)), ends)
 
 
 def find_executable(name: str) -> str:

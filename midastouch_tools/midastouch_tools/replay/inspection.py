@@ -35,6 +35,7 @@ from ..bags.messages import (
     header_stamp_ns,
 )
 from ..bags.reader import bag_duration, bag_messages, bag_metadata, content_of, message_counts
+from ..codebooks import build_command
 from .source import ReplaySource
 
 _SENSORS = {"simulated": SIMULATED, "tactile_tracking": "gelsight_mini"}  # by the layout that `to-bag` notes
@@ -240,7 +241,7 @@ def _commands(
     words = [f"bag:={path}"]
     if name in bundled_objects():
         if not codebook_path(name, sensor).is_file():
-            yield f"midastouch build-codebook {name}" + ("" if sensor == SIMULATED else f" --sensor {sensor}")
+            yield build_command(name, "" if sensor == SIMULATED else sensor)
         words.append(f"object:={name}")
     else:
         words.append(f"mesh:=PATH/{name}.ply" if name else "mesh:=YOUR_OBJECT.ply")

@@ -8,39 +8,6 @@ from collections.abc import Callable
 
 from midastouch_common.message_arrays import SECOND
 
-
-class Pace:
-    """Recorded time that runs at `rate` seconds per second of the clock `now`; at rate 0 everything is due."""
-
-    def __init__(self, rate: float, now: Callable[[], float]) -> None:
-        self._rate, self._now = rate, now
-        self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
-
-    def restart(self) -> None:
-        """Forget the pace so far: the next stamp is due as soon as it is asked for."""
-        self._anchor = None
-
-    def set_rate(self, rate: float) -> None:
-        """Continue at another rate, from the next stamp."""
-        self._rate, self._anchor = rate, None
-
-    def remaining(self, stamp_ns: int) -> float:
-        """Return the seconds of the clock until a stamp [ns] is due; 0 or less if it is."""
-        if self._rate == 0:
-            return 0.0
-        if self._anchor is None:
-            self._anchor = (self._now(), stamp_ns)
-        since, first = self._anchor
-        return (stamp_ns - first) / SECOND / self._rate - (self._now() - since)
-
-    def reached(self) -> int | None:
-        """Return the stamp [ns] that is due now; None after a restart."""
-        if self._anchor is None:
-            return None
-        since, first = self._anchor
-        return first + round((self._now() - since) * self._rate * SECOND)
-
-
 _SOON_S = 1e-6  # a wait shorter than this only spins
 
 
@@ -57,7 +24,8 @@ class Playback:
     """
 
     def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
-        self._pace = Pace(rate, now)
+        self._rate, self._now = rate, now
+        self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
         self._paused = paused
         self._steps = 0
         self._stopped = False
@@ -100,7 +68,7 @@ class Playback:
     def set_rate(self, rate: float) -> None:
         """Continue at another rate: seconds of the recording per second, as the constructor's argument."""
         with self.changed:
-            self._pace.set_rate(rate)
+            self._rate, self._anchor = rate, None
             self.changed.notify_all()
 
     def seek(self, offset_s: float) -> None:
@@ -135,7 +103,7 @@ class Playback:
     def rewind(self) -> None:
         """Prepare for stamps that start again from an earlier one."""
         with self.changed:
-            self._pace.restart()
+            self._anchor = None
 
     def wait_until_due(self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02) -> bool:
         """Wait until a message of this stamp may go out; False if playback was interrupted.
@@ -149,16 +117,32 @@ class Playback:
                 if self._paused:
                     if self._steps:
                         return True
-                    self._pace.restart()
+                    self._anchor = None
                     self.changed.wait()
                     continue
-                self.remaining = max(self._pace.remaining(stamp_ns), 0.0)
+                self.remaining = max(self._until(stamp_ns), 0.0)
                 if self.remaining < _SOON_S:
                     return True
                 self.changed.wait(min(self.remaining, tick_s))
-                reached = self._pace.reached()
+                reached = self._reached()
             if on_tick is not None and reached is not None:
                 on_tick(min(reached, stamp_ns))
+
+    def _until(self, stamp_ns: int) -> float:
+        """Return the seconds of the clock until a stamp [ns] is due; 0 or less if it is, as always at rate 0."""
+        if self._rate == 0:
+            return 0.0
+        if self._anchor is None:
+            self._anchor = (self._now(), stamp_ns)
+        since, first = self._anchor
+        return (stamp_ns - first) / SECOND / self._rate - (self._now() - since)
+
+    def _reached(self) -> int | None:
+        """Return the stamp [ns] that is due now; None before the first one after a pause, a new rate or a rewind."""
+        if self._anchor is None:
+            return None
+        since, first = self._anchor
+        return first + round((self._now() - since) * self._rate * SECOND)
 
     def frame_sent(self) -> None:
         """Note that a whole frame was sent: it uses up a step."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
@@ -60,7 +61,8 @@ def parsed_remaps(words: Iterable[str]) -> dict[str, str]:
 
 
 class ReplaySource:
-    """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
+    """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send, `duration_s` the
+    seconds from the first message of the recording to the last.
 
     Of a bag, only the inputs of the pipeline are sent. The pipeline subscribes to raw images of one size: others are
     converted, and compressed ones left out if there are raw ones, too. An incomplete image, as a lossy network leaves
@@ -77,49 +79,35 @@ class ReplaySource:
         rotation: int = 0,
     ) -> None:
         self.path, self._on_broken, self._rotation = Path(path), on_broken, rotation
-        self.images_broken = 0
-        self._sequence = self._images = None
+        self.images_broken, self._is_sequence = 0, False
         self._played: dict[str, Topic] = {}
+        self._read: Callable[[int], Iterator[Message]] = self._of_bag
         if not is_bag(self.path):
             if problem := no_whole_bag(self.path):
                 raise InputError(problem)
             if PlainImages.are_at(self.path) and not is_sequence(self.path):
-                self._images, self.topics = PlainImages(self.path, rotation), list(PLAIN_IMAGE_TOPICS)
+                images = PlainImages(self.path, rotation)
+                self._read = partial(plain_image_messages, images)
+                self.topics, self.duration_s = list(PLAIN_IMAGE_TOPICS), (images.n_frames - 1) / images.fps
             else:
-                self._sequence, self.topics = load_sequence(self.path), list(SEQUENCE_TOPICS)
+                sequence, self._is_sequence = load_sequence(self.path), True
+                self._read = partial(sequence_messages, sequence)
+                self.topics = list(SEQUENCE_TOPICS)
+                self.duration_s = int(sequence.stamps_ns[-1] - sequence.stamps_ns[0]) / 1e9
             return
         present = bag_topics(self.path)
         self._played = self._inputs(present, remaps)  # topic by recorded name
         self._estimated = {_OBJECT_FRAME, *self._frames_of(_POSE_TOPIC, present)}
         self._image_topic = self._choose_images()
-        self.topics = list(self._played.values())
+        self.topics, self.duration_s = list(self._played.values()), bag_duration(self.path)
         self._converts = self._must_convert()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
-        """Yield each recorded message once, in recorded order, without those of the first `offset_ns`.
+        """Return each recorded message once, in recorded order, without those of the first `offset_ns`.
 
         Latched messages of a bag are sent in any case: they hold for the rest, too.
         """
-        if self._sequence is not None:
-            yield from sequence_messages(self._sequence, offset_ns)
-            return
-        if self._images is not None:
-            yield from plain_image_messages(self._images, offset_ns)
-            return
-        start = None
-        for message in self._bag_messages():
-            start = message.stamp_ns + offset_ns if start is None else start
-            if message.latched or message.stamp_ns >= start:
-                yield message
-
-    @property
-    def duration_s(self) -> float:
-        """Seconds from the first message of the recording to the last."""
-        if self._sequence is not None:
-            return int(self._sequence.stamps_ns[-1] - self._sequence.stamps_ns[0]) / 1e9
-        if self._images is not None:
-            return (self._images.n_frames - 1) / self._images.fps
-        return bag_duration(self.path)
+        return self._read(offset_ns)
 
     def _inputs(self, present: list[Topic], remaps: Mapping[str, str]) -> dict[str, Topic]:
         """Return the topic on which each input of a bag is played, by its recorded name."""
@@ -165,7 +153,7 @@ class ReplaySource:
 
         Of a bag, the beginning is looked at.
         """
-        if self._sequence is not None:
+        if self._is_sequence:
             return ""
         tree = self.frame_tree(base, gel)
         if _linked(tree, base, gel):
@@ -191,7 +179,14 @@ class ReplaySource:
                 break
         return tree
 
-    def _bag_messages(self) -> Iterator[Message]:
+    def _of_bag(self, offset_ns: int) -> Iterator[Message]:
+        start = None
+        for message in self._converted():
+            start = message.stamp_ns + offset_ns if start is None else start
+            if message.latched or message.stamp_ns >= start:
+                yield message
+
+    def _converted(self) -> Iterator[Message]:
         for message in self._without_estimates(bag_messages(self.path, self._played)):
             try:
                 yield self._as_sent(message)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -27,7 +26,7 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.objects import bundled_objects
 
-from ..exploration_result import ExplorationEnd
+from ..exploration_result import end_of
 from ..progress import progress_bar
 
 _OF_A_FINGER = "p: push the object; o: another object; "
@@ -42,9 +41,9 @@ _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 class Console(Node):
     """Node that shows the progress of an exploration, and sends the commands of the pressed keys.
 
-    Attributes: ended: end of the exploration, None before it; answering [s]: from the filter's first answer to the
-    newest; mesh: of the object; since_change_ns: on the finger's clock, from the first answer about that object to the
-    newest, None before one.
+    Attributes: ended: as of `end_of`, None before the end; answering [s]: from the filter's first answer to the newest;
+    mesh: of the object; since_change_ns: on the finger's clock, from the first answer about that object to the newest,
+    None before one.
     Args: mesh: of the object at the start; given: True if the filter was given the object.
     """
 
@@ -52,7 +51,7 @@ class Console(Node):
         super().__init__("explore", context=context)
         self.mesh, self._newest = mesh, 0
         self._changed: int | None = None
-        self.ended: ExplorationEnd | None = None
+        self.ended: dict | None = None
         self._first_at: float | None = None
         self.answering = 0.0
         self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
@@ -122,11 +121,11 @@ class Console(Node):
 
     def quit(self) -> None:
         """End the exploration for a person."""
-        self.ended = ExplorationEnd.of(self._explorer, by_hand=True)
+        self.ended = end_of(self._explorer, by_hand=True)
 
     def fail(self, why: str) -> None:
         """End the exploration because a node died."""
-        self.ended = replace(ExplorationEnd.of(self._explorer), state="failed", reason=why)
+        self.ended = {**end_of(self._explorer), "ended": "failed", "reason": why}
 
     @property
     def _paused(self) -> bool:
@@ -167,7 +166,7 @@ class Console(Node):
         self._show()
         self._bar.update()
         if status.state in _END_STATES and self.ended is None:
-            self.ended = ExplorationEnd.of(status)
+            self.ended = end_of(status)
 
     def _show(self) -> None:
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started

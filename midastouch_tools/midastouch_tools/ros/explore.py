@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
-from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
-from ..bags.run_record import MODES, OBJECTS, PARTICLES, PENETRATION, NoResults, read_run
+from ..bags.messages import IMAGE_TOPIC, TF_TOPIC, Topic
+from ..bags.run_record import MODES, OBJECTS, PARTICLES, NoResults, read_run
 from ..demo.preparation import explored, prepare_codebooks, quick_codebooks
 from ..exploration_result import ending, exploration_result, result_rows, write_page, write_words
-from ..nodes.recorder import TOPICS, Recorder
 from ..processes.foreground import Wait, await_ends, woken_by_signals
 from ..processes.process import Process, Program
-from ..processes.supervisor import NodeFailed, Supervisor
+from ..processes.supervisor import NodeFailed
 from ..progress import close_bars
 from ..replay.keyboard import Keyboard
 from ..result_file import read_json, write_json
 from ..text_table import text_table
 from .exploration_console import Console, file_of, keys_help
-from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
+from .recorded_run import RESULTS, await_recorder, hear_the_last, recorder_of_run, supervised_run
 
 _LAST_WORDS_S = 2.0  # for messages of the explorer that are on their way when it has ended
 _AFTER_A_TOUCH = (MODES, PARTICLES)  # before the first one, the filter of several objects has no pose to publish
@@ -67,7 +64,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         result = read_json(found)
         write_words(result, "the reading of the recording, or the drawing, was interrupted", out)
         print("interrupted: the recording is kept, the page has no pictures", flush=True)
-    return 0 if result["right"] or console.ended.by_hand else 1
+    return 0 if result["right"] or console.ended["by_hand"] else 1
 
 
 def _conclude(console: Console, what: Mapping[str, str], bag: Path, out: Path, seconds: float) -> dict:
@@ -88,7 +85,7 @@ def _conclude(console: Console, what: Mapping[str, str], bag: Path, out: Path, s
         print(f"nothing to draw: {why}", flush=True)
         return result
     if changed:
-        record = record.last(1e-9 * console.since_change_ns).of_known_object()
+        record = record.since_change(1e-9 * console.since_change_ns)
         new = {"mesh": console.mesh, "codebook": "", "objects": ""}
         prepare_codebooks(quick_codebooks(new))
         touched, codebook = console.mesh, explored(new)["codebook"]
@@ -106,79 +103,54 @@ def _tell(result: dict, out: Path) -> None:
 
 
 def _explore(
-    programs: Sequence[Program],
-    mesh: str,
-    given: bool,
-    finger: bool,
-    bag: Path,
-    logs: Path,
-    domain: int,
-    wait: Wait,
+    programs: Sequence[Program], mesh: str, given: bool, finger: bool, bag: Path, logs: Path, domain: int, wait: Wait
 ) -> Console:
-    """Run the exploration; return its console, which knows how it ended."""
+    """Let the finger move once the recorder hears everything, until it is over; return the console, which knows how it
+    ended. given: True if the filter is given the object, and has a pose to publish before the first touch."""
+    topics = (TF_TOPIC, IMAGE_TOPIC, *RESULTS)
+    later = () if given else _AFTER_A_TOUCH
+
+    def turn() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        console.carry_out_keys()
+        if wait(0.0):
+            console.quit()
+        supervisor.look_after()
+        return console.ended is None
+
+    def still_to_come() -> str:
+        # the recorder may know a publisher that does not know it yet; a message from it proves both
+        return ", ".join(topic for topic in topics if topic not in later and not recorder.counts[topic])
 
     def end_at_once(left: list[Process], seconds: float) -> None:
         if await_ends(wait, left, seconds):
             raise KeyboardInterrupt
 
     with supervised_run(domain, logs, end_at_once) as (supervisor, executor):
-        executor.add_node(recorder := _recorder(bag, mesh, executor.context))
+        objects = Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True)
+        executor.add_node(recorder := recorder_of_run(bag, {"object": Path(mesh).stem}, executor.context, [objects]))
         executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
             supervisor.start(program)
         with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(keys_help(finger), flush=True)
-            later = () if given else _AFTER_A_TOUCH
-            _follow(executor, supervisor, recorder, console, later, stopped=lambda: wait(0.0))
+            try:
+                if await_recorder(recorder, topics, turn, still_to_come):
+                    while turn():
+                        console.let_begin()
+            except NodeFailed as error:
+                _hear_why(executor, console, error)
+            hear_the_last(executor)
         return console
 
 
-def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
-    topics = (
-        *TOPICS,
-        Topic(PENETRATION, IMAGE_TYPE),
-        Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True),
-    )
-    overrides = [Parameter("path", value=str(bag))]
-    return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
-
-
-def _follow(
-    executor: SingleThreadedExecutor,
-    supervisor: Supervisor,
-    recorder: Recorder,
-    console: Console,
-    later: Collection[str],
-    stopped: Callable[[], bool],
-) -> None:
-    """Let the finger move once the recorder hears everything except the topics `later`, and spin until it is over."""
-
-    def turn() -> bool:
+def _hear_why(executor: SingleThreadedExecutor, console: Console, error: NodeFailed) -> None:
+    """Wait for the explorer's last words, as it also ends with an error when it gives up; without any it has failed."""
+    deadline = time.monotonic() + _LAST_WORDS_S
+    while console.ended is None and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
-        console.carry_out_keys()
-        if stopped():
-            console.quit()
-        supervisor.look_after()
-        return console.ended is None
-
-    topics = (TF_TOPIC, IMAGE_TOPIC, *RESULTS)
-
-    def still_to_come() -> str:
-        # the recorder may know a publisher that does not know it yet; a message from it proves both
-        return ", ".join(topic for topic in topics if topic not in later and not recorder.counts[topic])
-
-    try:
-        if await_recorder(recorder, topics, turn, still_to_come):
-            while turn():
-                console.let_begin()
-    except NodeFailed as error:
-        # the explorer also ends with an error when it gives up
-        deadline = time.monotonic() + _LAST_WORDS_S
-        while console.ended is None and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.1)
-        if console.ended is None:
-            close_bars()
-            print(f"midastouch: error: {error}", file=sys.stderr)
-            console.fail(error.cause)
-    hear_the_last(executor)
+    if console.ended is None:
+        close_bars()
+        print(f"midastouch: error: {error}", file=sys.stderr)
+        console.fail(error.cause)

@@ -19,10 +19,15 @@ from ..processes.local_domain import local_environment
 
 _SOON_S = 2.0  # for a service that is there to be known
 _SLICE_S = 0.1  # of spinning: Python handles signals only in between
+_ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
 
 
-def started_context(domain: int | None = None) -> rclpy.Context:
-    """Return a new context in a domain (None: that of the environment); InputError if ROS does not start."""
+@contextlib.contextmanager
+def own_context(domain: int | None = None) -> Iterator[rclpy.Context]:
+    """Provide a context in a domain (None: that of the environment), which handles no signals.
+
+    Raises InputError if ROS does not start.
+    """
     context = rclpy.Context()
     try:
         rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -30,17 +35,18 @@ def started_context(domain: int | None = None) -> rclpy.Context:
         raise InputError(
             f"ROS does not start: {error}; can logs be written to $ROS_LOG_DIR, or without it to ~/.ros/log?"
         ) from error
-    return context
+    try:
+        yield context
+    finally:
+        rclpy.try_shutdown(context=context)
 
 
 @contextlib.contextmanager
-def node_for_once(name: str, namespace: str) -> Iterator[Node]:
-    """Provide a node in a context of its own, for one question."""
-    context = started_context()
-    try:
-        yield rclpy.create_node(name, context=context, namespace=namespace)
-    finally:
-        rclpy.try_shutdown(context=context)
+def local_context(domain: int) -> Iterator[rclpy.Context]:
+    """Provide a context as `own_context` does, in a domain that only this machine sees; changes our environment."""
+    os.environ.update(local_environment(domain))  # DDS reads it only from there
+    with own_context(domain) as context:
+        yield context
 
 
 def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
@@ -53,26 +59,13 @@ def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
     return bool(done())
 
 
-@contextlib.contextmanager
-def local_context(domain: int) -> Iterator[rclpy.Context]:
-    """Provide a context in a domain that only this machine sees; changes our environment, and handles no signals."""
-    os.environ.update(local_environment(domain))  # DDS reads it only from there
-    context = started_context(domain)
-    try:
-        yield context
-    finally:
-        rclpy.try_shutdown(context=context)
-
-
-_ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
-
-
 def trigger(service: str, offered_by: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
     """Call a service in the namespace; return its answer. InputError if it is not offered within `timeout` seconds.
 
     offered_by: the command that starts a node with it, for messages.
     """
-    with node_for_once(f"call_{service}", namespace) as node:
+    with own_context() as context:
+        node = rclpy.create_node(f"call_{service}", context=context, namespace=namespace)
         client = node.create_client(Trigger, service)
         if not spin_until(node, client.service_is_ready, min(_SOON_S, timeout)):
             print(f"waiting for {client.service_name}, which {offered_by} offers", flush=True)

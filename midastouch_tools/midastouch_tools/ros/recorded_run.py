@@ -66,7 +66,8 @@ def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Pa
     with supervised_run(domain, logs) as (supervisor, executor):
         for name in NODES:
             supervisor.start(node_program(name, parameters))
-        executor.add_node(recorder := _recorder(bag, sequence, executor.context))
+        metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+        executor.add_node(recorder := recorder_of_run(bag, metadata, executor.context, sim_time=True))
         executor.add_node(listener := _Listener(sequence, executor.context))
 
         def turn() -> bool:
@@ -76,14 +77,25 @@ def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Pa
 
         await_recorder(recorder, RESULTS, turn, lambda: listener.consumers.waiting_for)
         supervisor.start(node_program("replay", parameters, ends=True))
-        _follow(executor, supervisor, listener)
+        while "replay" in supervisor.pids:
+            turn()
+            if time.monotonic() - listener.heard_at > _SILENCE_S:
+                raise NodeFailed(f"no filter_status for {_SILENCE_S:g} s; see the logs in the output folder")
+        ended = time.monotonic()
+        while not listener.done:
+            turn()
+            if time.monotonic() - ended > _LAST_STATUS_S:
+                raise NodeFailed("the replay has ended, but its last frame was never answered")
+        hear_the_last(executor)
         return listener.seconds
 
 
-def _recorder(bag: Path, sequence: RecordedSequence, context: rclpy.Context) -> Recorder:
-    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE))
-    overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=True)]
-    metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+def recorder_of_run(
+    bag: Path, metadata: dict[str, str], context: rclpy.Context, topics: Sequence[Topic] = (), sim_time: bool = False
+) -> Recorder:
+    """Return a recorder of what a run sends, with its penetration maps and further topics, into a new bag."""
+    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE), *topics)
+    overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=sim_time)]
     return Recorder(topics, metadata, parameter_overrides=overrides, context=context)
 
 
@@ -121,22 +133,6 @@ class _Listener(Node):
     def destroy_node(self) -> None:
         self._bar.close()
         super().destroy_node()
-
-
-def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: _Listener) -> None:
-    """Spin until the replay has ended and its last frame is answered."""
-    while "replay" in supervisor.pids:
-        executor.spin_once(timeout_sec=0.1)
-        supervisor.look_after()
-        if time.monotonic() - listener.heard_at > _SILENCE_S:
-            raise NodeFailed(f"no filter_status for {_SILENCE_S:g} s; see the logs in the output folder")
-    ended = time.monotonic()
-    while not listener.done:
-        executor.spin_once(timeout_sec=0.1)
-        supervisor.look_after()
-        if time.monotonic() - ended > _LAST_STATUS_S:
-            raise NodeFailed("the replay has ended, but its last frame was never answered")
-    hear_the_last(executor)
 
 
 def await_recorder(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import sqlite3
 from collections.abc import Callable, Iterable
@@ -112,79 +113,47 @@ def zstd_messages(path: Path, storage: StoragePlugin = StoragePlugin.SQLITE3) ->
     return write_bag(path, recorded(), storage, CompressionMode.MESSAGE)
 
 
+def _edit_metadata(path: Path, edit: Callable[[dict], None]) -> Path:
+    """Change the metadata of a bag folder; its path."""
+    file = path / "metadata.yaml"
+    content = yaml.safe_load(file.read_text())
+    edit(content["rosbag2_bagfile_information"])
+    file.write_text(yaml.safe_dump(content))
+    return path
+
+
 def of_humble(path: Path) -> Path:
     """Version 5: SQLite without definitions of types, QoS as a text."""
-    messages = recorded()
-    names = {message.topic: message.type_name for message in messages}
-    path.mkdir()
-    with sqlite3.connect(path / "bag_0.db3") as db:
-        db.execute(
-            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
-            "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)"
-        )
-        db.execute(
-            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, "
-            "data BLOB NOT NULL)"
-        )
-        ids = {name: i for i, name in enumerate(names, start=1)}
-        rows = [(ids[name], name, kind, "cdr", _QOS_TEXT) for name, kind in names.items()]
-        db.executemany("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", rows)
-        db.executemany(
-            "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)",
-            [(ids[message.topic], message.stamp_ns, message.data) for message in messages],
-        )
-    db.close()
-    topics = [
-        {
-            "topic_metadata": {
-                "name": name,
-                "type": kind,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": _QOS_TEXT,
-            },
-            "message_count": sum(message.topic == name for message in messages),
-        }
-        for name, kind in names.items()
-    ]
-    _write_metadata(path, 5, "sqlite3", ["bag_0.db3"], messages, topics)
-    return path
+    write_bag(path, recorded(), StoragePlugin.SQLITE3, CompressionMode.NONE)
+    with contextlib.closing(sqlite3.connect(path / f"{path.name}.db3")) as db, db:
+        for table in ("schema", "metadata", "message_definitions"):
+            db.execute(f"DROP TABLE {table}")
+        db.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+        db.execute("UPDATE topics SET offered_qos_profiles = ?", [_QOS_TEXT])
+
+    def former(information: dict) -> None:
+        information["version"] = 5
+        del information["custom_data"], information["ros_distro"]
+        for topic in information["topics_with_message_count"]:
+            del topic["topic_metadata"]["type_description_hash"]
+            topic["topic_metadata"]["offered_qos_profiles"] = _QOS_TEXT
+
+    return _edit_metadata(path, former)
 
 
 def split(path: Path) -> Path:
     """Two files, each with half of the messages."""
-    messages = recorded()
-    halves = [plain(path.with_name(f"half_{i}"), messages[part]) for i, part in enumerate((slice(5), slice(5, None)))]
-    path.mkdir()
-    infos = [yaml.safe_load((half / "metadata.yaml").read_text())["rosbag2_bagfile_information"] for half in halves]
-    names = []
-    for i, half in enumerate(halves):
-        names.append(f"bag_{i}.mcap")
-        next(half.glob("*.mcap")).rename(path / names[-1])
-    topics = {}
-    for each in (topic for info in infos for topic in info["topics_with_message_count"]):
-        name = each["topic_metadata"]["name"]
-        before = topics[name]["message_count"] if name in topics else 0
-        topics[name] = {**each, "message_count": before + each["message_count"]}
-    _write_metadata(path, 8, "mcap", names, messages, list(topics.values()))
-    return path
+    next(plain(path).glob("*.mcap")).unlink()
+    names = ["bag_0.mcap", "bag_1.mcap"]
+    for name, part in zip(names, (slice(5), slice(5, None)), strict=True):
+        half = plain(path.with_name(f"half_{name}"), recorded()[part])
+        next(half.glob("*.mcap")).rename(path / name)
 
+    def list_both(information: dict) -> None:
+        information["relative_file_paths"] = names
+        del information["files"]
 
-def _write_metadata(
-    path: Path, version: int, storage: str, files: list[str], messages: list[Message], topics: list[dict]
-) -> None:
-    stamps = [message.stamp_ns for message in messages]
-    content = {
-        "version": version,
-        "storage_identifier": storage,
-        "relative_file_paths": files,
-        "duration": {"nanoseconds": max(stamps) - min(stamps)},
-        "starting_time": {"nanoseconds_since_epoch": min(stamps)},
-        "message_count": len(messages),
-        "topics_with_message_count": topics,
-        "compression_format": "",
-        "compression_mode": "",
-    }
-    (path / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": content}))
+    return _edit_metadata(path, list_both)
 
 
 def without_index(path: Path) -> Path:
@@ -244,12 +213,12 @@ def with_a_part_missing(path: Path) -> Path:
 
 def listed_otherwise(path: Path) -> Path:
     """Metadata whose QoS is not that of the file."""
-    metadata = plain(path) / "metadata.yaml"
-    content = yaml.safe_load(metadata.read_text())
-    for topic in content["rosbag2_bagfile_information"]["topics_with_message_count"]:
-        topic["topic_metadata"]["offered_qos_profiles"] = _QOS_TEXT
-    metadata.write_text(yaml.safe_dump(content))
-    return path
+
+    def other_qos(information: dict) -> None:
+        for topic in information["topics_with_message_count"]:
+            topic["topic_metadata"]["offered_qos_profiles"] = _QOS_TEXT
+
+    return _edit_metadata(plain(path), other_qos)
 
 
 BEST_EFFORT = (_BEST_EFFORT,)

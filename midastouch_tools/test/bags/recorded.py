@@ -2,29 +2,14 @@
 
 import cv2
 import numpy as np
-from rosbags.interfaces import Nodetype
 
 from midastouch_common.frames import BASE_FRAME, GEL_FRAME
 from midastouch_tools.bags.messages import COMPRESSED_TYPE, Message, header, typestore
+from midastouch_tools.bags.messages import new_message as new
 from midastouch_tools.bags.writer import BagWriter
 
 SECOND, MS = 1_000_000_000, 1_000_000
 STORE = typestore()
-
-
-def new(kind, **given):
-    """A message of the type store; fields that are not given are empty."""
-    fields = STORE.fielddefs[kind][1]
-    return STORE.types[kind](**{name: given[name] if name in given else _empty(*of) for name, of in fields})
-
-
-def _empty(node, what):
-    if node == Nodetype.NAME:
-        return new(what)
-    if node == Nodetype.BASE:
-        return {"string": "", "bool": False, "float64": 0.0}.get(what[0], 0)
-    (element, of), count = what
-    return [] if element == Nodetype.NAME or of[0] == "string" else np.zeros(count, of[0])
 
 
 def tf(stamp_ns, row, parent=BASE_FRAME, child=GEL_FRAME, recorded_ns=None, topic="/tf"):

@@ -6,10 +6,11 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
-from recorded import new, write
+from recorded import write
 
 from midastouch_common import se3
 from midastouch_tools.bags.messages import Message, header, sequence_messages
+from midastouch_tools.bags.messages import new_message as new
 from midastouch_tools.datasets import Sequence
 
 STATUS = "midastouch_msgs/msg/FilterStatus"

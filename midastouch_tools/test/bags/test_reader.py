@@ -88,14 +88,6 @@ def test_unknown_types_and_empty_topics_do_no_harm(tmp_path, simulated_sequence)
     assert [topic.name for topic in bag_topics(path) if topic.latched] == ["/tf_static"]
 
 
-def test_a_bag_folder_without_its_file(tmp_path, simulated_sequence):
-    path = tmp_path / "slide"
-    write_bag(simulated_sequence(n=2), path)
-    (path / "slide.mcap").unlink()
-    with pytest.raises(InputError, match="slide"):
-        list(read_bag(path))
-
-
 def test_an_empty_bag_is_a_bag(tmp_path):
     path = write(tmp_path / "x.mcap")
     assert bag_metadata(path) == {}

@@ -42,14 +42,13 @@ def test_each_answered_frame_is_a_snapshot_with_truth_and_times(bag):
         assert (snapshot.image == sequence.image(i)).all()
         assert snapshot.penetration.tolist() == [[0, 1], [2, 3], [4, 5]]
         assert snapshot.state == "converged"
+        assert (snapshot.n_particles, snapshot.filter_ms) == (700, 3.5)
     (mode,) = record.snapshots[2].modes
     assert mode.weight == 0.75
     assert mode.covariance[1].tolist() == [6, 7, 8, 9, 10, 11]
     codes = [s.code for s in record.snapshots]
     assert codes[1] is None, "without contact there is none"
     assert codes[2] == pytest.approx([0.6, 0.8])
-    assert record.filter_ms == pytest.approx([3.5] * FRAMES)
-    assert record.n_particles == [700] * FRAMES
     assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
 
 
@@ -73,7 +72,7 @@ def test_the_last_word_on_the_object_holds_until_the_next(bag):
     said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
-    assert not any(s.objects for s in record.of_known_object().snapshots)
+    assert [(s.frame, s.objects) for s in record.since_change(0.15).snapshots] == [(2, {}), (3, {})]
 
 
 def test_what_the_recorder_leaves_out_may_be_missing(bag):
@@ -98,23 +97,18 @@ def test_a_real_run_has_no_truth(bag, tmp_path):
     assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
 
 
-def test_unanswered_and_repeated_frames_do_not_count(bag):
-    record = read_run(bag(answered=[0, 2, 3], repeated=[2, 3])[1])
-    assert [s.frame for s in record.snapshots] == [0, 2, 3]
-
-
-def test_the_word_that_an_answer_is_still_to_come_is_none(bag):
-    record = read_run(bag(answered=[0, 2, 3], waited=[1, 2])[1])
-    assert [s.frame for s in record.snapshots] == [0, 2, 3]
-    assert [s.state for s in record.snapshots] == ["converged"] * 3
-    assert record.n_particles == [700] * 3
-
-
-def test_of_a_frame_recorded_twice_the_first_answer_counts(bag):
-    """The filter refuses the second."""
-    record = read_run(bag(repeated=[2], refused=[2])[1])
-    assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
-    assert [s.state for s in record.snapshots] == ["converged"] * 4
+@pytest.mark.parametrize(
+    ("options", "frames"),
+    [
+        ({"answered": [0, 2, 3], "repeated": [2, 3]}, [0, 2, 3]),
+        ({"answered": [0, 2, 3], "waited": [1, 2]}, [0, 2, 3]),
+        ({"repeated": [2], "refused": [2]}, [0, 1, 2, 3]),
+    ],
+    ids=["unanswered and repeated", "an answer is still to come", "the filter refuses the second of a frame"],
+)
+def test_the_first_answer_to_each_frame_counts(bag, options, frames):
+    snapshots = read_run(bag(**options)[1]).snapshots
+    assert [(s.frame, s.state, s.n_particles) for s in snapshots] == [(frame, "converged", 700) for frame in frames]
 
 
 def test_a_run_without_results_is_refused(bag):

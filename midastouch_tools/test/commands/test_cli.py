@@ -13,14 +13,7 @@ from midastouch_tools import cli
 from midastouch_tools.commands import doctor, plugins
 from midastouch_tools.progress import progress_bar
 
-
-def commands() -> dict[str, argparse.ArgumentParser]:
-    """The parsers of all commands, by name."""
-    sections = cli.add_commands(argparse.ArgumentParser())
-    return {name: parser for section in sections for name, parser in section.parsers.items()}
-
-
-COMMANDS = commands()
+COMMANDS = cli.command_parsers()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -124,29 +117,32 @@ def test_names_that_can_be_none_are_refused(words, names, tmp_path, monkeypatch,
 @pytest.mark.parametrize(
     "words",
     [
-        ["simulate", "handle_tool"],
-        ["demo"],
-        ["build-codebook", "handle_tool"],
-        ["build-codebook", "handle_tool", "eyebolt"],
-        ["calibrate", "presses", "--ball-diameter", "0.006"],
-        ["export", "run.mcap", "--format", "hdf5"],
-        ["to-bag", "sequence"],
-        ["foxglove"],
-        ["import-weights", "weights.pth"],
-        ["train-tdn"],
-        ["download", "ycb-mesh", "025_mug"],
-        ["report", "result.json"],
-        ["benchmark"],
-        ["evaluate-motion"],
+        ["simulate", "handle_tool", "--out"],
+        ["demo", "--out"],
+        ["build-codebook", "handle_tool", "--out"],
+        ["build-codebook", "handle_tool", "eyebolt", "--out"],
+        ["calibrate", "presses", "--ball-diameter", "0.006", "--out"],
+        ["calibrate", "presses", "--ball-diameter", "0.006", "--serial", "D20123", "--page"],
+        ["calibrate", "presses", "--ball-diameter", "0.006", "--serial", "D20123", "--optics"],
+        ["export", "run.mcap", "--format", "hdf5", "--out"],
+        ["to-bag", "sequence", "--out"],
+        ["foxglove", "--out"],
+        ["import-weights", "weights.pth", "--out"],
+        ["train-tdn", "--out"],
+        ["download", "ycb-mesh", "025_mug", "--out"],
+        ["report", "result.json", "--out"],
+        ["benchmark", "--out"],
+        ["evaluate-motion", "--out"],
     ],
     ids=" ".join,
 )
 def test_a_place_where_nothing_can_be_written_is_found_before_the_work(words, place, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    assert status([*words, "--out", place]) == 2
+    assert status([*words, place]) == 2
     *_, line = capsys.readouterr().err.splitlines()
-    assert re.search(rf"(error|--out): {place}\S*: no (file|folder).* can be written there \(.*\); name another", line)
+    wrong = rf"(error|{words[-1]}): {place}\S*: no (file|folder).* can be written there \(.*\); name another"
+    assert re.search(wrong, line)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -187,19 +183,24 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, tmp_path, monkey
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "named"),
     [
-        ["fly"],
-        ["evaluate"],
-        ["evaluate", "seq", "--init", "lucky"],
-        ["evaluate", "seq", "--json", __file__ + "/out.json"],
+        (["fly"], "fly"),
+        (["evaluate"], "SEQ"),
+        (["evaluate", "seq", "--init", "lucky"], "--init"),
+        (["evaluate", "seq", "--json", __file__ + "/out.json"], "--json"),
+        (["calibrate", "presses", "--serial", "D20123"], "--ball-diameter"),
+        (["build-codebook", "ball", "--size", "0"], "--size: '0' is not a whole number from 1 to 2,000,000"),
+        (["import-weights", "a.npz", "--voxel-size", "0"], "--voxel-size: '0' is not a number above 0 and up to 2"),
     ],
 )
-def test_bad_options_are_status_2(arguments, capsys):
+def test_bad_options_are_status_2(arguments, named, capsys):
     with pytest.raises(SystemExit) as caught:
         cli.main(arguments)
     assert caught.value.code == 2
-    assert "usage:" in capsys.readouterr().err
+    *usage, error = capsys.readouterr().err.splitlines()
+    assert usage[0].startswith("usage:")
+    assert named in error
 
 
 def test_without_arguments_too_the_help_lists_each_command_once(capsys, monkeypatch):
@@ -271,14 +272,15 @@ def test_an_error_begins_a_line_although_a_progress_bar_is_open(monkeypatch, cap
     assert (error, rest) == ("midastouch: error: a.png: is broken", "")
 
 
-def test_benchmark_commands_name_their_package_if_it_is_missing(monkeypatch, capsys):
+def test_without_the_benchmark_its_commands_name_its_package(monkeypatch, capsys):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [])
-    assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - commands().keys()
-    for name in cli.OF_BENCHMARK:
+    of_the_benchmark = COMMANDS.keys() - cli.command_parsers().keys()
+    assert {"evaluate", "benchmark"} <= of_the_benchmark
+    for name in of_the_benchmark:
         assert cli.main([name, "--help"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert f"{name}: comes with the package midastouch_benchmark" in line
-        assert "colcon build" in line
+        assert line.startswith(f"midastouch: error: {name}: ")
+        assert "colcon build --packages-up-to midastouch_benchmark" in line
 
 
 @pytest.mark.parametrize(
@@ -308,15 +310,21 @@ def test_a_training_that_cannot_be_or_would_overwrite_another_is_refused_at_once
         assert reason in capsys.readouterr().err
 
 
-def test_earlier_work_under_the_name_of_an_output_is_kept(monkeypatch, tmp_path, no_symmetry_search, capsys):
+def test_earlier_work_under_the_name_of_an_output_is_kept(
+    monkeypatch, tmp_path, no_symmetry_search, simulated_sequence, capsys
+):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["build-codebook", "ball", "--size", "20", "--out", "book.npz"]) == 0
-    (tmp_path / "layout.json").write_text("mine")
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for name in ("layout.json", "slide/notes.txt", "run.mcap"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("mine")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
     for words in (
         ["build-codebook", "eyebolt", "--size", "20", "--out", "book.npz"],
         ["foxglove", "--out", "layout.json"],
+        ["simulate", "ball", "--out", "slide"],
+        ["to-bag", str(simulated_sequence(n=1).path), "--out", "run.mcap"],
     ):
         assert cli.main(words) == cli.EXIT_BAD_INPUT
         assert f"{words[-1]}: exists" in capsys.readouterr().err
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert {path: path.read_bytes() for path in before} == before

@@ -26,9 +26,3 @@ def test_a_failed_import_leaves_nothing_behind(checkpoint, tmp_path, capsys):
     assert cli.main(["import-weights", str(checkpoint), "--out", str(tmp_path / "out")]) == 2
     assert "tcn_weights.npz: not a complete" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_a_voxel_size_of_nothing_is_refused(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["import-weights", "tcn_weights.npz", "--voxel-size", "0"])
-    assert "'0' is not a number above 0 and up to 2" in capsys.readouterr().err

@@ -38,11 +38,3 @@ def test_the_no_contact_image_and_the_command_to_go_on_come_with_it(
         assert np.array_equal(cv2.imread(beside)[..., ::-1], free)
     assert main(["inspect-bag", "x.mcap"]) == 0
     assert f"mesh:=PATH/035_power_drill.ply codebook:={codebook}" in capsys.readouterr().out
-
-
-def test_a_bag_that_is_there_is_kept(real_sequence_folder, tmp_path, capsys):
-    (tmp_path / "x.mcap").write_bytes(b"recorded")
-    path, _ = real_sequence_folder(n=5)
-    assert main(["to-bag", str(path), "--out", str(tmp_path / "x.mcap")]) == 2
-    assert "x.mcap: exists already" in capsys.readouterr().err
-    assert (tmp_path / "x.mcap").read_bytes() == b"recorded"

@@ -82,22 +82,15 @@ def test_folders_without_presses(tmp_path):
         (HEADER + "0009,60,80,30\n", "line 2.*0009"),
         (HEADER + "0000,60,80,30\n", "0001.png"),
         (HEADER + "".join(f"000{i},300,80,30\n" for i in range(5)), "0000.png"),
+        (b"\x89PNG\r\n\x1a\n\xff\xfe", "UTF-8"),
+        (HEADER.encode("utf-16"), "UTF-8"),
+        ((HEADER + "é").encode("latin-1"), "UTF-8"),
+        pytest.param(b"a" * 200_000, "UTF-8", id="endless field"),
     ],
 )
-def test_labels_that_do_not_fit(folder, content, problem):
-    (folder / "circles.csv").write_text(content)
+def test_labels_that_do_not_fit_or_are_no_table(folder, content, problem):
+    (folder / "circles.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError, match=rf"circles\.csv.*{problem}"):
-        load_ball_presses(folder)
-
-
-@pytest.mark.parametrize(
-    "content",
-    [b"\x89PNG\r\n\x1a\n\xff\xfe", HEADER.encode("utf-16"), (HEADER + "é").encode("latin-1"), b"a" * 200_000],
-    ids=["binary", "UTF-16", "Latin-1", "endless field"],
-)
-def test_labels_that_are_no_table(folder, content):
-    (folder / "circles.csv").write_bytes(content)
-    with pytest.raises(InputError, match=r"circles\.csv.*UTF-8"):
         load_ball_presses(folder)
 
 

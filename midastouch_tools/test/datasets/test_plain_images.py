@@ -46,11 +46,19 @@ def test_a_video_plays_at_its_own_rate_and_the_sensor_s_size(tmp_path):
     assert frames[2][0] - frames[0][0] == 80_000_000
 
 
-@pytest.mark.parametrize("content", [b"", b"no picture"])
-def test_a_damaged_image_is_named(tmp_path, content):
-    (tmp_path / "0.jpg").write_bytes(content)
-    with pytest.raises(InputError, match=r"0\.jpg.*get the file again"):
-        PlainImages(tmp_path)
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("images/0.jpg", b"", r"0\.jpg.*get the file again"),
+        ("images/0.jpg", b"no picture", r"0\.jpg.*get the file again"),
+        ("bad.mp4", b"no video", r"bad\.mp4.*give an \.mp4"),
+    ],
+)
+def test_what_is_no_image_or_video_is_named(tmp_path, name, content, reason):
+    (path := tmp_path / name).parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=reason):
+        PlainImages(tmp_path / name.partition("/")[0])
 
 
 def test_landscape_images_are_refused_with_the_turn_they_need(tmp_path):
@@ -58,12 +66,6 @@ def test_landscape_images_are_refused_with_the_turn_they_need(tmp_path):
         PlainImages(write_images(tmp_path / "x", ["0.png"], (240, 320, 3)))
     with pytest.raises(InputError, match=r"v\.avi.*rotate it"):
         PlainImages(write_video(tmp_path / "v.avi", 2, (240, 320, 3)))
-
-
-def test_what_is_no_video_is_refused(tmp_path):
-    (tmp_path / "bad.mp4").write_bytes(b"no video")
-    with pytest.raises(InputError, match=r"bad\.mp4.*give an \.mp4"):
-        PlainImages(tmp_path / "bad.mp4")
 
 
 def test_a_video_without_an_index_plays_at_unknown_length(tmp_path):

@@ -3,11 +3,14 @@
 import builtins
 import collections
 import contextlib
-import io
+import copyreg
 import os
 import pickle
 import struct
 import subprocess
+import sys
+import types
+import typing
 from pathlib import Path
 
 import numpy as np
@@ -63,48 +66,30 @@ def test_both_generations_of_numpy_paths():
     np.testing.assert_array_equal(restricted_pickle.loads(new, "x"), np.arange(3.0))
 
 
-def omegaconf_pickle() -> bytes:
-    """What OmegaConf 2.2 pickles for {"sig_t": 5e-4, "steps": [1]}, written opcode by opcode."""
-    out = io.BytesIO()
+def omegaconf(monkeypatch) -> dict:
+    """Values of classes that pickle as those of OmegaConf 2.2, for {"sig_t": 5e-4, "steps": [1]}."""
 
-    def text(value):
-        out.write(b"X" + struct.pack("<I", len(value)) + value.encode())
+    def kind(module: str, name: str):
+        made = type(name, (types.SimpleNamespace,), {"__module__": f"omegaconf.{module}", "__reduce__": _by_state})
+        monkeypatch.setitem(sys.modules, f"omegaconf.{module}", types.SimpleNamespace(**{name: made}))
+        return made
 
-    def new(module, name):
-        text(module), text(name)
-        out.write(b"\x93)\x81")
-
-    def node(value):
-        new("omegaconf.nodes", "AnyNode")
-        out.write(b"}(")
-        text("_parent"), out.write(b"N")
-        text("_metadata"), new("omegaconf.base", "Metadata"), out.write(b"}(")
-        text("ref_type"), text("typing"), text("Any"), out.write(b"\x93")
-        out.write(b"ub")
-        text("_val"), out.write(value)
-        out.write(b"ub")
-
-    out.write(b"\x80\x04")
-    new("omegaconf.dictconfig", "DictConfig")
-    out.write(b"}(")
-    text("_metadata"), new("omegaconf.base", "ContainerMetadata"), out.write(b"}(")
-    text("object_type"), text("builtins"), text("dict"), out.write(b"\x93")
-    text("resolver_cache"), text("collections"), text("defaultdict"), out.write(b"\x93")
-    text("builtins"), text("dict"), out.write(b"\x93\x85R")
-    out.write(b"ub")
-    text("_content"), out.write(b"}(")
-    text("sig_t"), node(b"G" + struct.pack(">d", 5e-4))
-    text("steps"), new("omegaconf.listconfig", "ListConfig"), out.write(b"}(")
-    text("_content"), out.write(b"]("), node(b"K\x01"), out.write(b"e")
-    out.write(b"ub")
-    out.write(b"u")
-    out.write(b"ub.")
-    return out.getvalue()
+    monkeypatch.setitem(sys.modules, "omegaconf", types.ModuleType("omegaconf"))
+    node, metadata = kind("nodes", "AnyNode"), kind("base", "ContainerMetadata")
+    container, items = kind("dictconfig", "DictConfig"), kind("listconfig", "ListConfig")
+    about = metadata(object_type=dict, ref_type=typing.Any, resolver_cache=collections.defaultdict(dict))
+    content = {"sig_t": node(_parent=None, _val=5e-4), "steps": items(_content=[node(_val=1)])}
+    return {"mNoise": container(_metadata=about, _content=content)}
 
 
-def test_omegaconf_nodes_are_skipped_and_data_beside_them_read():
-    config = omegaconf_pickle()[2:-1]
-    data = b"\x80\x04}(X\x06\x00\x00\x00mNoise" + config + b"X\x01\x00\x00\x00nK\x05u."
+def _by_state(value):
+    return copyreg.__newobj__, (type(value),), vars(value)
+
+
+@pytest.mark.parametrize("protocol", [2, 4])
+def test_omegaconf_nodes_are_skipped_and_data_beside_them_read(monkeypatch, protocol):
+    data = pickle.dumps({**omegaconf(monkeypatch), "n": 5}, protocol)
+    assert data.count(b"AnyNode") == 1
     assert restricted_pickle.loads(data, "x")["n"] == 5
 
 
@@ -164,12 +149,6 @@ def test_attributes_set_by_a_pickle_do_no_harm(what):
         np.testing.assert_array_equal(loaded, true)
 
 
-def test_dotted_names_cannot_reach_through_allowed_modules():
-    data = b"\x80\x04\x8c\x05numpy\x8c\x0fndarray.__new__\x93."
-    with pytest.raises(InputError, match="__new__"):
-        restricted_pickle.loads(data, "x")
-
-
 def test_every_truncation_is_refused_with_one_kind_of_error():
     data = pickle.dumps({"gelposes": np.zeros((2, 7)), "mNoise": {"sig_t": 5e-4}}, 4)
     for end in range(len(data)):
@@ -192,46 +171,38 @@ def test_damaged_bytes_never_raise_anything_else():
     assert refused > 100
 
 
-def test_array_content_must_fill_its_shape():
-    good = pickle.dumps(np.zeros(8), 4)
-    # the shape (8,) is the only tuple of one small integer in this pickle
-    wrong = good.replace(b"K\x08\x85", b"K\xff\x85")
-    assert wrong != good
-    with pytest.raises(InputError, match="shape"):
-        restricted_pickle.loads(wrong, "x")
+EIGHT = pickle.dumps(np.zeros(8), 4)
 
 
-@pytest.mark.parametrize("dtype", ["datetime64[s]", [("a", "f8")], "V4"])
-def test_exotic_array_types_are_refused(dtype):
-    with pytest.raises(InputError, match="x: "):
-        restricted_pickle.loads(pickle.dumps(np.zeros(2, dtype), 4), "x")
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"\x80\x04\x8c\x05numpy\x8c\x0fndarray.__new__\x93.", "__new__"),  # through a module that is allowed
+        # the shape (8,) is the only tuple of one small integer in this pickle
+        (EIGHT.replace(b"K\x08\x85", b"K\xff\x85"), "shape"),
+        (EIGHT[:-1] + b"\x98.", "buffer"),  # a view of the array's memory
+        (pickle.dumps(np.zeros(2, "datetime64[s]"), 4), "neither plain numbers nor text"),
+        (pickle.dumps(np.zeros(2, [("a", "f8")]), 4), "neither plain numbers nor text"),
+        (pickle.dumps(np.zeros(2, "V4"), 4), "neither plain numbers nor text"),
+        # before memory is taken
+        (b"\x80\x02]r" + struct.pack("<I", 2**32 - 1) + b".", "memo slot"),
+        (b"\x80\x02]p4294967295\n.", "memo slot"),
+    ],
+)
+def test_crafted_pickles_are_refused(data, reason):
+    assert data != EIGHT
+    with pytest.raises(InputError, match=f"x: .*{reason}"):
+        restricted_pickle.loads(data, "x")
 
 
-@pytest.mark.parametrize("put", [b"r" + struct.pack("<I", 2**32 - 1), b"p4294967295\n"])
-def test_a_huge_memo_is_refused_before_memory_is_taken(put):
-    with pytest.raises(InputError, match="memo slot"):
-        restricted_pickle.loads(b"\x80\x02]" + put + b".", "x")
-
-
-def test_a_view_of_an_arrays_memory_is_refused():
-    array = pickle.dumps(np.zeros(4), 4)
-    with pytest.raises(InputError, match="buffer"):
-        restricted_pickle.loads(array[:-1] + b"\x98.", "x")
-
-
-def test_shared_lists_stay_shared_instead_of_exploding():
-    value = []
+def test_lists_within_lists_stay_the_same_objects():
+    exploding, own = [], []
     for _ in range(60):
-        value = [value, value]
-    loaded = restricted_pickle.loads(pickle.dumps(value), "x")
-    assert loaded[0] is loaded[1]
-
-
-def test_a_list_that_holds_itself():
-    value = []
-    value.append(value)
-    loaded = restricted_pickle.loads(pickle.dumps(value), "x")
-    assert loaded[0] is loaded
+        exploding = [exploding, exploding]
+    own.append(own)
+    loaded = restricted_pickle.loads(pickle.dumps([exploding, own]), "x")
+    assert loaded[0][0] is loaded[0][1]
+    assert loaded[1][0] is loaded[1]
 
 
 def test_npy_files_plain_and_pickled(tmp_path):

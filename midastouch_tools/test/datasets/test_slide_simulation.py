@@ -72,11 +72,6 @@ def test_a_seed_fixes_the_sequence(slide, tmp_path):
         assert (tmp_path / "again" / name).read_bytes() == (slide / name).read_bytes()
 
 
-def test_an_existing_folder_is_refused(slide, capsys):
-    assert cli.main(["simulate", "ball", "--out", str(slide)]) == 2
-    assert "exists already" in capsys.readouterr().err
-
-
 def test_a_cached_slide_is_not_simulated_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sensor, mesh = SensorModel.load("digit_tacto"), ObjectMesh.load(bundled_objects()["ball"])

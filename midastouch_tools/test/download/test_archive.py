@@ -25,21 +25,22 @@ def test_files_and_folders_come_out(tmp_path):
     assert found == {"mug/mesh.ply": b"ply", "mug/deep/er/note.txt": b"hello", "top": b""}
 
 
-@pytest.mark.parametrize("name", ["../evil", "a/../../evil", "/evil", "a/..", "..\\evil", "C:\\evil"])
-def test_a_member_that_would_escape_condemns_the_archive(tmp_path, name):
-    packed = zipped(tmp_path / "a.zip", ("good", b"x"), (name, b"evil"))
-    before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(InputError, match=rf"a\.zip.*{re.escape(name)}"):
-        extract(packed, tmp_path / "out")
-    assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_a_link_is_refused(tmp_path):
+def link() -> zipfile.ZipInfo:
     info = zipfile.ZipInfo("link")
     info.external_attr = (stat.S_IFLNK | 0o777) << 16
-    packed = zipped(tmp_path / "a.zip", (info, "/etc"))
-    with pytest.raises(InputError, match=r"a\.zip.*link"):
+    return info
+
+
+@pytest.mark.parametrize(
+    ("member", "reason"),
+    [(name, re.escape(name)) for name in ("../evil", "a/../../evil", "/evil", "a/..", "..\\evil", "C:\\evil")]
+    + [("good", "'good'.*twice"), (link(), "link")],
+)
+def test_one_evil_member_condemns_the_archive(tmp_path, member, reason):
+    packed = zipped(tmp_path / "a.zip", ("good", b"x"), (member, b"/etc"))
+    with pytest.raises(InputError, match=rf"a\.zip.*{reason}"):
         extract(packed, tmp_path / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
 
 def test_damage_leaves_nothing(tmp_path):
@@ -56,13 +57,6 @@ def test_damage_leaves_nothing(tmp_path):
         with pytest.raises(InputError, match=r"a\.zip.*download it again"):
             extract(packed, tmp_path / "out")
         assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
-
-
-def test_the_same_name_twice_is_refused(tmp_path):
-    packed = zipped(tmp_path / "a.zip", ("x", b"1"), ("x", b"2"))
-    with pytest.raises(InputError, match=r"a\.zip.*'x'.*twice"):
-        extract(packed, tmp_path / "out")
-    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
 
 def test_more_than_the_disk_holds_is_noticed_before(tmp_path, monkeypatch):

@@ -29,17 +29,17 @@ def left(path: Path) -> list[str]:
     return sorted(p.name for p in path.parent.iterdir())
 
 
-def test_a_whole_file_with_its_progress(url, path):
-    reported = []
-    fetch(url, path, progress=lambda done, total: reported.append((done, total)))
+def test_a_whole_file_with_its_progress(url, path, monkeypatch, capsys):
+    monkeypatch.setattr("midastouch_tools.progress.SOON_S", 0.0)
+    fetch(url, path)
     assert path.read_bytes() == DATA
     assert left(path) == ["drill.tgz"]
-    assert reported[-1] == (len(DATA), len(DATA))
-    assert [done for done, _ in reported] == sorted(done for done, _ in reported)
+    assert "drill.tgz: 100%" in capsys.readouterr().err
 
 
-def test_a_broken_transfer_is_tried_again(server, url, path):
-    server.break_after = [100_000, 250_000]
+@pytest.mark.parametrize("faults", [{"break_after": [100_000, 250_000]}, {"fail": [503, 429]}], ids=str)
+def test_what_breaks_off_or_is_busy_is_tried_again(server, url, path, faults):
+    vars(server).update(faults)
     fetch(url, path, pause_s=0)
     assert path.read_bytes() == DATA
     assert len(server.requests) == 3
@@ -57,12 +57,6 @@ def test_what_is_not_there_fails_at_once_by_name(server, url, path):
         fetch(f"{server.url}/mug.tgz", path)
     assert len(server.requests) == 1
     assert not path.parent.exists()
-
-
-def test_a_busy_server_is_asked_again(server, url, path):
-    server.fail = [503, 429]
-    fetch(url, path, pause_s=0)
-    assert len(server.requests) == 3
 
 
 def test_nobody_there_is_said_after_some_attempts(path):

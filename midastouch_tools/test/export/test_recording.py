@@ -43,23 +43,24 @@ def test_a_frame_recorded_twice_comes_once(run):
     assert [row["stamp_ns"][0] for row in Recording(path).rows()] == sequence.stamps_ns.tolist()
 
 
-def test_a_bag_with_compressed_images_alone_is_a_recording(tmp_path):
-    stamps = [SECOND, SECOND + SECOND // 10]
-    images = [compressed(image(stamp)) for stamp in stamps]
-    recording = Recording(write(tmp_path / "small.mcap", *(tf(stamp, STILL) for stamp in stamps), *images))
-    assert recording.rate == pytest.approx(10)
-    assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
+STAMPS = [SECOND, SECOND + SECOND // 10]
 
 
-def test_topic_and_frames_may_have_other_names(tmp_path):
-    """As of the left finger of two, on another arm."""
-    stamps = [SECOND, SECOND + SECOND // 10]
-    stream = GelStream("/left/image_raw", "a_base", "left_gel")
-    places = [tf(stamp, STILL, "a_base", "left_gel") for stamp in stamps]
-    images = [image(stamp, topic="/left/image_raw") for stamp in stamps]
-    recording = Recording(write(tmp_path / "left.mcap", *places, *images), stream)
+@pytest.mark.parametrize(
+    ("messages", "stream"),
+    [
+        ([m for stamp in STAMPS for m in (tf(stamp, STILL), compressed(image(stamp)))], GelStream()),
+        (
+            [m for s in STAMPS for m in (tf(s, STILL, "a_base", "left_gel"), image(s, topic="/left/image_raw"))],
+            GelStream("/left/image_raw", "a_base", "left_gel"),
+        ),
+    ],
+    ids=["compressed images alone", "the left finger of another arm"],
+)
+def test_a_bag_without_our_images_or_names_is_a_recording(tmp_path, messages, stream):
+    recording = Recording(write(tmp_path / "x.mcap", *messages), stream)
     assert recording.rate == pytest.approx(10)
-    assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
+    assert [row["stamp_ns"][0] for row in recording.rows()] == STAMPS
 
 
 def test_a_folder_is_no_bag(tmp_path):

@@ -14,8 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import trimesh
-from foreign_bags import of_humble, without_index, write_bag
-from recorded import MOVED, SECOND, STILL, image, tf, write
+from foreign_bags import images_as, of_humble, raw, without_index, write_bag
+from recorded import write
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from run_results import write_run
 from sequences import bump, smooth_image, smooth_poses
@@ -159,18 +159,12 @@ def _read_sequence(path: Path) -> object:
     return sequence.object_name, sequence.sensor, poses, sequence.background, images, truths
 
 
-def _messages() -> list:
-    """Of an arm with a sensor of small images."""
-    messages = [tf(SECOND, STILL, "tool0", "digit_gel_frame", topic="/tf_static")]
-    for i in range(4):
-        stamp = SECOND + i * SECOND // 10
-        messages.append(tf(stamp, MOVED if i % 2 else STILL, "base_link", "tool0"))
-        messages.append(image(stamp, np.ascontiguousarray(smooth_image(i)[::8, ::8])))
-    return messages
+_MESSAGES = images_as(raw("/image_raw", change=lambda pixels: pixels[::8, ::8]))
+"""Of an arm with a sensor of small images."""
 
 
 def _bag(storage: StoragePlugin, mode: CompressionMode, folder: Path) -> Path:
-    return write_bag(folder / "bag", _messages(), storage, mode)
+    return write_bag(folder / "bag", _MESSAGES, storage, mode)
 
 
 def _read_frames(path: Path) -> object:
@@ -301,7 +295,7 @@ FORMATS = {
     "simulated_slide": Format(_simulated, (_read_sequence,), files="*[!0-9].*"),
     "real_slide": Format(_real, (_read_sequence,), files="*.npy"),
     "trial": Format(_trial, (_read_sequence,)),
-    "bag_of_ours": Format(lambda folder: write(folder / "bag.mcap", *_messages()), _READ_BAG, checked=True),
+    "bag_of_ours": Format(lambda folder: write(folder / "bag.mcap", *_MESSAGES), _READ_BAG, checked=True),
     "bag_mcap": Format(partial(_bag, StoragePlugin.MCAP, CompressionMode.NONE), _READ_BAG),
     "bag_sqlite": Format(partial(_bag, StoragePlugin.SQLITE3, CompressionMode.NONE), _READ_BAG),
     "bag_zstd": Format(partial(_bag, StoragePlugin.SQLITE3, CompressionMode.MESSAGE), _READ_BAG),

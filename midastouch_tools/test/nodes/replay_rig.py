@@ -5,6 +5,7 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
@@ -12,16 +13,24 @@ from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_msgs.msg import FilterStatus
 from midastouch_tools.nodes.replay import Replay
 
-PACED = {"ack_topic": "filter_status", "wait_for_subscribers": 1}
-
 
 def replay(graph, source, **parameters):
     return graph.add(Replay, {"source": str(source), "rate": 0.0, **parameters})
 
 
+def paced(graph, source, **parameters):
+    """A replay that waits for the answers of a filter."""
+    return replay(graph, source, ack_topic="filter_status", wait_for_subscribers=1, **parameters)
+
+
 def play(graph, node):
     node.start()
     graph.spin_until(node.finished.is_set, "the end of the replay")
+
+
+def frames(node):
+    """Numbers of frames sent, repeated and lost."""
+    return node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost
 
 
 def stamps(messages):
@@ -61,3 +70,13 @@ class Consumer:
     def report_regularly(self) -> None:
         """Report a health at work, faster than a filter does."""
         self.node.create_timer(0.02, lambda: self.report("state"))
+
+
+def begun(graph, source, answers, **parameters):
+    """A consumer whose filter reports its health and gives `answers`, and a replay that waits for it, at work."""
+    consumer = Consumer(graph, answers)
+    consumer.report_regularly()
+    node = paced(graph, source, **parameters)
+    graph.listen(TFMessage, "/tf")
+    node.start()
+    return consumer, node

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from process_rig import SHIPPED, processes
+from replay_rig import frames as counts
 from replay_rig import play, replay
 
 from midastouch_benchmark.trials.setup import Networks
@@ -94,8 +95,7 @@ def live(graph, recording: Path, folder: Path) -> tuple[list, list, list]:
         settings = {"ack_topic": "filter_status", "clock": True, "wait_for_nodes": "tdn tcn particle_filter"}
         node = replay(graph, recording / "slide.mcap", **settings)
         play(graph, node)
-        player = node.player
-        assert (player.frames_sent, player.frames_repeated, player.frames_lost) == (len(stamps), 0, 0)
+        assert counts(node) == (len(stamps), 0, 0)
         for received, what in ((codes, "codes"), (poses, "poses"), (statuses, "answers")):
             graph.spin_until(lambda received=received: {*map(stamp_of, received)} >= {*stamps}, f"the {what}")
     answers = {stamp_of(status): status for status in statuses}

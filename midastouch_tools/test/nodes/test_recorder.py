@@ -131,12 +131,8 @@ def test_a_lost_folder_ends_the_recording_and_not_the_node(graph, tmp_path):
 @pytest.mark.slow
 def test_a_closed_terminal_does_not_cost_the_recording(graph, tmp_path):
     path = tmp_path / "x.mcap"
-    domain = str(graph.companion.context.get_domain_id())
-    node = [sys.executable, "-m", "midastouch_tools.nodes.recorder"]
-    running = subprocess.Popen(
-        ["env", "--default-signal=HUP", *node, "--ros-args", "-p", f"path:={path}", "-p", "min_free:=0.0"],
-        env=os.environ | {"ROS_DOMAIN_ID": domain},
-    )
+    node = [sys.executable, "-m", "midastouch_tools.nodes.recorder", "--ros-args", "-p", "min_free:=0.0"]
+    running = subprocess.Popen(["env", "--default-signal=HUP", *node, "-p", f"path:={path}"])
     codes = graph.publisher(TactileCode, "/tactile/code")
     reports = graph.listen(DiagnosticArray, "/diagnostics")
     codes.publish(TactileCode(network_id="kept"))

@@ -5,11 +5,10 @@ import math
 import pytest
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
-from replay_rig import Consumer, replay, stamps
+from replay_rig import begun, replay, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
-from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_tools.bags.writer import write_bag
@@ -59,10 +58,8 @@ def test_seek_goes_anywhere_and_keeps_the_pause(graph, simulated_sequence):
 
 def test_a_seek_while_an_answer_is_awaited_loses_no_frame(graph, simulated_sequence):
     sequence = simulated_sequence(n=6)
-    consumer = Consumer(graph, answers=lambda n: n > 1)  # the first image is never answered
-    node = replay(graph, sequence.path, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
-    graph.listen(TFMessage, "/tf")
-    node.start()
+    # the first image is never answered
+    consumer, node = begun(graph, sequence.path, answers=lambda n: n > 1, ack_timeout=600.0)
     graph.spin_until(lambda: consumer.received, "the first image")
     offset = (sequence.stamps_ns[4] - sequence.stamps_ns[0]) / 1e9
     assert graph.set_parameter("replay", "seek_to", float(offset)).successful

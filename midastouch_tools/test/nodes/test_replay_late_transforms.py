@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from filter_fakes import code_msg, loader_of
 from recorded import edited, write
-from replay_rig import PACED, play, replay
+from replay_rig import frames, paced, play
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -24,7 +24,7 @@ class Chain:
     """A filter node with a fake filter, by the replay's clock, and codes made of its images as soon as they come."""
 
     def __init__(self, graph, transform_timeout=10.0):
-        self.filters, self.sent = [], []
+        self.graph, self.filters, self.sent = graph, [], []
         given = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
         given |= {"refinement": False, "use_sim_time": True, "transform_timeout": transform_timeout}
         self.node = graph.add(lambda **options: ParticleFilterNode(load=loader_of(self.filters), **options), given)
@@ -38,13 +38,23 @@ class Chain:
 
         graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
 
-    def states(self) -> dict[int, list[str]]:
-        """What was said of each image that was sent, by stamp [ns]."""
+    def answers(self, path, messages) -> list[str]:
+        """Play the messages; return the only answer to each image, in order. No image is repeated or lost."""
+        node = paced(self.graph, written(path, messages), clock=True)
+        play(self.graph, node)
+        assert frames(node) == (len(self.sent), 0, 0)
+        # the filter has an answer before its status arrives here
+        self.graph.spin_until(lambda: all(self._said()), "an answer to each")
+        assert [len(each) for each in self._said()] == [1] * len(self.sent)
+        return [each[0] for each in self._said()]
+
+    def _said(self) -> list[list[str]]:
+        """The answers to each image that was sent."""
         said = {stamp: [] for stamp in self.sent}
         for status in self.statuses:
-            if (stamp := stamp_ns(status.header.stamp)) in said:
+            if (stamp := stamp_ns(status.header.stamp)) in said and status.state != FilterStatus.STATE_WAITING:
                 said[stamp].append(status.state)
-        return said
+        return list(said.values())
 
 
 def written(path, messages):
@@ -58,26 +68,15 @@ def with_late_transforms(sequence, late_ns):
         yield dataclasses.replace(message, stamp_ns=message.stamp_ns + late_ns) if late else message
 
 
-def answers(graph, chain) -> list[str]:
-    """The only answer to each image, in order, once each has one; the filter has it before its status arrives here."""
-    graph.spin_until(lambda: all(set(states) - {"waiting"} for states in chain.states().values()), "an answer to each")
-    said = [[state for state in states if state != "waiting"] for states in chain.states().values()]
-    assert [len(each) for each in said] == [1] * len(said)
-    return [each[0] for each in said]
-
-
 def test_a_gap_in_transforms_is_bridged_and_both_ends_are_stale(graph, tmp_path, simulated_sequence):
     """A bag whose arm came 1 s after the camera, had a gap of 1 s, and left 0.4 s earlier, at 10 Hz."""
     sequence = simulated_sequence(n=33)
     present = {*sequence.stamps_ns[10:15].tolist(), *sequence.stamps_ns[25:30].tolist()}
     messages = [m for m in sequence_messages(sequence) if m.topic != "/tf" or m.stamp_ns in present]
     chain = Chain(graph)
-    node = replay(graph, written(tmp_path / "x.mcap", messages), **PACED, clock=True)
-    play(graph, node)
-    assert chain.sent == sequence.stamps_ns.tolist()
-    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (33, 0, 0)
     # what lies within the gap is interpolated over it; only before and after there is nothing
-    assert answers(graph, chain) == ["stale"] * 10 + ["ambiguous"] * 20 + ["stale"] * 3
+    assert chain.answers(tmp_path / "x.mcap", messages) == ["stale"] * 10 + ["ambiguous"] * 20 + ["stale"] * 3
+    assert chain.sent == sequence.stamps_ns.tolist()
     assert len(chain.filters[0].measurements) == 20
 
 
@@ -85,16 +84,11 @@ def test_a_gap_in_transforms_is_bridged_and_both_ends_are_stale(graph, tmp_path,
 def test_transforms_recorded_after_their_images(graph, tmp_path, simulated_sequence, late_ms):
     """Between this image and the next one, after the next one, or after many."""
     n = 8 + late_ms // 100  # at 10 Hz
-    sequence = simulated_sequence(n=n)
-    chain = Chain(graph)
-    node = replay(
-        graph, written(tmp_path / "x.mcap", with_late_transforms(sequence, late_ms * MS)), **PACED, clock=True
-    )
-    play(graph, node)
+    sequence, chain = simulated_sequence(n=n), Chain(graph)
+    messages = with_late_transforms(sequence, late_ms * MS)
+    assert chain.answers(tmp_path / "x.mcap", messages) == ["ambiguous"] * n
     assert chain.sent == sequence.stamps_ns.tolist()
-    assert answers(graph, chain) == ["ambiguous"] * n
     assert len(chain.filters[0].measurements) == n
-    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
 
 
 def restamped(message, by_ns):
@@ -112,19 +106,14 @@ def restamped(message, by_ns):
 def test_an_arm_of_another_clock_makes_answers_stale_not_lost(graph, tmp_path, simulated_sequence, ahead):
     sequence = simulated_sequence(n=12)
     messages = [restamped(m, 60_000 * MS) if m.topic == ahead else m for m in sequence_messages(sequence)]
-    chain = Chain(graph, transform_timeout=0.5)
-    node = replay(graph, written(tmp_path / "x.mcap", messages), **PACED, clock=True)
-    play(graph, node)
-    assert len(chain.sent) == 12
-    assert answers(graph, chain) == ["stale"] * 12
-    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
+    assert Chain(graph, transform_timeout=0.5).answers(tmp_path / "x.mcap", messages) == ["stale"] * 12
 
 
 def test_a_step_includes_the_transforms_that_its_frame_waits_for(graph, tmp_path, simulated_sequence):
     sequence = simulated_sequence(n=4)
     chain = Chain(graph)
     source = written(tmp_path / "x.mcap", with_late_transforms(sequence, 5 * MS))
-    node = replay(graph, source, **PACED, clock=True, start_paused=True)
+    node = paced(graph, source, clock=True, start_paused=True)
     clock = graph.listen(Clock, "/clock")
     node.start()
     for n in (1, 2):

@@ -17,24 +17,18 @@ from midastouch_tools.replay.player import Player
 pytestmark = pytest.mark.dds
 
 
-def process(graph, *parameters):
-    """The executable, on the graph's DDS domain."""
+def process(*parameters):
+    """The executable, on the graph's DDS domain, which is that of the environment."""
     arguments = [part for parameter in parameters for part in ("-p", parameter)]
-    domain = str(graph.companion.context.get_domain_id())
-    return subprocess.Popen(
-        [sys.executable, "-m", "midastouch_tools.nodes.replay", "--ros-args", *arguments],
-        env=os.environ | {"ROS_DOMAIN_ID": domain},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-m", "midastouch_tools.nodes.replay", "--ros-args", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.slow
-def test_the_executable_ends_with_0_and_on_bad_input_with_2(graph, simulated_sequence):
+def test_the_executable_ends_with_0_and_on_bad_input_with_2(simulated_sequence):
     sequence = simulated_sequence(n=3)
-    good = process(graph, f"source:={sequence.path}", "rate:=0.0")
-    bad = process(graph, "source:=/nowhere/slide")
+    good = process(f"source:={sequence.path}", "rate:=0.0")
+    bad = process("source:=/nowhere/slide")
     out, err = good.communicate(timeout=120)
     assert good.returncode == 0, err
     assert "sent 3 frames, 0 repeated, 0 lost" in out + err
@@ -43,7 +37,7 @@ def test_the_executable_ends_with_0_and_on_bad_input_with_2(graph, simulated_seq
     assert err.startswith("/nowhere/slide: ")
     assert len(err.splitlines()) == 1
     sequence.image_paths[1].write_bytes(b"")
-    damaged = process(graph, f"source:={sequence.path}", "rate:=0.0")
+    damaged = process(f"source:={sequence.path}", "rate:=0.0")
     out, err = damaged.communicate(timeout=120)
     assert damaged.returncode == 2
     assert err.strip().endswith("1.jpg: not a readable image; get the file again")
@@ -55,8 +49,7 @@ def test_a_foreign_bag_is_played_as_the_pipeline_takes_it(graph, tmp_path):
     bag = bags.plain(tmp_path / "a bag", bags.images_as(bags.raw(bags.RAW, "bgr8", bags.landscape)))
     words = ["replay", str(bag), "--remap", f"{bags.RAW}:=/image_raw", "--rotation", "90", "--loop", "--rate", "10"]
     command = [sys.executable, "-m", "midastouch_tools.cli", *words]
-    domain = str(graph.companion.context.get_domain_id())
-    with subprocess.Popen(command, env=os.environ | {"ROS_DOMAIN_ID": domain}) as running:
+    with subprocess.Popen(command) as running:
         try:
             images = graph.listen(Image, "image_raw")
             graph.spin_until(lambda: images, "a first frame")
@@ -83,7 +76,7 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
 @pytest.mark.parametrize("waits", [True, False])
 def test_an_interrupt_ends_it_cleanly_waiting_or_playing(graph, simulated_sequence, waits):
     settings = ["wait_for_subscribers:=9"] if waits else ["loop:=true", "rate:=2.0"]
-    running = process(graph, f"source:={simulated_sequence(n=3).path}", *settings)
+    running = process(f"source:={simulated_sequence(n=3).path}", *settings)
     if waits:
         heard = graph.listen(Log, "/rosout", latched=True)
         graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from patience import FOR_EVER, PATIENCE, wait_for
 
 from midastouch_tools.processes.foreground import (
     ended_by_signals,
@@ -64,8 +65,6 @@ service = LaunchService()
 service.include_launch_description(LaunchDescription([node(*each) for each in task["programs"].items()]))
 sys.exit(service.run())
 """
-PATIENCE = 120.0  # s; bounds a failing test only
-FOR_EVER = "while :; do sleep 0.05; done"
 
 
 class Supervised:
@@ -86,10 +85,7 @@ class Supervised:
                 self.lines.append(line.rstrip("\n"))
 
     def until(self, condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, f"it did not happen in time; printed: {self.lines}"
-            time.sleep(0.01)
+        wait_for(condition, f"it; printed: {self.lines}")
 
     def said(self, line, times=1):
         self.until(lambda: self.lines.count(line) >= times)

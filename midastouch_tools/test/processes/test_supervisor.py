@@ -5,28 +5,18 @@ import os
 import re
 import signal
 import subprocess
-import time
 
 import pytest
+from patience import FOR_EVER, PATIENCE, wait_for
 
 from midastouch_tools.processes import process
 from midastouch_tools.processes.local_domain import LogFolder
 from midastouch_tools.processes.process import Program
 from midastouch_tools.processes.supervisor import BackOff, NodeFailed, Supervisor
 
-FOR_EVER = "while :; do sleep 0.05; done"
-PATIENCE = 120.0  # s; bounds a failing test only
-
 
 def shell(name: str, *lines: str, ends: bool = False) -> Program:
     return Program(name, ("sh", "-c", "\n".join(lines)), ends)
-
-
-def wait_for(condition) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.01)
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import random
 import threading
 
 import pytest
+from background import in_thread
 
 from midastouch_tools.replay.flow_control import FlowControl
 from midastouch_tools.replay.playback import Playback
@@ -19,15 +20,7 @@ class World:
 
     def waiting(self):
         """Wait in a thread; returns what says whether it goes on, and what joins it."""
-        result = []
-        thread = threading.Thread(target=lambda: result.append(self.flow.wait()), daemon=True)
-        thread.start()
-
-        def join(timeout=30.0):
-            thread.join(timeout)
-            return result[0] if result else "still waiting"
-
-        return join
+        return in_thread(self.flow.wait)
 
     def send(self, *stamps):
         """Send frames that the filter has at once, but cannot answer."""

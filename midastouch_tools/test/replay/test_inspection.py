@@ -172,6 +172,16 @@ def test_what_cannot_be_read_is_refused_in_one_line_with_the_fix(inspected, make
         (bags.images_as(bags.raw("/image_raw", change=lambda p: p[:, :90])), "crop it to portrait", ""),
         ([m for m in bags.recorded() if m.topic != "/image_raw"], "record those of the sensor", ""),
         (bags.images_as(bags.broken), "holds broken images only on /image_raw/compressed", ""),
+        (
+            [*bags.recorded()[2::2], *(tf(late * SECOND, STILL, recorded_ns=SECOND) for late in (90, 91))],
+            "stamped 89 s apart",
+            "",
+        ),
+        (
+            [tf(SECOND, [450.0, 0, 0, 0, 0, 0, 1], recorded_ns=SECOND // 2), *bags.recorded()],
+            "'digit_gel_frame' is 450 m from 'base_link'; are these millimetres?",
+            "",
+        ),
     ],
 )
 def test_what_is_missing_is_named(inspected, messages, missing, command):
@@ -210,20 +220,6 @@ def test_of_several_cameras_the_likely_sensor_is_taken(inspected):
     assert status == 0
     assert arguments_of(out)["remap"] == f"{bags.RAW}:=/image_raw"
     assert "there are images on /camera/image_raw, too" in out
-
-
-def test_stamps_of_two_clocks(inspected):
-    late = [tf(90 * SECOND, STILL, recorded_ns=SECOND), tf(91 * SECOND, STILL, recorded_ns=2 * SECOND)]
-    status, out, _ = inspected(of([*bags.recorded()[2::2], *late]))
-    assert status == 1
-    assert "stamped 89 s apart" in out
-
-
-def test_transforms_in_millimetres(inspected):
-    far = [tf(SECOND, [450.0, 0, 0, 0, 0, 0, 1], recorded_ns=SECOND // 2), *bags.recorded()]
-    status, out, _ = inspected(of(far))
-    assert status == 1
-    assert "'digit_gel_frame' is 450 m from 'base_link'; are these millimetres?" in out
 
 
 def test_frames_of_other_names_go_into_a_parameter_file(inspected, tmp_path):

@@ -1,8 +1,7 @@
 """Pace, pause, steps and seeks, on a clock of our own."""
 
-import threading
-
 import pytest
+from background import in_thread
 
 from midastouch_tools.replay.playback import Playback
 
@@ -86,19 +85,6 @@ def test_a_new_rate_counts_from_where_it_is_set(monkeypatch):
     for stamp in (1000, 1500, 2000):
         player.wait_until_due(stamp * MS)
     assert clock.now == pytest.approx(100.0 + 1.0 + 0.25)
-
-
-def in_thread(function, *arguments):
-    """Start it, and return what waits for its result."""
-    result = []
-    thread = threading.Thread(target=lambda: result.append(function(*arguments)), daemon=True)
-    thread.start()
-
-    def join(timeout=120.0):  # bounds a failing test only
-        thread.join(timeout)
-        return result[0] if result else "still waiting"
-
-    return join
 
 
 def test_pause_holds_and_resume_releases():

@@ -5,10 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from recorded import STORE, compressed, cut_off, edited, write
+from recorded import compressed, cut_off, edited, write
 
 from midastouch_common.errors import InputError
 from midastouch_tools.bags.messages import Message, header, sequence_messages
+from midastouch_tools.bags.messages import new_message as new
 from midastouch_tools.bags.writer import write_bag
 from midastouch_tools.replay.source import ReplaySource
 
@@ -124,10 +125,8 @@ def test_a_bag_without_images_is_refused_with_what_it_has(tmp_path, simulated_se
 
 def test_estimates_are_left_out_under_any_object_frame_name(tmp_path, simulated_sequence):
     _, transforms, _, image = list(sequence_messages(simulated_sequence(n=1)))
-    kind, made = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/"
-    point, turn = STORE.types[f"{made}Point"](0.0, 0.0, 0.0), STORE.types[f"{made}Quaternion"](0.0, 0.0, 0.0, 1.0)
-    pose = STORE.types[f"{made}PoseWithCovariance"](STORE.types[f"{made}Pose"](point, turn), np.zeros(36))
-    estimate = Message.of("/pose", STORE.types[kind](header(image.stamp_ns, "mug"), pose), image.stamp_ns)
+    found = new("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(image.stamp_ns, "mug"))
+    estimate = Message.of("/pose", found, image.stamp_ns)
     write(tmp_path / "x.mcap", renamed(transforms, "mug", "tool0"), estimate, image)
     played = list(ReplaySource(tmp_path / "x.mcap").messages())
     assert [m.topic for m in played] == ["/tf", "/image_raw"]
@@ -140,10 +139,6 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
     of_sequence, of_bag = ReplaySource(sequence.path).topics, ReplaySource(tmp_path / "x.mcap").topics
     assert set(of_sequence) == set(of_bag)
     assert {m.topic for m in sequence_messages(sequence)} == {topic.name for topic in of_bag}
-    image = next(m for m in sequence_messages(sequence) if m.topic == "/image_raw")
-    write(tmp_path / "other.mcap", dataclasses.replace(image, topic="/camera/color"))
-    with pytest.raises(InputError, match=r"other\.mcap: .*/image_raw.*/camera/color"):
-        ReplaySource(tmp_path / "other.mcap")
 
 
 def test_plain_images_are_sent_as_a_sequence_without_transforms(tmp_path, simulated_sequence):

@@ -10,13 +10,12 @@ import struct
 import subprocess
 import sys
 import termios
-import time
-from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
 import yaml
+from patience import wait_for
 from PIL import Image
 
 from midastouch_tools import cli
@@ -125,14 +124,6 @@ def command_line(pid: int) -> str:
     return Path(f"/proc/{pid}/cmdline").read_text()
 
 
-def until(done: Callable[[], bool], what: str) -> None:
-    """Wait for it; AssertionError naming it if it does not come."""
-    deadline = time.monotonic() + 60  # bounds a failing test only
-    while not done():
-        assert time.monotonic() < deadline, f"{what} did not come"
-        time.sleep(0.05)
-
-
 def test_a_second_ctrl_c_waits_for_no_node(short, tmp_path, monkeypatch):
     """The filter does not go. It is none that is stopped by SIGSTOP: it may hold a lock in Fast DDS's memory, and then
     all the others hang, too."""
@@ -146,14 +137,14 @@ def test_a_second_ctrl_c_waits_for_no_node(short, tmp_path, monkeypatch):
     command = [sys.executable, "-m", "midastouch_tools.cli", "run", "explore", *short[:3]]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
         for one in ("sleep", "explorer"):  # the explorer is started last
-            until(lambda one=one: any(one in command_line(pid) for pid in children(run.pid)), one)
+            wait_for(lambda one=one: any(one in command_line(pid) for pid in children(run.pid)), one)
         (held,) = [pid for pid in children(run.pid) if "sleep" in command_line(pid)]
         run.send_signal(signal.SIGINT)
-        until(lambda: children(run.pid) == [held], "the end of the other nodes")
+        wait_for(lambda: children(run.pid) == [held], "the end of the other nodes")
         run.send_signal(signal.SIGINT)
         assert list(run.stdout)[-1] == "midastouch: interrupted\n"
     assert run.returncode == 128 + signal.SIGINT
-    until(lambda: state_and_parent(held)[0] in "ZX", "the end of the filter, killed")
+    wait_for(lambda: state_and_parent(held)[0] in "ZX", "the end of the filter, killed")
     assert [path.name for path in Path("out/explore").iterdir()] == [".lock"]
 
 

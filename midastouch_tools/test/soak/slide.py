@@ -8,7 +8,6 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
@@ -20,12 +19,10 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
-from midastouch_simulation.camera import no_contact_image
-from midastouch_simulation.optics import TactoOptics
-from midastouch_simulation.slide import simulate_slide
+from midastouch_tools.datasets import load_sequence
+from midastouch_tools.datasets.slide_simulation import simulate_sequence
 
 PATIENT = {"input_timeout": 1000.0}
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))
@@ -44,16 +41,13 @@ class Slide:
 
 def make_slide(path: Path, folder: Path) -> Slide:
     """A slide of 4 cm over the object of a mesh, with a small codebook by the shipped network."""
-    rng = np.random.default_rng(3)
     mesh, sensor = ObjectMesh.load(path), SensorModel.load("digit_tacto")
     codebook = folder / f"{mesh.name}.npz"
     build_codebook(mesh, load_tcn("fast", sensor), sensor, size=1000, seed=0).save(codebook)
-    poses = simulate_slide(mesh, sensor, 0.04, rng)
-    penetration, normals = PenetrationRenderer(mesh, sensor).render_with_normals(poses)
-    background, optics = no_contact_image(sensor, rng), TactoOptics(sensor)
-    cv2.imwrite(str(folder / "background.png"), cv2.cvtColor(background, cv2.COLOR_RGB2BGR))
-    images = [optics.image(p, background, rng, n) for p, n in zip(penetration, normals, strict=True)]
-    return Slide(path, codebook, folder / "background.png", poses, images)
+    simulate_sequence(mesh, sensor, 0.04, 3, folder / "slide")
+    sequence = load_sequence(folder / "slide")
+    images = [sequence.image(i) for i in range(sequence.n_frames)]
+    return Slide(path, codebook, sequence.background_path, sequence.poses_true, images)
 
 
 def filter_parameters(slide: Slide, **changes) -> dict:

@@ -47,6 +47,26 @@ def run() -> Run:
     return Run("made up", "box", moments)
 
 
+POSES = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
+
+
+def evaluation(*names: str, mesh: str = "box.ply") -> dict:
+    """The parts of a result of evaluate that are read: of each sequence two trials, the second without a first pose."""
+    trials = [
+        {
+            "sequence": name,
+            "per_frame": {
+                "frame": [0, 5, 10],
+                "estimate": [None if seed else POSES[0], POSES[1], POSES[2]],
+                "state": ["lost", "ambiguous" if seed else "converged", "converged"],
+            },
+        }
+        for name in names
+        for seed in range(2)
+    ]
+    return {"sequences": [{"sequence": n, "mesh": mesh, "truth": POSES} for n in names], "trials": trials}
+
+
 @pytest.fixture
 def open3d():
     if importlib.util.find_spec("open3d") is None:

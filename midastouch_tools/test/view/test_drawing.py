@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from midastouch_common.errors import InputError
 from midastouch_common.missing_modules import install_extra
 from midastouch_tools import cli
 from midastouch_tools.view import require_open3d
 from midastouch_tools.view.clouds import export, shapes
+
+from .conftest import evaluation
 
 
 def test_bad_input_is_named_before_how_to_install_open3d(run, mesh, tmp_path, monkeypatch, capsys):
@@ -58,15 +59,9 @@ def test_exported_clouds_are_the_layers_of_the_run(open3d, run, mesh, tmp_path):
 @pytest.fixture
 def result(mesh, tmp_path) -> Path:
     """A result of evaluate with three frames, and its mesh."""
-    trimesh.Trimesh(mesh.vertices, mesh.faces).export(tmp_path / "box.ply")
-    poses = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
-    trial = {"frame": [0, 1, 2], "estimate": poses, "state": ["converged"] * 3}
-    content = {
-        "sequences": [{"sequence": "box/00", "mesh": str(tmp_path / "box.ply"), "truth": poses}],
-        "trials": [{"sequence": "box/00", "per_frame": trial}, {"sequence": "box/00", "per_frame": trial}],
-    }
+    mesh.save(tmp_path / "box.ply")
     path = tmp_path / "result.json"
-    path.write_text(json.dumps(content))
+    path.write_text(json.dumps(evaluation("box/00", mesh=str(tmp_path / "box.ply"))))
     return path
 
 

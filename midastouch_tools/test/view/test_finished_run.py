@@ -11,24 +11,7 @@ from midastouch_common.errors import InputError
 from midastouch_tools.bags.messages import sequence_messages
 from midastouch_tools.view.finished_run import load
 
-POSES = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
-
-
-def evaluation(*names: str) -> dict:
-    """The parts of a result of evaluate that are read."""
-    trials = [
-        {
-            "sequence": name,
-            "per_frame": {
-                "frame": [0, 5, 10],
-                "estimate": [None if seed else POSES[0], POSES[1], POSES[2]],
-                "state": ["lost", "ambiguous" if seed else "converged", "converged"],
-            },
-        }
-        for name in names
-        for seed in range(2)
-    ]
-    return {"sequences": [{"sequence": n, "mesh": "box.ply", "truth": POSES} for n in names], "trials": trials}
+from .conftest import POSES, evaluation
 
 
 @pytest.fixture
