@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, executable
 from filter_fakes import loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -85,7 +84,7 @@ def test_a_bad_mesh_fails_the_transition_until_it_is_fixed(graph):
     filters = []
     add(graph, filters, mesh="/data/bad.ply", codebook="/data/mug.npz")
     statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-    health = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     logs: list[Log] = []
     late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     graph.companion.create_subscription(Log, "/rosout", logs.append, late)
@@ -93,7 +92,7 @@ def test_a_bad_mesh_fails_the_transition_until_it_is_fixed(graph):
     reason = "/data/bad.ply: not a mesh"
     await_reason(graph, statuses, reason)
     graph.spin_until(lambda: any(log.msg == reason for log in logs), "the log")
-    graph.spin_until(lambda: any(s.message == reason for m in health for s in m.status), "the diagnostics")
+    health.until(reason)
     assert not graph.change_state("particle_filter", "activate")
 
     assert all(result.successful for result in graph.set_parameters("particle_filter", mesh="/data/mug.ply"))

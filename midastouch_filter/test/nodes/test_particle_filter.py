@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, skipped
 from filter_fakes import FakeFilter, loader_of
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -75,8 +74,7 @@ def test_silence_is_stale_once(graph, timeout_clock, brisk_health):
     assert "no tactile/code" in bench.statuses[-1].reason
     assert before < stamp_ns(bench.statuses[-1].header.stamp) < time.time_ns(), "of no image, but of now"
     for _ in range(3):  # more than 100 ms apart, in which the node looks for silence every 50 ms
-        health = graph.listen(DiagnosticArray, "/diagnostics")
-        graph.spin_until(lambda health=health: health, "the diagnostics")
+        graph.health().until("")
     assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous"
     assert [status.state for status in bench.statuses] == ["ambiguous", "stale", "ambiguous"]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import FakeFilter, StubGrowth, code_msg
 from tf2_msgs.msg import TFMessage
@@ -128,17 +127,14 @@ def test_without_a_codebook_a_coarse_one_is_built_and_reported(graph):
         return LoadedObject(running, 0.1, mesh_path.stem, None, "fake", growth=growth)
 
     bench = ObjectBench(graph, options={"build": build}, tcn="/nets/own.onnx", seed=3, object_folders="/data")
-    health = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     wanted = SetObject.Request(mesh_path="/data/cup.ply")
     assert graph.call(SetObject, "set_object", wanted).success
     assert asked == [(Path("/data/cup.ply"), "/nets/own.onnx", "digit_tacto", 3)]
     graph.spin_until(lambda: bench.statuses and "now 'cup'" in bench.statuses[-1].reason, "the word that it is there")
     assert "by a coarse codebook of 5,000 poses, 6.0 mm apart" in bench.statuses[-1].reason
     assert "building a codebook of 5,000 poses" in bench.waits[-1].reason
-    said = {"codebook": "codebook of 5,000 poses, 6.0 mm apart"}.items()
-    graph.spin_until(
-        lambda: any(said <= {v.key: v.value for v in s.values}.items() for m in health for s in m.status), "its health"
-    )
+    graph.spin_until(lambda: health.values.get("codebook") == "codebook of 5,000 poses, 6.0 mm apart", "its health")
     assert bench.frame(SECOND).reason.endswith("; codebook of 5,000 poses, 6.0 mm apart; growing")
     growth.done = True
     assert "growing" not in bench.frame(2 * SECOND).reason

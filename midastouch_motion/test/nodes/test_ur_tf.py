@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
@@ -73,12 +72,9 @@ class Bench:
             self.tf, self.joints = graph.listen(TFMessage, "/tf"), graph.listen(JointState, "joint_states")
             self.wrenches = graph.listen(WrenchStamped, "wrench")
             self.static = graph.listen(TFMessage, "/tf_static", latched=True)
-            self.diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+            self.health = graph.health()
         finally:
             self.arms.heard.set()
-
-    def status(self, text):
-        return any(text in status.message for array in self.diagnostics for status in array.status)
 
 
 @pytest.fixture
@@ -137,7 +133,7 @@ def test_a_call_that_hangs_is_told(bench):
     b = bench()
     b.until(lambda: b.tf)
     b.arms.made[0].free.clear()
-    b.until(lambda: b.status("no sample for"))
+    b.health.until("no sample for")
     b.arms.made[0].free.set()
     b.tf.clear()
     b.until(lambda: b.tf)
@@ -156,10 +152,10 @@ def test_connects_again_after(bench, fault):
 
 def test_keeps_trying_while_the_arm_is_off_and_says_so(bench):
     b = bench()
-    b.until(lambda: b.status("connected"))
+    b.health.until("connected")
     b.arms.refuse = True
     b.arms.made[-1].lost = True
-    b.until(lambda: b.arms.attempts >= 3 and b.status("refused"))
+    b.until(lambda: b.arms.attempts >= 3 and b.health.says("refused"))
     b.arms.refuse = False
     b.tf.clear()
     b.until(lambda: b.tf)
@@ -169,7 +165,7 @@ def test_a_sample_that_is_not_finite_is_not_published(bench):
     b = bench()
     b.until(lambda: b.tf)
     b.arms.made[0].pose = np.full(6, np.nan)
-    b.until(lambda: b.status("non-finite"))
+    b.health.until("non-finite")
     b.arms.made[0].pose = POSE
     b.tf.clear()
     b.until(lambda: b.tf)

@@ -6,7 +6,6 @@ import functools
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
@@ -56,16 +55,15 @@ def test_a_node_hears_while_it_is_active_only(graph, name):
 @pytest.mark.parametrize(("name", "node"), [("tdn", TdnNode), ("tcn", TcnNode)])
 def test_a_missing_network_fails_the_transition_until_fixed(graph, name, node):
     graph.add(node, {**WAITING, name: "no_such_network"})
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     assert not graph.change_state(name, "configure")
-    graph.spin_until(lambda: any("no_such_network" in s.message for m in statuses for s in m.status), "the reason")
+    health.until("no_such_network")
     assert graph.state_of(name) == "unconfigured"
     assert graph.set_parameter(name, name, "fast").successful
     assert graph.change_state(name, "configure")
     assert graph.change_state(name, "activate")
-    said = [s.message for m in statuses for s in m.status]
     kind = {"tdn": "depth", "tcn": "code"}[name]
-    assert f"loading the {kind} network 'fast'" in said
+    assert health.says(f"loading the {kind} network 'fast'")
 
 
 def test_only_an_active_tdn_captures_and_one_that_stops_refuses(graph, depth, background):
