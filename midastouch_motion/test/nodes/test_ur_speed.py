@@ -63,7 +63,8 @@ class Rig:
 
     def connected(self):
         self.health.clear()
-        self.health.until("connected")
+        said = lambda: [one.message for one in self.health.statuses]  # noqa: E731
+        self.graph.spin_until(lambda: "connected" in said(), "the connection")
 
     def send(self, twist=TWIST, frame="digit_gel_frame"):
         message = TwistStamped(header=Header(frame_id=frame))
