@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
+from goals import Asked
 from rclpy.duration import Duration
 from ros_graph import RosGraph
 from rosgraph_msgs.msg import Clock
@@ -18,8 +19,6 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
 from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.msg import TactileContact
-
-from .goals import Asked
 
 _PERIOD = 0.03  # s
 PATIENT = {"hold": 10.0, "stale_after": 10.0}
