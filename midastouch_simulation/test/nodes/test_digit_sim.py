@@ -2,7 +2,6 @@ import cv2
 import numpy as np
 import pytest
 from engine import PERIOD, Engine, penetration
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from digit_driver.nodes.image_publisher import IMAGE_QOS
@@ -140,17 +139,6 @@ def test_an_impossible_object_or_background_is_refused(graph, tmp_path):
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(InputError, match=r"small.png: 10 x 10"):
         graph.add(DigitSim, {"mesh": BALL, "background": str(tmp_path / "small.png")})
-
-
-def test_a_mesh_is_mended_and_configured_again(graph):
-    node = graph.add(DigitSim, {"autostart": False})
-    assert not graph.change_state("digit_sim", "configure")
-    assert "no mesh given" in node.failure
-    assert node.set_parameters([Parameter("mesh", value=BALL)])[0].successful
-    assert graph.change_state("digit_sim", "configure")
-    assert graph.change_state("digit_sim", "activate")
-    assert graph.change_state("digit_sim", "deactivate")
-    assert graph.change_state("digit_sim", "cleanup")
 
 
 @pytest.mark.usefixtures("brisk_health")
