@@ -90,17 +90,12 @@ def test_code_of_another_network_is_refused_with_a_reason(graph):
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({"max_partcles": 10}, "no parameter 'max_partcles'"),
         ({"min_particles": 500}, "'min_particles' is gone: hypotheses are Gaussians"),
         ({"calibration": False}, "'calibration' is gone: .*drift_translation and drift_rotation"),
         ({"relief_noise": 2e-4}, "'relief_noise' is gone: it is penetration_noise, a setting of FilterConfig"),
         ({"keyframe_spacing": 0.02}, "'keyframe_spacing' is gone: .*FilterConfig"),
         ({"initial_pose.x": 0.02}, "'initial_pose.x' is gone: initial_pose is one list now"),
         ({"suggestion_count": 2}, "'suggestion_count' is gone: .*count"),
-        ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
-        ({"preset": "quick"}, "'preset'.*fast, balanced, paper"),
-        ({"refined_modes": 0}, "refined_modes"),
-        ({"initial_sigma": [0.02]}, "initial_sigma"),
         ({"codebook": "/data/mug.npz"}, "no mesh given"),
         ({"mesh": "/bad.ply", "codebook": "/a.npz"}, "not a mesh"),
     ],

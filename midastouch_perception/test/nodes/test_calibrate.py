@@ -126,7 +126,6 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
         ({"serial": ""}, "serial number"),
         ({"serial": "D1"}, "capture-background"),
         ({"sensor_model": "no_such"}, "no_such"),
-        ({"presses": 4}, "presses"),
         ({"px_per_mm": 19.5}, "sensor model of your own"),
         ({"out": "/dev/null/mine.npz"}, "no file can be written there"),
     ],

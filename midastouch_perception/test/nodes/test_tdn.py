@@ -41,15 +41,6 @@ def test_every_image_yields_a_cloud_and_a_contact_of_its_stamp(graph, depth, bac
     assert contacts[1].area == pytest.approx(sensor.pixel_area * clouds[1].width)
 
 
-def test_bgr_images_mean_the_same(graph, depth, background):
-    start(graph, depth, background=background)
-    feed = Feed(graph)
-    feed.send(touched(60))
-    graph.publisher(Image, "image_raw").publish(image_msg(np.ascontiguousarray(touched(60)[:, :, ::-1]), 2, "bgr8"))
-    graph.spin_until(lambda: len(feed.contacts) == 2)
-    assert feed.contacts[0].area == feed.contacts[1].area > 0
-
-
 @pytest.mark.usefixtures("brisk_health")
 def test_clouds_are_not_built_for_nobody(graph, depth, background):
     handed = []

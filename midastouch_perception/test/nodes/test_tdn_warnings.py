@@ -57,17 +57,7 @@ def test_bad_images_are_counted_and_survived(graph, depth, background):
     images = graph.publisher(Image, "image_raw")
     wrong_length = image_msg(touched(60), 1)
     wrong_length.height = 319
-    deep = image_msg(touched(60), 1)
-    deep.encoding, deep.step = "rgb16", 2 * deep.step
-    bad = [
-        image_msg(touched(60)[:100], 1),
-        image_msg(np.ascontiguousarray(touched(60).transpose(1, 0, 2)), 1),
-        image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"),
-        image_msg(np.full((320, 240), np.nan, np.float32), 1, "32FC1"),
-        wrong_length,
-        deep,
-        Image(),
-    ]
+    bad = [image_msg(touched(60)[:100], 1), image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"), wrong_length]
     for msg in [*bad, image_msg(touched(60), 2)]:
         images.publish(msg)
     graph.spin_until(lambda: feed.contacts)
