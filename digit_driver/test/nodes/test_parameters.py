@@ -14,12 +14,12 @@ pytestmark = pytest.mark.dds
 README = Path(__file__).parents[2] / "README.md"
 
 
-def test_simulated_time_is_refused_while_it_runs(peer, camera) -> None:
-    it = peer()
-    result = it.set_parameter("use_sim_time", True)
-    assert not result.successful
-    assert re.search("use_sim_time.*midastouch replay", result.reason)
-    assert it.set_parameter("jpeg_quality", 80).successful
+def test_simulated_time_is_refused_while_it_runs(graph, start, camera) -> None:
+    start()
+    refused, taken = graph.set_parameters("/digit_test/digit_driver", use_sim_time=True, jpeg_quality=80)
+    assert not refused.successful
+    assert re.search("use_sim_time.*midastouch replay", refused.reason)
+    assert taken.successful
 
 
 @pytest.mark.parametrize(
@@ -34,15 +34,15 @@ def test_simulated_time_is_refused_while_it_runs(peer, camera) -> None:
         ({"camera_info_url": "/nowhere.yaml"}, "camera_info_url: /nowhere.yaml"),
     ],
 )
-def test_bad_parameters_stop_the_start_with_a_reason(peer, parameters, reason) -> None:
+def test_bad_parameters_stop_the_start_with_a_reason(start, parameters, reason) -> None:
     with pytest.raises(InputError, match=reason):
-        peer(**parameters)
+        start(**parameters)
 
 
-def test_intensity_reaches_the_leds_at_run_time(peer, camera) -> None:
-    it = peer(intensity=15, intensity_rgb=[15, 0, 0])
-    assert it.set_parameter("intensity_rgb", [0, 15, 15]).successful
-    assert it.set_parameter("intensity", 5).successful
+def test_intensity_reaches_the_leds_at_run_time(graph, start, camera) -> None:
+    start(intensity=15, intensity_rgb=[15, 0, 0])
+    results = graph.set_parameters("/digit_test/digit_driver", intensity_rgb=[0, 15, 15], intensity=5)
+    assert all(result.successful for result in results)
     assert camera.led_values == [0xF00, 0x0FF, 0x055]
 
 

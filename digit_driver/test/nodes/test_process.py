@@ -14,7 +14,6 @@ NO_SENSOR = "{serial: no-such-serial, wait_for_device_timeout: 2.0, reconnect_ti
 @pytest.mark.parametrize(
     ("yaml", "code", "named"),
     [
-        ("intensitty: 3", 2, "'intensitty'"),
         ("camera_info_url: /nowhere", 2, "camera_info_url: /nowhere"),
         (NO_SENSOR, 1, "no-such-serial"),
     ],
