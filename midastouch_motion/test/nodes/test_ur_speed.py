@@ -4,14 +4,14 @@ import sys
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3
+from geometry_msgs.msg import TwistStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import transform_to_msg
 from midastouch_motion.nodes import ur_speed
 from midastouch_motion.nodes.ur_speed import UrSpeed
 from midastouch_motion.ur.rtde import transform_from_rtde
@@ -53,9 +53,7 @@ class Rig:
         self._twists = graph.publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._tf = graph.publisher(TFMessage, "/tf_static", qos.latched())
         if mount:
-            link = TransformStamped(header=Header(frame_id="tool0"), child_frame_id="digit_gel_frame")
-            link.transform = transform_to_msg(TOOL_FROM_GEL)
-            self._tf.publish(TFMessage(transforms=[link]))
+            self._tf.publish(tf_msg(0, TOOL_FROM_GEL, "tool0"))
 
     def _make(self, *arguments):
         self.follower = Followed(*arguments)
