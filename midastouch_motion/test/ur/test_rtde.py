@@ -23,35 +23,11 @@ from midastouch_motion.ur.rtde import (
 from .ur_controller import Controller, serve_rtde
 
 
-class FakeInterface:
-    """Answers like ur-rtde's RTDEReceiveInterface."""
-
-    def __init__(self, robot_ip, rate, outputs):
-        pass
-
-    def isConnected(self):
-        return True
-
-    def getTimestamp(self):
-        return 12.5
-
-    def getActualTCPPose(self):
-        return [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-
-    def getActualQ(self):
-        return [0.1] * 6
-
-    def getActualQd(self):
-        return [0.2] * 6
-
-    def getActualTCPForce(self):
-        return [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]
-
-
 @pytest.fixture
 def ur_rtde(monkeypatch):
+    """Stands for the library; its class is for the test to set."""
     module = types.ModuleType("rtde_receive")
-    module.RTDEReceiveInterface = FakeInterface
+    module.RTDEReceiveInterface = None
     monkeypatch.setitem(sys.modules, "rtde_receive", module)
     return module
 
@@ -86,8 +62,16 @@ def test_missing_package_names_the_command(monkeypatch):
 def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
     """The library's thread puts in the next one while this one is read."""
 
-    class Hurried(FakeInterface):
+    class Hurried:
+        """Answers like ur-rtde's RTDEReceiveInterface."""
+
         time, calls = 10.0, 0
+
+        def __init__(self, robot_ip, rate, outputs):
+            self.arguments = robot_ip, rate, outputs
+
+        def isConnected(self):
+            return True
 
         def getTimestamp(self):
             return self.time
@@ -101,6 +85,8 @@ def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
 
         def getActualQ(self):
             return [self.time] * 6
+
+        getActualQd = getActualTCPForce = getActualQ
 
     ur_rtde.RTDEReceiveInterface = Hurried
     state = rtde_connector(timeout=60.0)("127.0.0.1", 125.0).read()

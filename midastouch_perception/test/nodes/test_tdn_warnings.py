@@ -77,9 +77,20 @@ def test_blank_images_are_neither_contact_nor_background(graph, depth, level, sa
     health.until(f"image_raw: the image is {said}")
 
 
-def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, kept):
-    start(graph, depth, background=kept(lit_gel()[::-1, ::-1]))
-    graph.health().until("upside down")
+def with_markers(gel: np.ndarray) -> np.ndarray:
+    for y in range(15, 320, 30):
+        for x in range(15, 240, 30):
+            cv2.circle(gel, (x, y), 4, (20, 20, 20), -1)
+    return gel
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [(lit_gel()[::-1, ::-1], "upside down"), (with_markers(lit_gel()), "use a gel without markers")],
+)
+def test_a_wrong_background_is_named_at_the_start(graph, depth, kept, image, said):
+    start(graph, depth, background=kept(image))
+    graph.health().until(said)
 
 
 @pytest.mark.parametrize(
@@ -126,15 +137,6 @@ def test_damaged_and_misplaced_images_are_counted_and_publish_nothing(graph, dep
     feed.send(*[np.roll(grained_touch(1, 60 + k), 80, axis=1) for k in range(10)])
     graph.spin_until(lambda: int(health.values.get("misplaced_images", 0)) > 15)
     assert len(feed.contacts) == heard
-
-
-def test_a_gel_with_markers_is_named_at_the_start(graph, depth, kept):
-    marked = lit_gel()
-    for y in range(15, 320, 30):
-        for x in range(15, 240, 30):
-            cv2.circle(marked, (x, y), 4, (20, 20, 20), -1)
-    start(graph, depth, background=kept(marked))
-    graph.health().until("use a gel without markers")
 
 
 def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
