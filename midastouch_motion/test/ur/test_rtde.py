@@ -32,25 +32,35 @@ def ur_rtde(monkeypatch):
     return module
 
 
-def serve(client, fault):
-    serve_rtde(client, Controller(fault))
+@pytest.fixture
+def listen():
+    """Starts a server that treats one client as told; returns its port."""
+    with contextlib.ExitStack() as open_:
+
+        def start(treat) -> int:
+            server = open_.enter_context(socket.create_server(("127.0.0.1", 0)))
+
+            def once() -> None:
+                with contextlib.suppress(OSError):
+                    client, _ = server.accept()
+                    with client:
+                        treat(client)
+
+            threading.Thread(target=once, daemon=True).start()
+            return server.getsockname()[1]
+
+        yield start
 
 
-def serve_next(server):
-    with contextlib.suppress(OSError):
-        client, _ = server.accept()
-        with client:
-            serve(client, "")
+def faulty(fault):
+    """A controller with this fault."""
+    return lambda client: serve_rtde(client, Controller(fault))
 
 
 @pytest.fixture
-def controller(monkeypatch):
-    """A server that speaks RTDE, on a port in the place of the controller's."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        monkeypatch.setattr(rtde, "RTDE_PORT", server.getsockname()[1])
-        thread = threading.Thread(target=serve_next, args=[server], daemon=True)
-        thread.start()
-        yield server
+def controller(monkeypatch, listen):
+    """Speaks RTDE, on a port in the place of the controller's."""
+    monkeypatch.setattr(rtde, "RTDE_PORT", listen(faulty("")))
 
 
 def test_missing_package_names_the_command(monkeypatch):
@@ -115,37 +125,13 @@ def test_a_refusal_of_the_library_is_a_connection_error(ur_rtde, controller):
 OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd", "actual_TCP_force"]
 
 
-@pytest.fixture
-def listen():
-    """Starts a server that treats one client as told; returns its port."""
-    with contextlib.ExitStack() as open_:
-
-        def start(treat) -> int:
-            server = open_.enter_context(socket.create_server(("127.0.0.1", 0)))
-
-            def once() -> None:
-                with contextlib.suppress(OSError):
-                    client, _ = server.accept()
-                    with client:
-                        treat(client)
-
-            threading.Thread(target=once, daemon=True).start()
-            return server.getsockname()[1]
-
-        yield start
-
-
 def ask(port: int, timeout: float = 60.0) -> None:
     require_outputs("127.0.0.1", port, OUTPUTS, 125.0, timeout)
 
 
 @pytest.mark.parametrize("before", [b"", b"\x00\x08Mhello"], ids=["outputs", "a text message, then outputs"])
 def test_a_controller_that_gives_the_outputs(listen, before):
-    ask(listen(lambda client: (client.sendall(before), serve(client, ""))))
-
-
-def faulty(fault):
-    return lambda client: serve(client, fault)
+    ask(listen(lambda client: (client.sendall(before), faulty("")(client))))
 
 
 def saying(words):
