@@ -82,12 +82,13 @@ def test_illegal_values_and_names_stop_the_node_and_are_named(name, context, tmp
 
 
 MANAGED = [name for name, table in TABLES.items() if AUTOSTART in table]
+MORE_TOPICS = {"particle_filter": {"fingers": "/right:right_gel"}}
 
 
 @pytest.mark.parametrize("name", MANAGED)
 def test_a_lifecycle_node_hears_only_while_it_is_active(name, context, tmp_path):
     """Also when it is active again, after a clean-up."""
-    node, before = make_node(name, context, tmp_path, autostart=False), set()
+    node, before = make_node(name, context, tmp_path, autostart=False, **MORE_TOPICS.get(name, {})), set()
     for _ in range(2):
         for transition, state in (
             (node.trigger_configure, "inactive"),
