@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import subprocess
-import sys
 
 import pytest
 from fake_kernel import FakeDigit
@@ -26,14 +24,3 @@ def start(graph, kernel, find):
 def camera(kernel) -> FakeDigit:
     """A sensor plugged into the fake machine."""
     return kernel.plug(FakeDigit("D20001"))
-
-
-@pytest.fixture
-def run_driver():
-    """Starts the driver's executable with the given ROS arguments."""
-
-    def start(*arguments: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", "digit_driver.nodes.digit_driver", "--ros-args", *arguments]
-        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-
-    return start
