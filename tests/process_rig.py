@@ -19,6 +19,12 @@ SHIPPED = {
 """What Python runs, by node."""
 
 
+def started(module: str, *arguments: str) -> subprocess.Popen:
+    """A node as a process, with ROS arguments; what it says is kept."""
+    command = [sys.executable, "-m", module, "--ros-args", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
 @contextlib.contextmanager
 def processes(commands: dict[str, list[str]], parameters: dict[str, dict], folder: Path) -> Iterator[None]:
     """Run what Python is told, by node, with its parameters, from a file in `folder`; all must end well in the end."""

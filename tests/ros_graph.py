@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import SetParametersResult
@@ -28,6 +29,47 @@ from midastouch_common.ros import qos
 _TIMEOUT = 60.0
 _ASK_AGAIN_S = 5.0
 _BETWEEN_LOOKS = 0.005  # s; the executor does not wake when nodes discover each other
+
+
+class Health:
+    """What nodes have said on /diagnostics since this was made; of `node` alone if it is named."""
+
+    def __init__(self, graph: RosGraph, node: str = "") -> None:
+        self._graph, self._node = graph, node
+        self._received: list[DiagnosticArray] = graph.listen(DiagnosticArray, "/diagnostics")
+
+    @property
+    def statuses(self) -> list[DiagnosticStatus]:
+        """In the order of their arrival."""
+        return [one for array in self._received for one in array.status if one.name.startswith(self._node)]
+
+    @property
+    def newest(self) -> DiagnosticStatus | None:
+        """The last status, if one has come."""
+        return self.statuses[-1] if self.statuses else None
+
+    @property
+    def values(self) -> dict[str, str]:
+        """The newest value of each key."""
+        return {pair.key: pair.value for one in self.statuses for pair in one.values}
+
+    @property
+    def warnings(self) -> list[str]:
+        """The messages of all statuses that warn."""
+        return [one.message for one in self.statuses if one.level != DiagnosticStatus.OK]
+
+    def says(self, words: str) -> bool:
+        """Whether a message has these words in it."""
+        return any(words in one.message for one in self.statuses)
+
+    def until(self, words: str) -> DiagnosticStatus:
+        """Spin until a message has these words in it; return the last such status."""
+        self._graph.spin_until(lambda: self.says(words), f"'{words}' in the diagnostics")
+        return next(one for one in reversed(self.statuses) if words in one.message)
+
+    def clear(self) -> None:
+        """Forget what was said so far."""
+        self._received.clear()
 
 
 def _overrides(parameters: dict[str, Any]) -> list[Parameter]:
@@ -102,6 +144,10 @@ class RosGraph:
 
                 self.spin_until(heard, f"the publisher of {topic} to see its listener")
         return received
+
+    def health(self, node: str = "") -> Health:
+        """Listen to /diagnostics, of one node if it is named."""
+        return Health(self, node)
 
     def request(self, kind: type, name: str, request: Any) -> Future:
         """Call a service once it is available; return the future of its response."""

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from midastouch_common.errors import InputError
+from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_tools.ros.parameter_tables import TABLES
 
 pytestmark = pytest.mark.dds
@@ -78,3 +79,27 @@ def test_illegal_values_and_names_stop_the_node_and_are_named(name, context, tmp
     misspelt = f"{TABLES[name][0].name}_"
     with pytest.raises(InputError, match=misspelt):
         make_node(name, context, tmp_path, **{misspelt: TABLES[name][0].default}).destroy_node()
+
+
+MANAGED = [name for name, table in TABLES.items() if AUTOSTART in table]
+MORE_TOPICS = {"particle_filter": {"fingers": "/right:right_gel"}}
+
+
+@pytest.mark.parametrize("name", MANAGED)
+def test_a_lifecycle_node_hears_only_while_it_is_active(name, context, tmp_path):
+    """Also when it is active again, after a clean-up."""
+    node, before = make_node(name, context, tmp_path, autostart=False, **MORE_TOPICS.get(name, {})), set()
+    for _ in range(2):
+        for transition, state in (
+            (node.trigger_configure, "inactive"),
+            (node.trigger_activate, "active"),
+            (node.trigger_deactivate, "inactive"),
+            (node.trigger_cleanup, "unconfigured"),
+        ):
+            transition()
+            assert (node.lifecycle_state, node.failure) == (state, "")
+            heard = {subscription.topic_name for subscription in node.subscriptions}
+            assert bool(heard) == (state == "active" and name != "digit_driver"), "which hears a camera only"
+            assert heard in (set(), before or heard), "the same topics each time"
+            before |= heard
+    node.destroy_node()

@@ -353,19 +353,13 @@ def test_on_another_object_it_is_not_sure(filter_, shelf):
     assert_defined(filter_, estimate)
 
 
-UNUSABLE = np.full((80, 60), np.nan), np.full((80, 60), np.inf), np.zeros((160, 120))
-"""Penetration maps."""
-
-
 @pytest.mark.parametrize(
     ("kind", "value", "reason"),
     [
         ("bad_code", np.full(64, np.nan), "not finite"),
-        ("bad_code", np.full(64, np.inf), "not finite"),
-        ("bad_code", np.zeros(64), "zero"),
         ("bad_code", np.ones(128), "length 128"),
         ("bad_code", None, "no code"),
-        *(("bad_relief", each.astype(np.float32), "penetration map") for each in UNUSABLE),
+        ("bad_relief", np.full((80, 60), np.nan, np.float32), "penetration map"),
         ("bad_odometry", np.full((4, 4), np.nan), "not finite"),
         ("bad_odometry", np.eye(3), "shape"),
         ("bad_odometry", np.zeros((4, 4)), "rigid"),

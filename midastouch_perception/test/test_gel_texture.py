@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.optics import TactoOptics
 from midastouch_tools.datasets.ball_presses import load_ball_presses
 
-SHARED = Path(__file__).parents[3] / "shared" / "data"
 NOTHING = np.zeros((160, 120), np.float32)
 
 
@@ -95,11 +92,10 @@ def test_what_is_touched_does_not_count(rng):
     assert not watched(image(gel(1), rng), [image(gel(9), rng) for _ in range(8)], everywhere).problem
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the real presses of ../shared")
-def test_real_gels_are_told_apart_and_known_again():
+def test_real_gels_are_told_apart_and_known_again(shared):
     folders = ("digit_real/sphere_presses_d20641", "digit_real/ball_presses", "gelsight_mini/presses_6310")
-    presses = [load_ball_presses(SHARED / folder) for folder in folders]
-    mini = load_ball_presses(SHARED / "gelsight_mini/presses_9500")
+    presses = [load_ball_presses(shared / "data" / folder) for folder in folders]
+    mini = load_ball_presses(shared / "data/gelsight_mini/presses_9500")
     for each in presses:
         for other in presses:
             check = watched(other.background, list(each.images.values())[:16])

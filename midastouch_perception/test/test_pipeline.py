@@ -8,9 +8,8 @@ import trimesh
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.contact import Contact, ContactState, in_steps
+from midastouch_perception.contact import ContactState, in_steps
 from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
-from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
@@ -250,16 +249,6 @@ def test_checks_see_each_frame_once_after_its_contact_is_out(touches):
     assert [len(watcher.frames) for watcher in checks] == [1, 1, 1]
     touched = contact.penetration > 0
     np.testing.assert_array_equal(in_steps(fit.frames[0][2])[touched], contact.penetration[touched])
-
-
-def test_the_way_through_a_cloud_changes_no_bit(touches, sensor):
-    images, background, _ = touches
-    small = sensor.scaled(0.5)
-    contact = DepthStage(load_tdn("fast")).process(images[0], background)
-    cloud = cloud_from_penetration(contact.penetration, contact.penetration > 0, small)
-    again = Contact.of(penetration_from_cloud(cloud, small), small)
-    np.testing.assert_array_equal(again.penetration, contact.penetration)
-    assert again.area_m2 == contact.area_m2
 
 
 def test_the_code_network_runs_for_new_contacts_only(touches):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-import threading
+import time
 import weakref
 
 import pytest
@@ -13,7 +13,6 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RclpyParameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from midastouch_common.errors import InputError
@@ -68,13 +67,13 @@ class Reader(ManagedNode):
         return diagnostics.OK, "hears", {"words": len(self.heard)}
 
 
-def expect(graph, received: list, level: bytes, message: str, **values) -> None:
+def expect(graph, health, level: bytes, message: str, **values) -> None:
     """Spin until the newest diagnostics say so."""
 
     def reported() -> bool:
-        status = received[-1].status[0] if received else None
-        values_sent = {pair.key: pair.value for pair in status.values} if status else {}
-        return status is not None and (status.level, status.message) == (level, message) and values_sent == values
+        status = health.newest
+        sent = {pair.key: pair.value for pair in status.values} if status else {}
+        return status is not None and (status.level, status.message, sent) == (level, message, values)
 
     graph.spin_until(reported, message)
 
@@ -90,17 +89,17 @@ def test_a_former_parameter_name_does_not_keep_it_inactive(graph):
 
 def test_a_manager_takes_it_through_its_whole_life(graph):
     node = graph.add(Reader, WAITING)
-    received = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     events = graph.listen(TransitionEvent, "reader/transition_event")
     assert graph.state_of("reader") == "unconfigured"
     assert not graph.change_state("reader", "activate"), "must be configured first"
-    expect(graph, received, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
+    expect(graph, health, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
 
     for _ in range(2):
         assert graph.change_state("reader", "configure")
         assert (graph.state_of("reader"), node.loaded, subscribers(graph)) == ("inactive", "good", 0)
         inactive = "configured, but not active (ros2 lifecycle set)"
-        expect(graph, received, diagnostics.WARN, inactive, lifecycle="inactive")
+        expect(graph, health, diagnostics.WARN, inactive, lifecycle="inactive")
         for _ in range(2):
             assert graph.change_state("reader", "activate")
             graph.spin_until(lambda: subscribers(graph) == 1, "the subscription")
@@ -108,7 +107,7 @@ def test_a_manager_takes_it_through_its_whole_life(graph):
             words.publish(String(data="x"))
             before = len(node.heard)
             graph.spin_until(lambda before=before: len(node.heard) > before, "the word")
-            expect(graph, received, diagnostics.OK, "hears", lifecycle="active", words=str(len(node.heard)))
+            expect(graph, health, diagnostics.OK, "hears", lifecycle="active", words=str(len(node.heard)))
             timers = len(list(node.timers))
             assert graph.change_state("reader", "deactivate")
             graph.spin_until(lambda: subscribers(graph) == 0, "the subscription's end")
@@ -126,48 +125,46 @@ def test_a_manager_takes_it_through_its_whole_life(graph):
 
 def test_what_cannot_be_loaded_is_told_and_can_be_mended(graph):
     node = graph.add(Reader, {**WAITING, "file": "bad"})
-    received = graph.listen(DiagnosticArray, "/diagnostics")
-    logs: list[Log] = []
-    late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    graph.companion.create_subscription(Log, "/rosout", logs.append, late)
+    health = graph.health()
+    logs = graph.listen(Log, "/rosout", latched=True)
     assert not graph.change_state("reader", "configure")
     assert (graph.state_of("reader"), node.loaded) == ("unconfigured", None)
-    expect(graph, received, diagnostics.ERROR, "bad: not a file; choose another", lifecycle="unconfigured")
+    expect(graph, health, diagnostics.ERROR, "bad: not a file; choose another", lifecycle="unconfigured")
     graph.spin_until(lambda: any(log.msg == "bad: not a file; choose another" for log in logs), "the log")
 
     assert graph.set_parameter("reader", "file", "good").successful
     assert graph.change_state("reader", "configure")
     assert graph.change_state("reader", "activate")
-    expect(graph, received, diagnostics.OK, "hears", lifecycle="active", words="0")
+    expect(graph, health, diagnostics.OK, "hears", lifecycle="active", words="0")
 
 
 def test_what_fails_at_activation_leaves_it_inactive(graph):
     node = graph.add(Reader, {**WAITING, "file": "deaf"})
-    received = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     assert graph.change_state("reader", "configure")
     assert not graph.change_state("reader", "activate")
     assert graph.state_of("reader") == "inactive"
-    expect(graph, received, diagnostics.ERROR, "deaf: cannot listen", lifecycle="inactive")
+    expect(graph, health, diagnostics.ERROR, "deaf: cannot listen", lifecycle="inactive")
     assert graph.change_state("reader", "cleanup")
-    expect(graph, received, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
+    expect(graph, health, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
     assert node.ended == 1
 
 
 def test_a_bug_fails_the_transition_and_is_named(graph):
     graph.add(Reader, {**WAITING, "file": "bug"})
-    received = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     assert not graph.change_state("reader", "configure")
     assert graph.state_of("reader") == "unconfigured"
-    expect(graph, received, diagnostics.ERROR, "ZeroDivisionError: of something", lifecycle="unconfigured")
+    expect(graph, health, diagnostics.ERROR, "ZeroDivisionError: of something", lifecycle="unconfigured")
 
 
 def test_a_bug_while_it_stops_is_named_too(graph):
     node = graph.add(Reader, {**WAITING, "file": "stuck"})
-    received = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     assert graph.change_state("reader", "configure")
     assert graph.change_state("reader", "activate")
     assert not graph.change_state("reader", "deactivate")
-    expect(graph, received, diagnostics.ERROR, "OSError: it does not let go", lifecycle="active")
+    expect(graph, health, diagnostics.ERROR, "OSError: it does not let go", lifecycle="active")
     node.loaded = "good"
     assert graph.change_state("reader", "deactivate")
     assert subscribers(graph) == 0
@@ -175,11 +172,10 @@ def test_a_bug_while_it_stops_is_named_too(graph):
 
 def test_an_override_of_an_unknown_topic_fails_the_activation(graph):
     graph.add(Reader, {**WAITING, "qos_overrides./wrods.subscription.depth": 3})
-    received = graph.listen(DiagnosticArray, "/diagnostics")
+    health = graph.health()
     assert graph.change_state("reader", "configure")
     assert not graph.change_state("reader", "activate")
-    wrong = "no parameter 'qos_overrides./wrods.subscription.depth'"
-    graph.spin_until(lambda: any(wrong in msg.status[0].message for msg in received), "the reason")
+    health.until("no parameter 'qos_overrides./wrods.subscription.depth'")
     assert subscribers(graph) == 0
 
 
@@ -215,51 +211,24 @@ def test_parameters_are_locked_while_they_are_in_use(graph):
     assert graph.set_parameter("reader", "file", "good").successful
 
 
-class Bystander:
-    """Hears diagnostics in a thread of its own, whatever the node under test is doing."""
-
-    def __init__(self):
-        self.heard_twice = threading.Event()
-        self.messages: list[str] = []
-        self._node = Node("bystander")
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self):
-        while not self._over.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
-
-    def _on_status(self, msg):
-        self.messages.append(msg.status[0].message)
-        if self.messages.count("loading good") >= 2:
-            self.heard_twice.set()
-
-    def close(self):
-        self._over.set()
-        self._thread.join()
-        self._executor.shutdown()
-        self._node.destroy_node()
-
-
 @pytest.mark.parametrize("by_itself", [True, False])
 def test_diagnostics_say_what_is_loading_for_as_long_as_it_takes(graph, by_itself):
-    bystander = Bystander()
-    waited = []
-    try:
+    heard = []
 
-        def load():
-            waited.append(bystander.heard_twice.wait(60.0))
+    def load():
+        """Takes until somebody else, whom the node does not hold up, has heard of it twice."""
+        bystander, executor, deadline = Node("bystander"), SingleThreadedExecutor(), time.monotonic() + 60.0
+        bystander.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 100)
+        executor.add_node(bystander)
+        while [array.status[0].message for array in heard].count("loading good") < 2:
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.05)
+        executor.shutdown()
+        bystander.destroy_node()
 
-        graph.add(lambda **options: Reader(load, **options), {"autostart": by_itself})
-        if not by_itself:
-            assert graph.change_state("reader", "configure")
-    finally:
-        bystander.close()
-    assert waited == [True]
+    node = graph.add(lambda **options: Reader(load, **options), {"autostart": by_itself})
+    assert by_itself or graph.change_state("reader", "configure")
+    assert node.loaded == "good"
 
 
 class Cycle:

@@ -6,7 +6,6 @@ from midastouch_common.errors import InputError
 from midastouch_filter.core.lookup import PoseLookup, space_filling_order
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
-from midastouch_simulation.slide import measure_poses
 
 
 def distance(a, b):
@@ -24,14 +23,6 @@ def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
     queries = world.random_poses(world.mesh, 50, np.random.default_rng(2))
     brute = [distance(np.repeat(q[None], len(world.poses), axis=0), world.poses).argmin() for q in queries]
     np.testing.assert_array_equal(lookup.exact(queries), brute)
-
-
-def test_nothing_beyond_a_bound_is_found(world, lookup):
-    queries = measure_poses(world.poses[:200], np.random.default_rng(2), 3e-3, 0.2)
-    exact = lookup.exact(queries)
-    near = distance(queries, world.poses[exact]) < 4e-3
-    assert 0.1 < near.mean() < 0.9
-    np.testing.assert_array_equal(lookup.exact(queries, within=4e-3), np.where(near, exact, len(lookup)))
 
 
 def test_following_agrees_with_the_exact_search(world, lookup):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
 from filter_fakes import code_msg, loader_of
+from process_rig import started
 from tf2_msgs.msg import TFMessage
 from tf_messages import tf_msg, translation
 
@@ -34,8 +34,7 @@ def skipped(status: FilterStatus) -> dict[str, int]:
 def executable(*parameters: str) -> subprocess.Popen:
     """The node as a process, with parameters as `name:=value`."""
     words = [word for parameter in parameters for word in ("-p", parameter)]
-    command = [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return started("midastouch_filter.nodes.particle_filter", *words)
 
 
 class Bench:

@@ -6,7 +6,7 @@ import array
 
 import numpy as np
 import pytest
-from filter_bench import is_answer
+from filter_bench import OBJECT, Bench
 from filter_fakes import all_finite, code_msg, pose_msg
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
@@ -16,12 +16,11 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.message_arrays import SECOND, stamp_ns
+from midastouch_common.message_arrays import SECOND
 from midastouch_filter.core.state import STATES
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.loaded_object import LoadedObject
-from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
+from midastouch_msgs.msg import PoseModes, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.objects import bundled_objects
 
@@ -79,21 +78,10 @@ def bad_pose(rng: np.random.Generator) -> PoseWithCovarianceStamped:
 @pytest.mark.slow
 def test_every_code_is_answered_and_all_published_is_finite(graph):
     rng = np.random.default_rng(7)
-    node = graph.add(
-        lambda **options: ParticleFilterNode(load=load, **options),
-        {
-            "queue_depth": 200,
-            "reliable": True,
-            "view_rate": 0.0,
-            "transform_timeout": 0.2,  # for each of some 12 that cannot be used; a good one may be read late
-            "input_timeout": 1000.0,
-            "mesh": "/a.ply",
-            "codebook": "/a.npz",
-            "max_particles": 400,
-            "threads": 1,
-        },
-    )
-    statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
+    settings = {"queue_depth": 200, "refinement": True, "max_particles": 400, "threads": 1}
+    # the time-out is for each of some 12 that cannot be used; a good one may be read late
+    bench = Bench(graph, load, **OBJECT, **settings, transform_timeout=0.2)
+    statuses = bench.statuses
     poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
     outputs = [statuses, poses]
     for kind, topic in (
@@ -103,21 +91,18 @@ def test_every_code_is_answered_and_all_published_is_finite(graph):
         (MarkerArray, "hypotheses"),
     ):
         outputs.append(graph.listen(kind, topic))
-    codes, tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
     priors = [graph.publisher(PoseWithCovarianceStamped, t) for t in ("initialpose", "object_pose_prior")]
     for i in range(1, 31):
         stamp = i * SECOND // 10
-        tf.publish(bad_transform(rng, stamp))
+        bench.tf.publish(bad_transform(rng, stamp))
         if rng.random() < 0.3:
             priors[int(rng.integers(2))].publish(bad_pose(rng))
-        codes.publish(bad_code(rng, stamp))
-        graph.spin_until(
-            lambda stamp=stamp: any(stamp_ns(s.header.stamp) == stamp for s in statuses), f"answer to code {i}"
-        )
+        bench.codes.publish(bad_code(rng, stamp))
+        graph.spin_until(lambda stamp=stamp: bench.answers(stamp), f"answer to code {i}")
     assert {s.state for s in statuses} <= set(STATES)
     assert len({s.state for s in statuses}) > 1
     assert all(s.reason for s in statuses)
     assert len(poses) > 5, "good messages between the bad ones still count"
     for received in outputs:
         assert all(map(all_finite, received))
-    assert node.diagnostics.counts["bad_transforms"] > 2
+    assert bench.node.diagnostics.counts["bad_transforms"] > 2

@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
@@ -38,7 +37,7 @@ class Bench:
         self.detector = graph.publisher(Detection3DArray, "detections")
         self.filter = graph.publisher(FilterStatus, "filter_status", latched=True)
         self.priors = graph.listen(PoseWithCovarianceStamped, "object_pose_prior")
-        self.reports = graph.listen(DiagnosticArray, "/diagnostics")
+        self.health = graph.health()
         self._seen, self._sent = [], []
         (subscription,) = (s for s in self.node.subscriptions if s.topic_name == "/detections")
         (publisher,) = (p for p in self.node.publishers if p.topic_name == "/object_pose_prior")
@@ -48,11 +47,9 @@ class Bench:
 
     def state(self, state: str) -> None:
         """Let the filter say its state, and the node hear it."""
-        self.reports.clear()
+        self.health.clear()
         self.filter.publish(FilterStatus(state=state))
-        self.graph.spin_until(
-            lambda: any(f"filter: {state}" in s.message for r in self.reports for s in r.status), f"state {state}"
-        )
+        self.health.until(f"filter: {state}")
 
     def sees(self, msg: Detection3DArray) -> PoseWithCovarianceStamped:
         """The start that a message of the detector leads to."""
@@ -139,7 +136,5 @@ def test_poses_that_are_none_are_refused_and_said(graph, value):
     bench = Bench(graph)
     bench.state("uninitialised")
     bench.overlooks(detections(hypothesis(value)), detections(hypothesis(0.1, variance=value)))
-    graph.spin_until(
-        lambda: any("detections: " in s.message for r in bench.reports for s in r.status), "the problem in diagnostics"
-    )
+    bench.health.until("detections: ")
     assert bench.sees(detections(hypothesis(0.2))).pose.pose.position.x == 0.2

@@ -8,7 +8,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import all_finite
-from rclpy.action import ActionClient
+from goals import Asked
 from tf_messages import translation
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -30,28 +30,11 @@ def touched(graph, **parameters) -> Bench:
     return bench
 
 
-class Follower:
-    """Asks the action, and keeps what it hears."""
-
-    def __init__(self, graph, **wanted):
-        self.graph, self.feedback = graph, []
-        client = ActionClient(graph.companion, action.SuggestMotion, "suggest_motion")
-        graph.spin_until(client.server_is_ready, "the action")
-        asked = client.send_goal_async(
-            action.SuggestMotion.Goal(**wanted), lambda message: self.feedback.append(message.feedback)
-        )
-        graph.spin_until(asked.done, "the goal's acceptance")
-        self.goal = asked.result()
-        self._result = self.goal.get_result_async()
-
-    @property
-    def ended(self) -> bool:
-        return self._result.done()
-
-    def result(self):
-        """Status and result of the goal, once it has ended."""
-        self.graph.spin_until(self._result.done, "the end of the goal")
-        return self._result.result().status, self._result.result().result
+def follow(graph, **wanted) -> Asked:
+    """A goal of the action, once it is accepted."""
+    asked = Asked(graph.companion, graph.spin_until, action.SuggestMotion, **wanted)
+    graph.spin_until(lambda: asked.handle, "the goal's acceptance")
+    return asked
 
 
 def test_suggestions_come_as_they_were_made(graph):
@@ -77,15 +60,15 @@ def test_who_asks_too_early_hears_why(graph):
     refused = ask(graph)
     assert not refused.success
     assert "set_object" in refused.message
-    assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
+    assert follow(graph).outcome()[0] == GoalStatus.STATUS_ABORTED
 
 
 def test_convergence_is_reported_however_slow_the_answers(graph):
     bench = touched(graph, suggestion_rate=0.001)
-    follower = Follower(graph)
+    follower = follow(graph)
     bench.filter.state = "converged"
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.02))
-    assert follower.result()[0] == GoalStatus.STATUS_SUCCEEDED
+    assert follower.outcome()[0] == GoalStatus.STATUS_SUCCEEDED
 
 
 def test_before_a_touch_there_is_no_advice(graph):
@@ -96,7 +79,7 @@ def test_before_a_touch_there_is_no_advice(graph):
     refused = ask(graph)
     assert not refused.success
     assert "touches nothing" in refused.message
-    status, result = Follower(graph).result()
+    status, result = follow(graph).outcome()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
     assert "touches nothing" in result.message
 
@@ -108,7 +91,7 @@ def test_the_papers_filter_gives_no_advice(graph):
         False,
         "the paper's filter cannot suggest where to touch next: set preset to balanced or fast",
     )
-    assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
+    assert follow(graph).outcome()[0] == GoalStatus.STATUS_ABORTED
 
 
 def test_a_length_that_nobody_can_mean_is_refused(graph):
@@ -124,59 +107,59 @@ def test_a_length_that_nobody_can_mean_is_refused(graph):
 
 def test_the_action_follows_the_belief_until_it_has_converged(graph):
     bench = touched(graph, suggestion_rate=0.0)
-    follower = Follower(graph, count=1)
+    follower = follow(graph, count=1)
     graph.spin_until(lambda: follower.feedback, "what is suggested at once")
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
     graph.spin_until(lambda: stamp_ns(follower.feedback[-1].header.stamp) == 2 * SECOND, "what follows from the touch")
     assert follower.feedback[-1].header.frame_id == "object"
     assert [each.length for each in follower.feedback[-1].suggestions] == [0.02]
-    assert not follower.ended
+    assert follower.result is None
     bench.filter.state = "converged"
     bench.frame(3 * SECOND, T_BASE_OBJ @ translation(0.02))
-    status, result = follower.result()
+    status, result = follower.outcome()
     assert (status, result.success, result.indistinguishable) == (GoalStatus.STATUS_SUCCEEDED, True, False)
 
 
 def test_the_action_ends_where_nothing_can_be_distinguished(graph):
     bench = touched(graph, suggestion_rate=0.0)
-    follower = Follower(graph)
+    follower = follow(graph)
     bench.filter.alike = True
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
-    status, result = follower.result()
+    status, result = follower.outcome()
     assert (status, result.success, result.indistinguishable) == (GoalStatus.STATUS_SUCCEEDED, True, True)
 
 
 def test_a_lift_on_the_way_does_not_end_the_action(graph):
     bench = touched(graph, suggestion_rate=0.0)
-    follower = Follower(graph)
+    follower = follow(graph)
     bench.filter.state = "no_contact"
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
     bench.filter.state = "ambiguous"
     bench.frame(3 * SECOND, T_BASE_OBJ @ translation(0.02))
     graph.spin_until(lambda: stamp_ns(follower.feedback[-1].header.stamp) == 3 * SECOND, "the next suggestion")
-    assert not follower.ended
+    assert follower.result is None
 
 
 def test_the_action_can_be_cancelled(graph):
     touched(graph)
-    follower = Follower(graph)
-    cancelled = follower.goal.cancel_goal_async()
+    follower = follow(graph)
+    cancelled = follower.handle.cancel_goal_async()
     graph.spin_until(cancelled.done, "the answer to the cancellation")
-    assert follower.result()[0] == GoalStatus.STATUS_CANCELED
+    assert follower.outcome()[0] == GoalStatus.STATUS_CANCELED
 
 
 def test_a_node_that_is_deactivated_ends_the_action(graph):
     touched(graph)
-    follower = Follower(graph)
+    follower = follow(graph)
     assert graph.change_state("particle_filter", "deactivate")
-    status, result = follower.result()
+    status, result = follower.outcome()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
     assert "ros2 lifecycle set" in ask(graph).message
 
 
 def test_who_asks_the_same_at_the_same_frame_costs_nothing(graph):
     bench = touched(graph, suggestion_rate=0.0)
-    followers = [Follower(graph, count=2) for _ in range(3)]
+    followers = [follow(graph, count=2) for _ in range(3)]
     assert ask(graph, count=2).success
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
     graph.spin_until(lambda: all(len(each.feedback) == 2 for each in followers), "what follows from both touches")

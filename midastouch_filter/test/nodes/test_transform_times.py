@@ -44,20 +44,6 @@ def test_transform_that_never_comes_is_stale_with_a_reason(graph, timeout_clock)
     assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous", "it recovers"
 
 
-def test_image_older_than_all_transforms_is_given_up_at_once(graph):
-    bench = Bench(graph, **OBJECT, transform_timeout=600.0)
-    for stamp in (10, 11):
-        bench.tf.publish(tf_msg(stamp * SECOND, T_BASE_OBJ))
-    # an answer shows that the transforms are there
-    bench.codes.publish(code_msg(round(9.9 * SECOND)))
-    graph.spin_until(lambda: bench.statuses)
-    assert bench.statuses[0].state == "stale"
-    assert "history starts" in bench.statuses[0].reason
-    bench.codes.publish(code_msg(11 * SECOND))
-    graph.spin_until(lambda: len(bench.statuses) == 2)
-    assert bench.statuses[1].state == "ambiguous"
-
-
 def simulated_clock(bench: Bench) -> Callable[[float], None]:
     """A function that sets the node's clock [s]."""
     clock = bench.graph.publisher(Clock, "/clock")
@@ -108,22 +94,6 @@ def test_looped_bag_restarts_once_per_loop(graph):
         assert bench.filter.odometry[-3] is None
     status = bench.statuses[-1]
     assert skipped(status)["time_jumps"] == 2
-
-
-def test_other_frames_may_have_clocks_of_their_own(graph):
-    """A camera that starts its clock again, a robot beside this one: nothing that the filter asks for."""
-    bench = Bench(graph, **OBJECT)
-    for stamp in (100, 101):
-        bench.frame(stamp * SECOND, translation(0.01 * stamp))
-    for other in (5000, 3, 4000, 2):
-        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "base_link", "camera"))
-        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "map", "base_link"))
-    for stamp in (102, 103):
-        assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
-    assert bench.filter.starts == ["uniform"]
-    assert len(bench.filter.odometry) == 4
-    status = bench.statuses[-1]
-    assert skipped(status)["time_jumps"] == 0
 
 
 def test_looped_bag_whose_code_overtakes_its_transform(graph):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from rclpy.clock import Clock, ClockType
 
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import spin
@@ -197,15 +198,14 @@ class Explorer(PipelineNode):
 
     # --- a person
 
-    def _take(self, order: Order | None, reason: str) -> str:
+    def _take(self, order: Order | None, reason: str) -> None:
         if self._report.over or self._report.state == ExplorerStatus.STATE_WAITING:
-            return f"not while {self._report.state}: {self._report.reason}"
+            raise InputError(f"not while {self._report.state}: {self._report.reason}")
         if order is not None:
             self._begin()
             self._orders.append(order)
         self._report.say(ExplorerStatus.STATE_PAUSED, reason)
         self._go_on()
-        return ""
 
     def _resume(self) -> None:
         self._held = False  # in case it still waits

@@ -15,6 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import point_from_msg
 from midastouch_common.ros import qos
 from midastouch_common.ros.addresses import load_mesh
+from midastouch_common.ros.services import offer
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
 
@@ -29,10 +30,10 @@ Order = Callable[[], Plan]
 class ExplorerControl:
     """Services `~/pause`, `~/resume`, `~/push`, `~/lift` and `~/set_object`, and topic `~/move`, of a node.
 
-    Attribute: commands: functions of the first four by name; each returns why it is not possible, or an empty text.
+    Attribute: commands: functions of the first four by name; each raises InputError if it is not possible.
     Args: take(order, reason): gives the finger to a person and carries out the order, if there is one, after the
-    present motion; returns why that is not possible, or an empty text. resume(): gives the finger back. push(): moves
-    the object. change(request): replaces the object by that of a request.
+    present motion; raises InputError if that is not possible. resume(): gives the finger back. push(): moves the
+    object. change(request): replaces the object by that of a request.
     """
 
     def __init__(
@@ -40,54 +41,41 @@ class ExplorerControl:
         node: Node,
         exploration: Exploration,
         sight: Sight,
-        take: Callable[[Order | None, str], str],
+        take: Callable[[Order | None, str], None],
         resume: Callable[[], None],
         push: Order,
         change: Callable[[SetObject.Request], Plan],
     ):
         self._did, self._sight, self._take = exploration, sight, take
-        self._resume, self._do_push, self._change = resume, push, change
+        self._do_push, self._change = push, change
         self._log = node.get_logger()
-        self.commands = {"pause": self._pause, "resume": self._go_on, "push": self._push, "lift": self._lift}
+        self.commands = {"pause": self._pause, "resume": resume, "push": self._push, "lift": self._lift}
         for name, do in self.commands.items():
-            node.create_service(Trigger, f"~/{name}", partial(lambda do, _, response: _answer(response, do()), do))
-        node.create_service(SetObject, "~/set_object", self._on_set_object)
+            offer(node, Trigger, f"~/{name}", partial(lambda do, _: do(), do))
+        offer(node, SetObject, "~/set_object", self._on_set_object)
         node.create_subscription(Suggestion, "~/move", self._on_move, qos.COMMAND)
 
-    def _pause(self) -> str:
-        return self._take(None, "a person has the finger; ~/resume lets it explore on")
+    def _pause(self) -> None:
+        self._take(None, "a person has the finger; ~/resume lets it explore on")
 
-    def _go_on(self) -> str:
-        self._resume()
-        return ""
+    def _push(self) -> None:
+        self._take(self._do_push, "a person has pushed the object")
 
-    def _push(self) -> str:
-        return self._take(self._do_push, "a person has pushed the object")
-
-    def _lift(self) -> str:
-        return self._take(lambda: self._did.leap(self._sight.of_filter()), "a person has lifted the finger")
+    def _lift(self) -> None:
+        self._take(lambda: self._did.leap(self._sight.of_filter()), "a person has lifted the finger")
 
     def _on_move(self, order: Suggestion) -> None:
         try:
             motion = motion_of(order)
+            self._take(
+                lambda: self._did.motions.carry_out(motion, self._sight.of_filter()), "a person moves the finger"
+            )
         except InputError as error:
             self._log.warning(f"~/move: {error}")
-            return
-        self._take(lambda: self._did.motions.carry_out(motion, self._sight.of_filter()), "a person moves the finger")
 
-    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
-        try:
-            load_mesh(request.mesh_path)
-        except InputError as error:
-            return _answer(response, str(error))
-        return _answer(
-            response, self._take(lambda: self._change(request), f"the object becomes {Path(request.mesh_path).stem}")
-        )
-
-
-def _answer(response: Trigger.Response | SetObject.Response, why_not: str) -> Trigger.Response | SetObject.Response:
-    response.success, response.message = not why_not, why_not
-    return response
+    def _on_set_object(self, request: SetObject.Request) -> None:
+        load_mesh(request.mesh_path)  # raises if it is none
+        self._take(lambda: self._change(request), f"the object becomes {Path(request.mesh_path).stem}")
 
 
 _FARTHEST_POINT_M = 3.0  # from a frame's origin: beyond what an arm reaches, and the largest object
@@ -104,7 +92,7 @@ class FingerGoals:
         node: Node,
         exploration: Exploration,
         sight: Sight,
-        take: Callable[[Order | None, str], str],
+        take: Callable[[Order | None, str], None],
         problem: Callable[[str, str], None],
     ):
         self._did, self._sight, self._take, self._problem = exploration, sight, take, problem
@@ -116,11 +104,9 @@ class FingerGoals:
             if not (np.abs(point) <= _FARTHEST_POINT_M).all():
                 raise InputError(f"no number may be beyond {_FARTHEST_POINT_M:g} m")
             position = self._sight.in_base(point, frame)
-            why_not = self._take(lambda: self._visit(position, point), "a person shows the finger where to touch")
+            self._take(lambda: self._visit(position, point), "a person shows the finger where to touch")
         except InputError as error:
-            why_not = str(error)
-        if why_not:
-            self._problem("refused_places", f"nothing touches the place {_words(point)}: {why_not}")
+            self._problem("refused_places", f"nothing touches the place {_words(point)}: {error}")
 
     def _visit(self, position: np.ndarray, point: np.ndarray) -> Plan[None]:
         """Touch next to position (3,) m in the base frame; point (3,) m: the same, in the frame a person used."""

@@ -20,6 +20,7 @@ from visualization_msgs.msg import (
 )
 from visualization_msgs.srv import GetInteractiveMarkers
 
+from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import point_from_msg
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import pose_to_msg
@@ -40,7 +41,7 @@ class FingerMarker:
     service was gone, so no keep-alive messages are needed. While its user drags, it holds updates back by itself.
 
     Args: sight: pose of the gel; send(point, frame): makes the finger touch there; menu: function of each entry, which
-    returns why it is not possible, or an empty text; problem(kind, words): called for a feedback that is refused.
+    raises InputError if it is not possible; problem(kind, words): called for a feedback that is refused.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class FingerMarker:
         node: Node,
         sight: Sight,
         send: Callable[[np.ndarray, str], None],
-        menu: Mapping[str, Callable[[], str]],
+        menu: Mapping[str, Callable[[], None]],
         problem: Callable[[str, str], None],
     ):
         self._sight, self._send, self._problem = sight, send, problem
@@ -117,8 +118,11 @@ class FingerMarker:
         title, do = self._menu.get(did.menu_entry_id, ("", None))
         if do is None:
             self._refuse(did, f"the menu has no entry {did.menu_entry_id}")
-        elif why_not := do():
-            self._refuse(did, f"{title}: {why_not}")
+            return
+        try:
+            do()
+        except InputError as error:
+            self._refuse(did, f"{title}: {error}")
 
     def _refuse(self, did: InteractiveMarkerFeedback, why: str) -> None:
         self._problem("refused_feedback", f"~/finger/feedback of '{did.client_id}': {why}")

@@ -2,10 +2,8 @@ import re
 
 import numpy as np
 import pytest
-from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_motion.control.guard import Guard, Seen
 
 GUARD = Guard(np.array([-0.1] * 3), np.array([0.1] * 3), 1.5e-3, force=10.0, cone=np.radians(60.0))
@@ -59,20 +57,6 @@ def test_outside_the_cone_a_gel_may_only_turn_back_or_leave(angle):
     assert not allowed(0, 0, 0.01, -0.1 * back, 0, 0)
     assert not allowed(0, 0, -0.01, 0, 0, 0)
     assert not GUARD.outside(seen(gel=tilted(0.8 * angle)), np.array([0, 0, -0.01, -0.1 * back, 0, 0]))
-
-
-def test_an_empty_box_is_refused():
-    with pytest.raises(InputError, match="empty"):
-        Guard(np.zeros(3), np.array([0.1, 0.0, 0.1]), 1e-3)
-
-
-def test_the_arm_moves_late_and_stops_without_commands():
-    arm = SimulatedArm(np.eye(4), latency=0.05, timeout=0.1)
-    arm.advance(0.0)
-    arm.command(0.0, np.array([0.01, 0, 0, 0, 0, 0]))
-    assert arm.advance(0.049)[0, 3] == 0.0
-    assert arm.advance(0.1)[0, 3] == pytest.approx(0.01 * 0.05)
-    assert arm.advance(5.0)[0, 3] == pytest.approx(0.01 * 0.1)
 
 
 def test_a_stamp_a_little_ahead_of_the_clock_counts_as_now():

@@ -5,21 +5,22 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3, Wrench, WrenchStamped
+from geometry_msgs.msg import TwistStamped, Vector3, Wrench, WrenchStamped
+from goals import Asked
 from rclpy.duration import Duration
 from ros_graph import RosGraph
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
 from midastouch_common import se3
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import points_to_msg, transform_to_msg
+from midastouch_common.ros.conversions import points_to_msg
 from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_msgs.msg import TactileContact
-
-from .goals import Asked
 
 _PERIOD = 0.03  # s
 PATIENT = {"hold": 10.0, "stale_after": 10.0}
@@ -63,9 +64,7 @@ class Rig:
         if self.enabled:
             self._enable.publish(Bool(data=True))
         if self.poses:
-            link = TransformStamped(header=Header(stamp=now, frame_id="base_link"), child_frame_id="digit_gel_frame")
-            link.transform = transform_to_msg(se3.translation(self.position))
-            self._tf.publish(TFMessage(transforms=[link]))
+            self._tf.publish(tf_msg(stamp_ns(now), se3.translation(self.position)))
         if self.forces and self._wrench is not None:
             x, y, z = (0.0, 0.0, self.force) if np.isscalar(self.force) else self.force
             felt = Header(stamp=now, frame_id=self.felt_in)

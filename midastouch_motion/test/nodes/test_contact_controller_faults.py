@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import TwistStamped, WrenchStamped
 from rclpy.duration import Duration
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
 from midastouch_common import se3
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import transform_to_msg
 from midastouch_msgs.action import Lift, Slide
 from midastouch_msgs.msg import FilterStatus
 
@@ -82,9 +82,7 @@ TOOL = se3.exp(np.array([0, 0, 0, -np.pi / 2, 0, 0]))
 def test_a_force_that_the_depth_does_not_explain_ends_a_slide(graph, force, reason):
     """Measured along the axes of a tool, with a bias."""
     rig, bias = Rig(graph), np.array([3.0, 0.0, 4.0])
-    link = TransformStamped(header=Header(frame_id="digit_gel_frame"), child_frame_id="tool")
-    link.transform = transform_to_msg(TOOL)
-    graph.publisher(TFMessage, "/tf_static", qos.latched()).publish(TFMessage(transforms=[link]))
+    graph.publisher(TFMessage, "/tf_static", qos.latched()).publish(tf_msg(0, TOOL, "digit_gel_frame", "tool"))
     rig.felt_in, rig.force = "tool", tuple(bias)
     assert rig.ask(Lift, height=2e-3).ended().success
     assert "bias 5.0 N" in rig.node.describe()[2]["force"]

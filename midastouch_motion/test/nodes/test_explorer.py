@@ -1,12 +1,14 @@
+import re
+
 import numpy as np
 import pytest
 from explorer_rig import BALL, Rig
-from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.frames import TRUTH_FRAME
 from midastouch_common.ros import qos
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_motion.nodes.explorer import Explorer
@@ -23,8 +25,6 @@ def test_it_explores_until_the_filter_knows(rig):
     assert not rig.node.gave_up
     assert status.slides >= 1
     assert status.path_length > 0.01
-    steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
-    assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
 
 
 def test_a_filter_that_does_not_know_the_object_is_not_asked(rig):
@@ -58,19 +58,29 @@ def test_it_follows_suggestions_and_says_why(rig):
     assert rig.until("known").slides >= 2
 
 
-def test_refused_suggestions_end_it_and_say_so(rig):
-    rig.advise(message="nothing was felt yet")
-    assert rig.until("gave_up").reason.endswith("nothing was felt yet")
+def moving(length, heading=0.0):
+    """A response with a single suggestion."""
+    return {"success": True, "suggestions": [Suggestion(heading=heading, length=length, information=0.4)]}
+
+
+NO_MOTION = "heading and length are .*; give rad, and 0 to 1 m"
+
+
+@pytest.mark.parametrize(
+    ("response", "reason"),
+    [
+        ({"message": "nothing was felt yet"}, "nothing was felt yet$"),
+        (moving(np.nan), NO_MOTION),
+        (moving(np.inf), NO_MOTION),
+        (moving(50.0), NO_MOTION),
+        (moving(0.02, heading=np.nan), NO_MOTION),
+    ],
+)
+def test_refused_and_impossible_suggestions_end_it(rig, response, reason):
+    rig.advise(**response)
+    assert re.search(f"no suggestion where to touch next: {reason}", rig.until("gave_up").reason)
     assert rig.node.gave_up
     assert len(rig.asked) == 3
-
-
-@pytest.mark.parametrize(("length", "heading"), [(np.nan, 0.0), (np.inf, 0.0), (50.0, 0.0), (0.02, np.nan)])
-def test_suggestions_that_are_no_motions_are_refused(rig, length, heading):
-    rig.advise(success=True, suggestions=[Suggestion(heading=heading, length=length, information=0.4)])
-    reason = rig.until("gave_up").reason
-    assert "no suggestion where to touch next: heading and length are" in reason
-    assert "give rad, and 0 to 1 m" in reason
 
 
 def test_modes_that_are_no_poses_are_none(rig):
@@ -157,8 +167,7 @@ def test_without_an_arm_it_ends_and_says_what_is_missing(graph, patience_clock):
     image = Header(stamp=graph.companion.get_clock().now().to_msg())
 
     def goes_on():
-        header = Header(stamp=graph.companion.get_clock().now().to_msg(), frame_id=BASE_FRAME)
-        tf.publish(TFMessage(transforms=[TransformStamped(header=header, child_frame_id=GEL_FRAME)]))
+        tf.publish(tf_msg(graph.companion.get_clock().now().nanoseconds, np.eye(4)))
         answers.publish(FilterStatus(header=image, state=FilterStatus.STATE_NO_CONTACT))
         patience_clock.now = 0.02 * len(heard)
         return statuses and statuses[-1].state == ExplorerStatus.STATE_GAVE_UP

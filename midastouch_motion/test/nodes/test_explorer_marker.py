@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from explorer_rig import RADIUS, TOOL, Rig
 from geometry_msgs.msg import Point, PointStamped
 from marker_viewer import FACTS, FINGER, Viewer
@@ -19,7 +18,7 @@ NEAR = 1.5e-3  # m: half a step of 50 mm/s at 30 Hz, and how deep the gel is pre
 def looked_at(graph, **parameters):
     """One that explores, with a viewer."""
     rig = Rig(graph, **parameters)
-    rig.problems = graph.listen(DiagnosticArray, "/diagnostics")
+    rig.health = graph.health()
     rig.viewer = Viewer(graph)
     rig.until("exploring", "somewhere")
     return rig
@@ -54,10 +53,6 @@ def rest(rig):
         ),
         "the finger to rest, and its marker with it",
     )
-
-
-def says(rig, words):
-    return lambda: any(words in status.message for report in rig.problems for status in report.status)
 
 
 def elsewhere(rig, degrees):
@@ -124,7 +119,7 @@ def test_it_goes_near_what_it_cannot_touch_and_says_so(graph):
     rig = hold(looked_at(graph, mesh=TOOL, seed=3))
     groove = np.array([25.3, -6.2, -10.4]) * 1e-3  # where the grip enters the head
     rig.viewer.drag(in_base(rig, groove))
-    rig.graph.spin_until(says(rig, "cannot touch handle_tool at (425.3, -156.2, 239.6) mm"), "the problem")
+    rig.health.until("cannot touch handle_tool at (425.3, -156.2, 239.6) mm")
     rest(rig)
     assert NEAR < distance_to(rig, groove) < 0.045
 
@@ -156,7 +151,7 @@ def test_of_two_viewers_the_one_that_grasped_last_has_it(held):
     held.viewer.does("release", in_base(held, elsewhere(held, -40)))
     other.does("release", in_base(held, place))
     held.until("paused", "shows the finger where to touch")
-    held.graph.spin_until(says(held, "feedback of 'rviz': it lets the finger go"), "the problem")
+    held.health.until("feedback of 'rviz': it lets the finger go")
     rest(held)
     assert distance_to(held, place) < NEAR
 
@@ -172,10 +167,9 @@ BAD = (
 def test_bad_feedback_is_counted_and_said(held):
     for what, position, fields, words in BAD:
         held.viewer.does(what, np.full(3, position), **fields)
-        held.graph.spin_until(says(held, words), f"{words} in diagnostics")
+        held.health.until(words)
     assert held.statuses[-1].state == "paused"
-    values = {value.key: value.value for one in held.problems[-1].status for value in one.values}
-    assert int(values["refused_feedback"]) >= len(BAD)
+    assert int(held.health.values["refused_feedback"]) >= len(BAD)
 
 
 def test_a_foreign_or_far_drop_is_refused_and_the_marker_returns(held):
@@ -184,7 +178,7 @@ def test_a_foreign_or_far_drop_is_refused_and_the_marker_returns(held):
         said = len(held.viewer.numbers)
         held.viewer.marker.header.frame_id = frame
         held.viewer.drag(np.full(3, distance))
-        held.graph.spin_until(says(held, words), "the problem")
+        held.health.until(words)
         held.graph.spin_until(lambda said=said: len(held.viewer.numbers) > said, "an update")
     assert np.allclose(held.viewer.pose, before, atol=1e-6)
     assert np.allclose(held.gels[-1], before)
@@ -193,12 +187,12 @@ def test_a_foreign_or_far_drop_is_refused_and_the_marker_returns(held):
 def test_what_a_person_shows_before_the_first_touch_is_refused(graph):
     rig = Rig(graph)
     rig.silent = True
-    rig.problems = graph.listen(DiagnosticArray, "/diagnostics")
+    rig.health = graph.health()
     viewer = Viewer(graph)
     viewer.choose("push")
-    graph.spin_until(says(rig, "push: not while waiting"), "the problem")
+    rig.health.until("push: not while waiting")
     viewer.drag(np.full(3, 0.01))
-    graph.spin_until(says(rig, "not while waiting: for an arm"), "the problem")
+    rig.health.until("not while waiting: for an arm")
 
 
 def test_a_click_on_the_object_sends_the_finger_there(held):

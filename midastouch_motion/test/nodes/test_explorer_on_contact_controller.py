@@ -5,19 +5,20 @@ import time
 import numpy as np
 import pytest
 from explorer_rig import BALL, RADIUS
-from geometry_msgs.msg import TransformStamped, TwistStamped
+from geometry_msgs.msg import TwistStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from simulated_arm import SimulatedArm
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.frames import GEL_FRAME, TRUTH_FRAME
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_motion.nodes.contact_controller import ContactController
 from midastouch_motion.nodes.explorer import Explorer
@@ -81,7 +82,8 @@ class Rig:
         """Time goes on by one period of control, once the contact_controller has said what to do in it."""
         self._now += PERIOD_NS
         gel, stamp = self.arm.advance(self._now * 1e-9), stamp_from_ns(self._now)
-        self._tf.publish(TFMessage(transforms=[_link(stamp, GEL_FRAME, gel), _link(stamp, TRUTH_FRAME, OBJECT)]))
+        self._tf.publish(tf_msg(self._now, gel))
+        self._tf.publish(tf_msg(self._now, OBJECT, child=TRUTH_FRAME))
         self._enable.publish(Bool(data=self.enabled))
         if self._steps % PER_IMAGE == 0:
             self._image(stamp, se3.inverse(OBJECT) @ gel)
@@ -107,12 +109,6 @@ class Rig:
         while not (self.statuses and done(self.statuses[-1])):
             assert self._now < end, f"{what}: {[one.reason for one in self.statuses]}"
             self.step()
-
-
-def _link(stamp, child, pose):
-    return TransformStamped(
-        header=Header(stamp=stamp, frame_id=BASE_FRAME), child_frame_id=child, transform=transform_to_msg(pose)
-    )
 
 
 @pytest.mark.slow

@@ -4,15 +4,14 @@ import sys
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TransformStamped, TwistStamped, Vector3
+from geometry_msgs.msg import TwistStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import transform_to_msg
 from midastouch_motion.nodes import ur_speed
 from midastouch_motion.nodes.ur_speed import UrSpeed
 from midastouch_motion.ur.rtde import transform_from_rtde
@@ -48,23 +47,22 @@ class Rig:
         settings = {"robot_ip": ADDRESS, "tcp_offset": TCP_OFFSET, "timeout": 10.0, "reconnect_period": 0.1}
         stand_in = {} if real else {"make_follower": self._make}
         self.node = graph.add(lambda **options: UrSpeed(**stand_in, **options), settings | parameters)
-        self.reports = graph.listen(DiagnosticArray, "/diagnostics")
+        self.health = graph.health()
         if real:
             self.connected()
         self._twists = graph.publisher(TwistStamped, "delta_twist_cmds", qos.stream_publisher())
         self._tf = graph.publisher(TFMessage, "/tf_static", qos.latched())
         if mount:
-            link = TransformStamped(header=Header(frame_id="tool0"), child_frame_id="digit_gel_frame")
-            link.transform = transform_to_msg(TOOL_FROM_GEL)
-            self._tf.publish(TFMessage(transforms=[link]))
+            self._tf.publish(tf_msg(0, TOOL_FROM_GEL, "tool0"))
 
     def _make(self, *arguments):
         self.follower = Followed(*arguments)
         return self.follower
 
     def connected(self):
-        self.reports.clear()
-        self.graph.spin_until(lambda: "connected" in self.messages(), "the connection")
+        self.health.clear()
+        said = lambda: [one.message for one in self.health.statuses]  # noqa: E731
+        self.graph.spin_until(lambda: "connected" in said(), "the connection")
 
     def send(self, twist=TWIST, frame="digit_gel_frame"):
         message = TwistStamped(header=Header(frame_id=frame))
@@ -80,12 +78,6 @@ class Rig:
             return done()
 
         self.graph.spin_until(step, what)
-
-    def said(self, words):
-        return any(words in message for message in self.messages())
-
-    def messages(self):
-        return [status.message for report in self.reports for status in report.status]
 
 
 def expected(twist):
@@ -120,7 +112,7 @@ def test_a_lost_connection_is_reported_and_made_again(ur_controller, graph):
     rig = Rig(graph, real=True)
     rig.until(lambda: first.said("speed"), "a speed")
     first.end()
-    graph.spin_until(lambda: rig.said(f"no RTDE at {ADDRESS}"), "the reason")
+    rig.health.until(f"no RTDE at {ADDRESS}")
     second = ur_controller()
     rig.connected()
     rig.until(lambda: second.said("speed"), "a speed again")
@@ -129,19 +121,19 @@ def test_a_lost_connection_is_reported_and_made_again(ur_controller, graph):
 def test_a_twist_that_is_refused_stops_the_arm(graph):
     rig = Rig(graph, max_speed=0.05)
     rig.until(lambda: rig.follower.sent and rig.follower.sent[-1].any(), "an order")
-    rig.until(lambda: rig.said("faster than max_speed, 0.05"), "the reason", twist=10 * TWIST)
+    rig.until(lambda: rig.health.says("faster than max_speed, 0.05"), "the reason", twist=10 * TWIST)
     assert not rig.follower.sent[-1].any()
 
 
 def test_a_motion_that_was_broken_off_is_reported(graph):
     rig = Rig(graph)
     rig.follower.broken_off = True
-    graph.spin_until(lambda: rig.said("the motion was broken off"), "the warning")
+    rig.health.until("the motion was broken off")
 
 
 def test_without_a_mount_nothing_moves(graph):
     rig = Rig(graph, mount=False)
-    rig.until(lambda: rig.said("TF has no pose of digit_gel_frame on tool0"), "the reason")
+    rig.until(lambda: rig.health.says("TF has no pose of digit_gel_frame on tool0"), "the reason")
     assert not any(twist.any() for twist in rig.follower.sent)
 
 

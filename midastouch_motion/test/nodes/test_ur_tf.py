@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
@@ -23,27 +22,26 @@ POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
 
 
 class FakeArm:
-    """Counts up its clock at each read, or shows a fault: is silent, has lost the connection (and does not close, where
-    it is stuck), fails, hangs."""
+    """Counts up its clock at each read unless it hangs, or shows a fault: is silent, has lost the connection (and does
+    not close, where it is stuck), is failing."""
 
     def __init__(self):
-        self.now, self.silent, self.lost, self.closed, self.pose = 10.0, False, False, False, POSE
-        self.failing, self.stuck, self.free = False, False, threading.Event()
+        self.now, self.fault, self.closed, self.pose, self.free = 10.0, "", False, POSE, threading.Event()
         self.free.set()
 
     def read(self):
         self.free.wait()
-        if self.failing:
+        if self.fault == "failing":
             raise RuntimeError("unable to get state data for specified key: timestamp")
-        if self.lost or self.stuck:
+        if self.fault in ("lost", "stuck"):
             return None
-        if not self.silent:
+        if self.fault != "silent":
             self.now += 0.008
         return ArmState(self.now, self.pose, np.arange(6.0), -np.arange(6.0), np.arange(6.0) + 1.0)
 
     def close(self):
         self.closed = True
-        if self.stuck:
+        if self.fault == "stuck":
             raise OSError("bad file descriptor")
 
 
@@ -73,12 +71,9 @@ class Bench:
             self.tf, self.joints = graph.listen(TFMessage, "/tf"), graph.listen(JointState, "joint_states")
             self.wrenches = graph.listen(WrenchStamped, "wrench")
             self.static = graph.listen(TFMessage, "/tf_static", latched=True)
-            self.diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+            self.health = graph.health()
         finally:
             self.arms.heard.set()
-
-    def status(self, text):
-        return any(text in status.message for array in self.diagnostics for status in array.status)
 
 
 @pytest.fixture
@@ -137,7 +132,7 @@ def test_a_call_that_hangs_is_told(bench):
     b = bench()
     b.until(lambda: b.tf)
     b.arms.made[0].free.clear()
-    b.until(lambda: b.status("no sample for"))
+    b.health.until("no sample for")
     b.arms.made[0].free.set()
     b.tf.clear()
     b.until(lambda: b.tf)
@@ -147,7 +142,7 @@ def test_a_call_that_hangs_is_told(bench):
 def test_connects_again_after(bench, fault):
     b = bench()
     b.until(lambda: b.tf)
-    setattr(b.arms.made[0], fault, True)
+    b.arms.made[0].fault = fault
     b.until(lambda: len(b.arms.made) > 1)
     assert b.arms.made[0].closed
     b.tf.clear()
@@ -156,10 +151,10 @@ def test_connects_again_after(bench, fault):
 
 def test_keeps_trying_while_the_arm_is_off_and_says_so(bench):
     b = bench()
-    b.until(lambda: b.status("connected"))
+    b.health.until("connected")
     b.arms.refuse = True
-    b.arms.made[-1].lost = True
-    b.until(lambda: b.arms.attempts >= 3 and b.status("refused"))
+    b.arms.made[-1].fault = "lost"
+    b.until(lambda: b.arms.attempts >= 3 and b.health.says("refused"))
     b.arms.refuse = False
     b.tf.clear()
     b.until(lambda: b.tf)
@@ -169,7 +164,7 @@ def test_a_sample_that_is_not_finite_is_not_published(bench):
     b = bench()
     b.until(lambda: b.tf)
     b.arms.made[0].pose = np.full(6, np.nan)
-    b.until(lambda: b.status("non-finite"))
+    b.health.until("non-finite")
     b.arms.made[0].pose = POSE
     b.tf.clear()
     b.until(lambda: b.tf)

@@ -23,61 +23,44 @@ from midastouch_motion.ur.rtde import (
 from .ur_controller import Controller, serve_rtde
 
 
-class FakeInterface:
-    """Answers like ur-rtde's RTDEReceiveInterface."""
-
-    def __init__(self, robot_ip, rate, outputs):
-        self.arguments, self.connected = (robot_ip, rate, tuple(outputs)), True
-
-    def isConnected(self):
-        return self.connected
-
-    def getTimestamp(self):
-        return 12.5
-
-    def getActualTCPPose(self):
-        return [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-
-    def getActualQ(self):
-        return [0.1] * 6
-
-    def getActualQd(self):
-        return [0.2] * 6
-
-    def getActualTCPForce(self):
-        return [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]
-
-    def disconnect(self):
-        self.connected = False
-
-
 @pytest.fixture
 def ur_rtde(monkeypatch):
+    """Stands for the library; its class is for the test to set."""
     module = types.ModuleType("rtde_receive")
-    module.RTDEReceiveInterface = FakeInterface
+    module.RTDEReceiveInterface = None
     monkeypatch.setitem(sys.modules, "rtde_receive", module)
     return module
 
 
-def serve(client, fault):
-    serve_rtde(client, Controller(fault))
+@pytest.fixture
+def listen():
+    """Starts a server that treats one client as told; returns its port."""
+    with contextlib.ExitStack() as open_:
+
+        def start(treat) -> int:
+            server = open_.enter_context(socket.create_server(("127.0.0.1", 0)))
+
+            def once() -> None:
+                with contextlib.suppress(OSError):
+                    client, _ = server.accept()
+                    with client:
+                        treat(client)
+
+            threading.Thread(target=once, daemon=True).start()
+            return server.getsockname()[1]
+
+        yield start
 
 
-def serve_next(server):
-    with contextlib.suppress(OSError):
-        client, _ = server.accept()
-        with client:
-            serve(client, "")
+def faulty(fault):
+    """A controller with this fault."""
+    return lambda client: serve_rtde(client, Controller(fault))
 
 
 @pytest.fixture
-def controller(monkeypatch):
-    """A server that speaks RTDE, on a port in the place of the controller's."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        monkeypatch.setattr(rtde, "RTDE_PORT", server.getsockname()[1])
-        thread = threading.Thread(target=serve_next, args=[server], daemon=True)
-        thread.start()
-        yield server
+def controller(monkeypatch, listen):
+    """Speaks RTDE, on a port in the place of the controller's."""
+    monkeypatch.setattr(rtde, "RTDE_PORT", listen(faulty("")))
 
 
 def test_missing_package_names_the_command(monkeypatch):
@@ -86,23 +69,19 @@ def test_missing_package_names_the_command(monkeypatch):
         rtde_connector()
 
 
-def test_state_is_read_until_the_connection_is_lost(ur_rtde, controller):
-    arm = rtde_connector(timeout=60.0)("127.0.0.1", 125.0)
-    state = arm.read()
-    assert state.robot_time == 12.5
-    np.testing.assert_array_equal(state.tcp_pose, [1, 2, 3, 4, 5, 6])
-    np.testing.assert_array_equal(state.positions, [0.1] * 6)
-    np.testing.assert_array_equal(state.velocities, [0.2] * 6)
-    np.testing.assert_array_equal(state.wrench, [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
-    arm.close()
-    assert arm.read() is None
-
-
 def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
     """The library's thread puts in the next one while this one is read."""
 
-    class Hurried(FakeInterface):
+    class Hurried:
+        """Answers like ur-rtde's RTDEReceiveInterface."""
+
         time, calls = 10.0, 0
+
+        def __init__(self, robot_ip, rate, outputs):
+            self.arguments = robot_ip, rate, outputs
+
+        def isConnected(self):
+            return True
 
         def getTimestamp(self):
             return self.time
@@ -116,6 +95,8 @@ def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
 
         def getActualQ(self):
             return [self.time] * 6
+
+        getActualQd = getActualTCPForce = getActualQ
 
     ur_rtde.RTDEReceiveInterface = Hurried
     state = rtde_connector(timeout=60.0)("127.0.0.1", 125.0).read()
@@ -144,37 +125,13 @@ def test_a_refusal_of_the_library_is_a_connection_error(ur_rtde, controller):
 OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd", "actual_TCP_force"]
 
 
-@pytest.fixture
-def listen():
-    """Starts a server that treats one client as told; returns its port."""
-    with contextlib.ExitStack() as open_:
-
-        def start(treat) -> int:
-            server = open_.enter_context(socket.create_server(("127.0.0.1", 0)))
-
-            def once() -> None:
-                with contextlib.suppress(OSError):
-                    client, _ = server.accept()
-                    with client:
-                        treat(client)
-
-            threading.Thread(target=once, daemon=True).start()
-            return server.getsockname()[1]
-
-        yield start
-
-
 def ask(port: int, timeout: float = 60.0) -> None:
     require_outputs("127.0.0.1", port, OUTPUTS, 125.0, timeout)
 
 
 @pytest.mark.parametrize("before", [b"", b"\x00\x08Mhello"], ids=["outputs", "a text message, then outputs"])
 def test_a_controller_that_gives_the_outputs(listen, before):
-    ask(listen(lambda client: (client.sendall(before), serve(client, ""))))
-
-
-def faulty(fault):
-    return lambda client: serve(client, fault)
+    ask(listen(lambda client: (client.sendall(before), faulty("")(client))))
 
 
 def saying(words):

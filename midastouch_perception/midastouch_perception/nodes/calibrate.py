@@ -18,6 +18,7 @@ from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.graph_watch import why_silent
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.services import offer
 from midastouch_common.torn_frames import TornFrames
 
 from ..sensor_calibration.calibration import scale_problem
@@ -83,8 +84,8 @@ class CalibrateNode(PipelineNode):
         self._begin()
         self._topic = self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber()).topic_name
         self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_service(Trigger, "~/calibrate", self._on_calibrate)
-        self.create_service(Trigger, "~/restart", self._on_restart)
+        offer(self, Trigger, "~/calibrate", self._on_calibrate)
+        offer(self, Trigger, "~/restart", self._on_restart)
 
     @property
     def images(self) -> dict[str, np.ndarray]:
@@ -202,21 +203,17 @@ class CalibrateNode(PipelineNode):
         made = self.result.calibration
         return f"{self._path}: calibration from {made.presses} presses; tdn uses it at its next start"
 
-    def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_calibrate(self, _: Trigger.Request) -> str:
         failure = self._calibrate()
         if self._collector.done:  # otherwise more presses follow
             self.failure = failure
-        response.success, response.message = not failure, failure or self._outcome()
-        return response
+        if failure:
+            raise InputError(failure)
+        return self._outcome()
 
-    def _on_restart(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            self._begin()
-        except InputError as error:
-            response.message = str(error)
-            return response
-        response.success, response.message = True, self._collector.next_step
-        return response
+    def _on_restart(self, _: Trigger.Request) -> str:
+        self._begin()
+        return self._collector.next_step
 
     def _announce(self, *words: str) -> None:
         for text in words:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from perception_fakes import image_msg
 from sensor_msgs.msg import Image
 
@@ -15,13 +15,12 @@ class Camera:
 
     def __init__(self, graph, topic: str = "image_raw"):
         self._graph, self._stamp = graph, 0
-        self.statuses = graph.listen(DiagnosticArray, "/diagnostics")
+        self.health = graph.health("calibrate")
         self._images = graph.publisher(Image, topic)
 
     @property
     def status(self) -> DiagnosticStatus | None:
-        found = [s for m in self.statuses for s in m.status if s.name.startswith("calibrate")]
-        return found[-1] if found else None
+        return self.health.newest
 
     @property
     def values(self) -> dict[str, str]:

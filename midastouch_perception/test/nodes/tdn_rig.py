@@ -1,11 +1,8 @@
-"""The node `tdn`, images for it, and what it says of them."""
+"""The node `tdn`, and images for it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import FakeDepthStage, image_msg
 from sensor_msgs.msg import Image
 
@@ -39,22 +36,3 @@ class Feed:
         self.send(pixels)
         self._graph.spin_until(lambda: len(self.contacts) > before, "the contact of an image")
         return self.contacts[-1].in_contact
-
-
-def warnings_of(graph) -> Callable[[], list[str]]:
-    """Gives the messages of all statuses so far that warn."""
-    warned: list[str] = []
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def collect() -> list[str]:
-        warned.extend(s.message for m in statuses for s in m.status if s.level != b"\x00")
-        statuses.clear()
-        return warned
-
-    return collect
-
-
-def values_of(graph) -> Callable[[], dict[str, str]]:
-    """Gives the newest value of each key of the diagnostics."""
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
-    return lambda: {v.key: v.value for m in statuses for s in m.status for v in s.values}

@@ -9,7 +9,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from press_camera import Camera
 from process_rig import processes
 from std_srvs.srv import Trigger
-from tdn_rig import values_of
 
 from midastouch_common.errors import InputError
 from midastouch_perception.nodes.calibrate import CalibrateNode
@@ -64,9 +63,9 @@ def test_a_process_guides_the_presses_and_tdn_uses_the_result(graph, folder, dig
     assert (kept.serial, kept.presses) == (SERIAL, 5)
 
     graph.add(TdnNode, {"sensor_model": "digit_real", "serial": SERIAL, "background_folder": str(folder)})
-    values = values_of(graph)
-    graph.spin_until(lambda: "calibration" in values(), "tdn's word")
-    assert values()["calibration"].startswith("5 presses of a ball of 6 mm")
+    health = graph.health()
+    graph.spin_until(lambda: "calibration" in health.values, "tdn's word")
+    assert health.values["calibration"].startswith("5 presses of a ball of 6 mm")
 
 
 @pytest.fixture
@@ -127,7 +126,6 @@ def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digi
         ({"serial": ""}, "serial number"),
         ({"serial": "D1"}, "capture-background"),
         ({"sensor_model": "no_such"}, "no_such"),
-        ({"presses": 4}, "presses"),
         ({"px_per_mm": 19.5}, "sensor model of your own"),
         ({"out": "/dev/null/mine.npz"}, "no file can be written there"),
     ],

@@ -5,7 +5,7 @@ import pytest
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from tdn_rig import REPLAY, values_of
+from tdn_rig import REPLAY
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import points_to_msg, stamp_from_ns
@@ -53,13 +53,13 @@ def test_bad_clouds_are_counted_and_survived(graph):
     graph.add(lambda **options: TcnNode(tcn=FakeTcn(), **options), REPLAY)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     codes = graph.listen(TactileCode, "tactile/code")
-    values = values_of(graph)
+    health = graph.health()
     not_finite = points_to_msg(np.full((3, 3), np.nan), Header())
     for msg in (PointCloud2(), not_finite, cloud(penetration_of(touched(60)), 5)):
         clouds.publish(msg)
     graph.spin_until(lambda: codes)
     assert [stamp_ns(c.header.stamp) for c in codes] == [5]
-    graph.spin_until(lambda: values().get("bad_clouds") == "2")
+    graph.spin_until(lambda: health.values.get("bad_clouds") == "2")
 
 
 def test_a_contact_handed_over_gives_the_code_of_its_cloud(graph):

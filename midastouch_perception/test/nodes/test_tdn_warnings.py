@@ -7,12 +7,11 @@ import functools
 import cv2
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, image_msg, touched
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
-from tdn_rig import Feed, start, values_of, warnings_of
+from tdn_rig import Feed, start
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
@@ -54,46 +53,44 @@ def flickering(image: np.ndarray, frames: int) -> list[np.ndarray]:
 
 def test_bad_images_are_counted_and_survived(graph, depth, background):
     start(graph, depth, background=background)
-    feed, values, warned = Feed(graph), values_of(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     images = graph.publisher(Image, "image_raw")
     wrong_length = image_msg(touched(60), 1)
     wrong_length.height = 319
-    deep = image_msg(touched(60), 1)
-    deep.encoding, deep.step = "rgb16", 2 * deep.step
-    bad = [
-        image_msg(touched(60)[:100], 1),
-        image_msg(np.ascontiguousarray(touched(60).transpose(1, 0, 2)), 1),
-        image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"),
-        image_msg(np.full((320, 240), np.nan, np.float32), 1, "32FC1"),
-        wrong_length,
-        deep,
-        Image(),
-    ]
+    bad = [image_msg(touched(60)[:100], 1), image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"), wrong_length]
     for msg in [*bad, image_msg(touched(60), 2)]:
         images.publish(msg)
     graph.spin_until(lambda: feed.contacts)
     assert [stamp_ns(c.header.stamp) for c in feed.contacts] == [2]
-    graph.spin_until(lambda: values().get("bad_images") == str(len(bad)))
-    graph.spin_until(lambda: any("image_raw" in text for text in warned()))
+    graph.spin_until(lambda: health.values.get("bad_images") == str(len(bad)))
+    health.until("image_raw")
 
 
 @pytest.mark.parametrize(("level", "said"), [(0, "black"), (255, "saturated (100 % of it)")])
 def test_blank_images_are_neither_contact_nor_background(graph, depth, level, said):
     """To the network the light that went off is a contact as large as the gel."""
     start(graph, depth, background_frames=1)
-    feed, warned = Feed(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     feed.send(np.full_like(BACKGROUND, level), BACKGROUND, touched(60))
     graph.spin_until(lambda: len(feed.contacts) == 2)
     assert [(stamp_ns(c.header.stamp), c.in_contact) for c in feed.contacts] == [(2, False), (3, True)]
-    graph.spin_until(lambda: warned())
-    assert f"image_raw: the image is {said}" in warned()[0]
+    health.until(f"image_raw: the image is {said}")
 
 
-def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, kept):
-    start(graph, depth, background=kept(lit_gel()[::-1, ::-1]))
-    warned = warnings_of(graph)
-    graph.spin_until(lambda: warned())
-    assert "upside down" in warned()[0]
+def with_markers(gel: np.ndarray) -> np.ndarray:
+    for y in range(15, 320, 30):
+        for x in range(15, 240, 30):
+            cv2.circle(gel, (x, y), 4, (20, 20, 20), -1)
+    return gel
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [(lit_gel()[::-1, ::-1], "upside down"), (with_markers(lit_gel()), "use a gel without markers")],
+)
+def test_a_wrong_background_is_named_at_the_start(graph, depth, kept, image, said):
+    start(graph, depth, background=kept(image))
+    graph.health().until(said)
 
 
 @pytest.mark.parametrize(
@@ -107,9 +104,9 @@ def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, kept):
 def test_images_unlike_the_background_are_reported(graph, kept, turned, said):
     """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
     start(graph, background=kept(lit_gel()))
-    feed, warned = Feed(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     feed.send(*flickering(turned(lit_gel()), 25))
-    graph.spin_until(lambda: any(all(each in text for each in said) for text in warned()), f"word of {said}")
+    graph.spin_until(lambda: any(all(each in text for each in said) for text in health.warnings), f"word of {said}")
 
 
 def grained_touch(grains: int, row: int) -> np.ndarray:
@@ -124,32 +121,22 @@ def grained_touch(grains: int, row: int) -> np.ndarray:
 def test_damaged_and_misplaced_images_are_counted_and_publish_nothing(graph, depth, kept):
     """Torn, rolled: what their kind is called, and what to do; the next good image counts again."""
     start(graph, depth, background=kept(lit_gel(grains=1)))
-    feed, values, warned = Feed(graph), values_of(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     good = [grained_touch(1, 60 + 8 * k) for k in range(4)]
     torn = np.concatenate([good[2][:110], grained_touch(1, 100)[110:]])
     feed.send(good[0], good[1], torn, good[3])
     graph.spin_until(lambda: len(feed.contacts) == 3)
     assert [stamp_ns(c.header.stamp) for c in feed.contacts] == [1, 2, 4]
-    graph.spin_until(lambda: values().get("torn_images") == "1")
-    graph.spin_until(lambda: any("USB port" in text for text in warned()), "the fix")
+    graph.spin_until(lambda: health.values.get("torn_images") == "1")
+    health.until("USB port")
 
     feed.send(*[np.roll(grained_touch(1, 60 + k), 80, axis=1) for k in range(40)])
-    graph.spin_until(lambda: int(values().get("misplaced_images", 0)) > 5)
+    graph.spin_until(lambda: int(health.values.get("misplaced_images", 0)) > 5)
     heard = len(feed.contacts)
-    graph.spin_until(lambda: any("rolled by 80 px right" in text for text in warned()), "the name of the fault")
+    health.until("rolled by 80 px right")
     feed.send(*[np.roll(grained_touch(1, 60 + k), 80, axis=1) for k in range(10)])
-    graph.spin_until(lambda: int(values().get("misplaced_images", 0)) > 15)
+    graph.spin_until(lambda: int(health.values.get("misplaced_images", 0)) > 15)
     assert len(feed.contacts) == heard
-
-
-def test_a_gel_with_markers_is_named_at_the_start(graph, depth, kept):
-    marked = lit_gel()
-    for y in range(15, 320, 30):
-        for x in range(15, 240, 30):
-            cv2.circle(marked, (x, y), 4, (20, 20, 20), -1)
-    start(graph, depth, background=kept(marked))
-    warned = warnings_of(graph)
-    graph.spin_until(lambda: any("use a gel without markers" in text for text in warned()), "the warning")
 
 
 def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
@@ -158,15 +145,15 @@ def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
     BackgroundStore(tmp_path, "D20123").save(digit.image([(120, 160, 1.6e-3)]))
     parameters = {"sensor_model": "digit_real", "serial": "D20123", "background_folder": str(tmp_path)}
     start(graph, **parameters, background_frames=4, still_threshold=20.0)
-    feed, warned = Feed(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     feed.send(*flickering(digit.background, 25))
-    graph.spin_until(lambda: any("shows a touch" in text for text in warned()), "the alarm")
+    health.until("shows a touch")
     answer = graph.request(Trigger, "capture_background", Trigger.Request())
     feed.send(*flickering(digit.background, 10))
     graph.spin_until(answer.done, "the capture")
     assert answer.result().success
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
-    graph.spin_until(lambda: any(s.level == b"\x00" for m in statuses for s in m.status), "a status without alarm")
+    health.clear()
+    graph.spin_until(lambda: any(one.level == b"\x00" for one in health.statuses), "a status without alarm")
 
 
 def test_a_background_of_another_gel_is_named(graph, kept, monkeypatch):
@@ -179,21 +166,21 @@ def test_a_background_of_another_gel_is_named(graph, kept, monkeypatch):
     touches = [np.clip(each + own, 0, 255).astype(np.uint8) for each in presses]
     background = kept(np.clip(digit.background + other, 0, 255).astype(np.uint8))
     start(graph, sensor_model="digit_real", background=background)
-    feed, warned = Feed(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     for k in range(16):
         feed.touches(touches[k % 4])
-    graph.spin_until(lambda: any("of another gel: the fine texture" in text for text in warned()), "the alarm")
+    health.until("of another gel: the fine texture")
 
 
 def test_two_publishers_of_the_images_are_named(graph, depth, background):
     """Two drivers that were started by mistake, or a bag beside a live camera."""
     start(graph, depth, background=background)
-    warned = warnings_of(graph)
+    health = graph.health()
     for name in ("digit_driver", "replay"):
-        assert warned() == []
+        assert health.warnings == []
         graph.add(Node, node_name=name, namespace="cell").create_publisher(Image, "/image_raw", qos.stream_publisher())
-    graph.spin_until(lambda: warned())
-    assert all(name in warned()[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))
+    graph.spin_until(lambda: health.warnings)
+    assert all(name in health.warnings[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))
 
 
 def test_a_calibration_is_refused_once_images_show_another_gel(graph, kept, tmp_path, monkeypatch):
@@ -203,11 +190,11 @@ def test_a_calibration_is_refused_once_images_show_another_gel(graph, kept, tmp_
     calibration = SensorCalibration("D1", 6e-3, "digit_real", real.pixel_size, np.zeros((12, 6, 2)), colours, 10, date)
     calibration.save(BackgroundStore(tmp_path, "D1").calibration_path)
     start(graph, background=kept(former), background_folder=str(tmp_path), serial="D1", sensor_model="digit_real")
-    feed, values, warned = Feed(graph), values_of(graph), warnings_of(graph)
+    feed, health = Feed(graph), graph.health()
     for gel, in_use in ((former, "10 presses"), (present, "refused")):
         for k in range(8):
             image = gel.astype(float)
             image[100 + 10 * k : 150 + 10 * k, 80:130] *= (1.5, 0.7, 1.2)
             feed.touches(np.clip(image, 0, 255).astype(np.uint8))
-        graph.spin_until(lambda in_use=in_use: values().get("calibration", "").startswith(in_use), in_use)
-    graph.spin_until(lambda: any("of another gel" in text for text in warned()))
+        graph.spin_until(lambda in_use=in_use: health.values.get("calibration", "").startswith(in_use), in_use)
+    health.until("of another gel")

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 from ros_graph import RosGraph
 from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from tf_messages import tf_msg
 
-from midastouch_common.frames import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_common.frames import GEL_FRAME, TRUTH_FRAME
 from midastouch_common.message_arrays import ENCODINGS
 from midastouch_common.ros import qos
-from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
 
 PERIOD = 1 / 60
 """s between two images."""
@@ -30,13 +28,8 @@ class Engine:
     def place(self, T_obj_gel: np.ndarray, seconds: float = 0.0) -> None:
         """The gel is at T_obj_gel (4, 4), so many seconds later."""
         self.stamp += round(1e9 * seconds)
-        places = {TRUTH_FRAME: BASE_FROM_OBJECT, GEL_FRAME: BASE_FROM_OBJECT @ T_obj_gel}
-        header = Header(stamp=stamp_from_ns(self.stamp), frame_id=BASE_FRAME)
-        transforms = [
-            TransformStamped(header=header, child_frame_id=frame, transform=transform_to_msg(pose))
-            for frame, pose in places.items()
-        ]
-        self._tf.publish(TFMessage(transforms=transforms))
+        for frame, pose in ((TRUTH_FRAME, BASE_FROM_OBJECT), (GEL_FRAME, BASE_FROM_OBJECT @ T_obj_gel)):
+            self._tf.publish(tf_msg(self.stamp, pose, child=frame))
 
 
 def penetration(message: Image) -> np.ndarray:

@@ -1,9 +1,7 @@
 import cv2
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from engine import PERIOD, Engine, penetration
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from digit_driver.nodes.image_publisher import IMAGE_QOS
@@ -33,23 +31,6 @@ def engine(graph):
     """Moves a `digit_sim` over a ball, in one process."""
     graph.add(DigitSim, {"mesh": BALL, "transform_timeout": 0.3})
     return Engine(graph)
-
-
-def health(graph):
-    """Waits for a status of the node about a word; gives its level, message and values."""
-    statuses = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def of(word: str):
-        found = []
-
-        def said() -> bool:
-            found[:] = [s for m in statuses for s in m.status if s.name.startswith("digit_sim")][-1:]
-            return bool(found) and word in found[0].message
-
-        graph.spin_until(said, f"a status about '{word}'")
-        return found[0].level, found[0].message, {v.key: v.value for v in found[0].values}
-
-    return of
 
 
 def test_topics_look_like_those_of_the_driver(graph, engine):
@@ -110,44 +91,42 @@ class TestTheEngine:
 
     def test_is_waited_for(self, graph):
         graph.add(DigitSim, {"mesh": BALL})
-        level, message, _ = health(graph)("waiting for TF")
-        assert level == b"\x02"
-        assert "object_ground_truth" in message
+        status = graph.health("digit_sim").until("waiting for TF")
+        assert status.level == b"\x02"
+        assert "object_ground_truth" in status.message
 
     def test_stops_and_goes_on(self, graph, engine):
-        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        images, health = graph.listen(Image, "image_raw"), graph.health("digit_sim")
         engine.place(above(0))
-        level, *_ = newest("TF has stopped")
-        assert level == b"\x02"
+        assert health.until("TF has stopped").level == b"\x02"
         before = len(images)
         engine.place(above(0), 0.5)
         graph.spin_until(lambda: len(images) > before, "an image after the pause")
 
     def test_jumps_back_in_time(self, graph, engine):
-        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        images, health = graph.listen(Image, "image_raw"), graph.health("digit_sim")
         engine.place(above(0), 60.0)
         graph.spin_until(lambda: images, "an image")
         engine.place(above(0), -50.0)
-        _, _, values = newest("jumped back in time")
-        assert values["time_jumps"] == "1"
+        health.until("jumped back in time")
+        assert health.values["time_jumps"] == "1"
         graph.spin_until(lambda: stamp_ns(images[-1].header.stamp) == engine.stamp, "an image of the new time")
 
     def test_jumps_in_space(self, graph, engine):
-        images, newest = graph.listen(Image, "image_raw"), health(graph)
+        images, health = graph.listen(Image, "image_raw"), graph.health("digit_sim")
         engine.place(above(0))
         graph.spin_until(lambda: images, "an image")
         engine.place(above(0.4), PERIOD)
-        newest("jumped 400 mm within 17 ms")
+        health.until("jumped 400 mm within 17 ms")
 
     def test_sends_nonsense_and_pushes_the_sensor_into_the_object(self, graph, engine):
-        newest, nowhere = health(graph), above(0)
+        health, nowhere = graph.health("digit_sim"), above(0)
         nowhere[0, 3] = np.nan
         engine.place(nowhere)
-        newest("/tf: transform")
+        health.until("/tf: transform")
         engine.place(above(-8e-3), PERIOD)
-        level, _, values = newest("8 mm in the gel")
-        assert level == b"\x01"
-        assert float(values["deepest_mm"]) == pytest.approx(8, abs=0.1)
+        assert health.until("8 mm in the gel").level == b"\x01"
+        assert float(health.values["deepest_mm"]) == pytest.approx(8, abs=0.1)
 
 
 def test_an_impossible_object_or_background_is_refused(graph, tmp_path):
@@ -162,27 +141,17 @@ def test_an_impossible_object_or_background_is_refused(graph, tmp_path):
         graph.add(DigitSim, {"mesh": BALL, "background": str(tmp_path / "small.png")})
 
 
-def test_a_mesh_is_mended_and_configured_again(graph):
-    node = graph.add(DigitSim, {"autostart": False})
-    assert not graph.change_state("digit_sim", "configure")
-    assert "no mesh given" in node.failure
-    assert node.set_parameters([Parameter("mesh", value=BALL)])[0].successful
-    assert graph.change_state("digit_sim", "configure")
-    assert graph.change_state("digit_sim", "activate")
-    assert graph.change_state("digit_sim", "deactivate")
-    assert graph.change_state("digit_sim", "cleanup")
-
-
 @pytest.mark.usefixtures("brisk_health")
 def test_another_object_is_put_in_the_place_of_the_first(graph, engine):
-    newest = health(graph)
+    health = graph.health("digit_sim")
     contacts = graph.listen(TactileContact, "ground_truth/contact")
     engine.place(above(-1e-3))
     graph.spin_until(lambda: contacts, "the ball to be felt")
     eyebolt = str(bundled_objects()["eyebolt"])
     assert not graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path="/nowhere.ply")).success
     assert graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path=eyebolt)).success
-    newest("TF has stopped")  # which the word that it was loading does not hide
+    health.clear()
+    health.until("TF has stopped")  # which the word that it was loading does not hide
     for _ in range(2):  # the first may still have been taken of the ball
         wanted = len(contacts) + 1
         engine.place(above(-1e-3), PERIOD)

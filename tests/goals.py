@@ -1,7 +1,8 @@
-"""A goal of an action, and how it goes, for tests of nodes that move an arm and of those that have one moved."""
+"""A goal of an action, and how it goes, for tests of nodes that offer or use actions."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from rclpy.action import ActionClient
@@ -11,12 +12,13 @@ from rclpy.node import Node
 class Asked:
     """A goal that was sent. spin_until(done, what) waits for events.
 
-    Attributes: handle, once it is accepted; result, once there is one; feedback, the messages so far.
+    Attributes: handle, once it is accepted; status and result, once there is one; feedback, the messages so far.
     """
 
     def __init__(self, companion: Node, spin_until: Callable[[Callable[[], object], str], None], kind: type, **goal):
-        self._until, self.handle, self.result, self.feedback = spin_until, None, None, []
-        client = ActionClient(companion, kind, kind.__name__.lower())
+        self._until, self.handle, self.feedback = spin_until, None, []
+        self.status = self.result = None
+        client = ActionClient(companion, kind, re.sub("(?<!^)(?=[A-Z])", "_", kind.__name__).lower())
         spin_until(client.server_is_ready, f"the action {kind.__name__}")
         sent = client.send_goal_async(kind.Goal(**goal), lambda message: self.feedback.append(message.feedback))
         sent.add_done_callback(self._on_accepted)
@@ -26,9 +28,14 @@ class Asked:
         self.handle.get_result_async().add_done_callback(self._on_result)
 
     def _on_result(self, future) -> None:
-        self.result = future.result().result
+        self.status, self.result = future.result().status, future.result().result
 
     def ended(self):
         """Its result, once it has one."""
-        self._until(lambda: self.result is not None, "the end of the motion")
+        self._until(lambda: self.result is not None, "the end of the goal")
         return self.result
+
+    def outcome(self):
+        """Its status and result, once it has ended."""
+        self.ended()
+        return self.status, self.result
