@@ -26,9 +26,10 @@ def add_parser(subparsers) -> None:
         "run the whole pipeline over sequences and measure errors and times",
         "midastouch simulate handle_tool --seed 3 --out out/slide\n"
         "  midastouch build-codebook handle_tool\n"
-        "  midastouch evaluate out/slide --seeds 5 --init uniform",
+        "  midastouch evaluate out/slide --init uniform",
         "Every frame is processed, in order, without ROS. Mesh and codebook are found by the object's name\n"
-        "after `midastouch build-codebook`, or given.",
+        "after `midastouch build-codebook`, or given. A sequence always gives the same answer; for more trials\n"
+        "simulate more of them, with other seeds.",
     )
     parser.add_argument(
         "sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders, or trials of TactileTracking"
@@ -54,7 +55,6 @@ def add_parser(subparsers) -> None:
         help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
     )
     parser.add_argument("--beta", type=limits.start_width, help="width of `--init paper` (default 1, with --real 0.5)")
-    parser.add_argument("--seeds", type=limits.count, default=10, help="trials per sequence (default 10)")
     parser.add_argument("--stride", type=limits.count, default=1, help="use every n-th frame (default 1)")
     parser.add_argument("--max-frames", type=limits.count, help="stop after this many frames")
     options.add_network_options(parser, sensor="")
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--objects: stands in place of --mesh and --codebook; leave these out")
     config = load_filter_config(args.config, args.preset)
     beta = args.beta or (PAPER_REAL_BETA if args.real else 1.0)
-    plan = TrialPlan(args.init, beta, args.seeds, args.stride, args.max_frames)
+    plan = TrialPlan(args.init, beta, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
     sequences = [load_sequence(path) for path in args.sequences]
     if args.real:
@@ -109,13 +109,13 @@ def run(args: argparse.Namespace) -> int:
         "sequences": [],
         "trials": [],
     }
-    total = sum(plan.seeds * len(plan.frame_indices(sequence)) for sequence, *_ in work)
+    total = sum(len(plan.frame_indices(sequence)) for sequence, *_ in work)
     with progress_bar(total=total, unit="frame") as bar:
         for sequence, mesh, codebook, free in work:
             bar.set_description(sequence.name)
-            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, free, bar.update)
+            description, trial = run_sequence(sequence, mesh, codebook, networks, config, plan, free, bar.update)
             result["sequences"].append(description)
-            result["trials"] += trials
+            result["trials"].append(trial)
     result["summary"] = summarise_trials(result["trials"])
     if args.real:
         result["paper_real"] = PAPER_REAL

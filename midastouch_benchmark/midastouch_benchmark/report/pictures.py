@@ -44,22 +44,19 @@ _ESTIMATES = (
 _ERRORS = {"trans_mm": "translation error [mm]", "rot_deg": "rotation error [deg]"}
 
 
-def trial_error_figure(title: str, trials: list[dict]) -> Figure:
-    """Plot the median and the quartiles of the errors over the frames, from the trials of one sequence.
+def trial_error_figure(title: str, trial: dict) -> Figure:
+    """Plot the errors over the frames of one sequence: the right part of the paper's figures 7, 21, 22.
 
-    trials: as in the `evaluate` JSON. This is the right part of the paper's figures 7, 21, 22.
+    trial: as in the `evaluate` JSON.
     """
     figure = Figure(figsize=(10, 3.2), layout="constrained")
     figure.suptitle(title, fontsize=11)
+    columns = trial["per_frame"]
     for axes, (key, label) in zip(figure.subplots(1, 2), _ERRORS.items(), strict=True):
-        frames = trials[0]["per_frame"]["frame"]
         for prefix, name, colour in _ESTIMATES:
-            rows = np.array([t["per_frame"][f"{prefix}_{key}"] for t in trials], float)
-            low, middle, high = np.nanpercentile(rows, [25, 50, 75], axis=0)
-            axes.plot(frames, middle, color=colour, lw=1.6, label=name)
-            axes.fill_between(frames, low, high, color=colour, alpha=0.15, lw=0)
+            axes.plot(columns["frame"], np.array(columns[f"{prefix}_{key}"], float), color=colour, lw=1.6, label=name)
         style_error_axes(axes, label, "frame")
-    axes.legend(frameon=False, fontsize=9, title=f"median and quartiles, {len(trials)} trials", title_fontsize=8)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=9)
     return figure
 
 
@@ -247,25 +244,23 @@ def _evaluation(content: dict) -> Pictures:
     yield ("", "Final errors over all trials", final_error_figure(content["trials"]))
     for sequence in content["sequences"]:
         name = sequence["sequence"]
-        own = [t for t in content["trials"] if t["sequence"] == name]
+        own = next(t for t in content["trials"] if t["sequence"] == name)
         stem = re.sub(r"[^0-9A-Za-z]+", "_", name)
-        figure = trial_error_figure(f"{name}, {len(own)} trials", own)
+        figure = trial_error_figure(name, own)
         yield (f"_{stem}_errors", f"{name}, init {content['config']['init']}: errors over the frames", figure)
         if Path(sequence["mesh"]).is_file():
-            caption = "true path (green) and published poses of the second half of every trial (red)"
+            caption = "true path (green) and published poses of the second half (red)"
             yield (f"_{stem}_paths", f"{name}: {caption}", _paths(sequence, own))
         else:
             yield f"no picture of the paths: the mesh {sequence['mesh']} is not there"
 
 
-def _paths(sequence: dict, trials: list[dict]) -> np.ndarray:
+def _paths(sequence: dict, trial: dict) -> np.ndarray:
     """Draw the true path and the published poses on the mesh, (H, W, 3) uint8."""
     truth = se3.from_xyzquat(np.array(sequence["truth"]))
-    estimates = []
-    for trial in trials:
-        # only the second half: in the first the filter still searches
-        if known := [row for row in trial["per_frame"]["estimate"] if row is not None]:
-            estimates.append(se3.from_xyzquat(np.array(known[len(known) // 2 :])))
+    known = [row for row in trial["per_frame"]["estimate"] if row is not None]
+    # only the second half: in the first the filter still searches
+    estimates = [se3.from_xyzquat(np.array(known[len(known) // 2 :]))] if known else []
     return ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900).paths(truth, estimates)
 
 

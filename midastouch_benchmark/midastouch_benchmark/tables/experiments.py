@@ -138,8 +138,7 @@ EXPERIMENTS = {
         ("sequences", "trials"),
         "Localisation",
         _untitled(lambda content: accuracy.objects(content["summary"], beside=accuracy.real_row(content))),
-        about=f"init {{config[init]}}, beta {{config[beta]:g}}, {{config[seeds]}} seeds, "
-        f"stride {{config[stride]}}; {_NETWORKS}",
+        about=f"init {{config[init]}}, beta {{config[beta]:g}}, stride {{config[stride]}}; {_NETWORKS}",
     ),
     "evaluate --objects": Experiment(("identified",), "Which object it is", _untitled(_identified)),
     "benchmark": Experiment(

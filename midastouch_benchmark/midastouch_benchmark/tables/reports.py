@@ -88,8 +88,8 @@ COMMANDS = {
         for protocol, variants in _ABLATIONS.items()
     },
     "front": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant front",
-    "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
-    "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
+    "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --init paper",
+    "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --init uniform",
     "evaluate_tdn": f"{_PERCEPTION} tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "for name in 019_pitcher_base 032_knife 043_phillips_screwdriver 052_extra_large_clamp "
     "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do [ -d out/held_out/$name ] || midastouch simulate "

@@ -1,4 +1,4 @@
-"""Evaluation of a sequence: start of the filter, seeds, frames (paper sections 4.3 and 6)."""
+"""Evaluation of a sequence: start of the filter, frames (paper sections 4.3 and 6)."""
 
 from __future__ import annotations
 
@@ -25,12 +25,11 @@ from .yardstick import Yardstick
 
 @dataclasses.dataclass(frozen=True)
 class TrialPlan:
-    """Settings of trials. init: "paper" or "uniform"; beta: width of the paper's start; seeds: trials per sequence;
-    stride: every n-th frame is used; max_frames: at most so many of them."""
+    """Settings of trials. init: "paper" or "uniform"; beta: width of the paper's start; stride: every n-th frame is
+    used; max_frames: at most so many of them."""
 
     init: str = "paper"
     beta: float = 1.0
-    seeds: int = 10
     stride: int = 1
     max_frames: int | None = None
 
@@ -57,23 +56,19 @@ def run_sequence(
     plan: TrialPlan,
     untouched: Untouched,
     progress: Callable[[int], object] = lambda frames: None,
-) -> tuple[dict, list[dict]]:
-    """Run all trials of one sequence; return its entry under `sequences` of the JSON, and its `trials`.
+) -> tuple[dict, dict]:
+    """Run the filter over one sequence; return the entries under `sequences` and `trials` of the JSON.
 
-    untouched: its no-contact image. progress: called with the number of frames done since the last call. The seed of a
-    trial is its number: 0, 1, ... Networks run again in every trial, so that its times hold.
+    untouched: its no-contact image. progress: called with the number of frames done since the last call.
     """
     indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
     yardstick = Yardstick.of(mesh, symmetry_of(mesh, codebook).exact)
-    trials = []
-    for seed in range(plan.seeds):
-        particle_filter.reset(seed)
-        start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
-        frames = perceived(sequence, indices, images, untouched.image, networks)
-        labels = {"sequence": sequence.name, "object": sequence.object_name, "seed": seed, "init": plan.init}
-        trials.append(labels | run_trial(frames, particle_filter, lambda *_: progress(1), yardstick))
+    start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
+    frames = perceived(sequence, indices, images, untouched.image, networks)
+    labels = {"sequence": sequence.name, "object": sequence.object_name, "init": plan.init}
+    trial = labels | run_trial(frames, particle_filter, lambda *_: progress(1), yardstick)
     description = {
         "sequence": sequence.name,
         "object": sequence.object_name,
@@ -86,7 +81,7 @@ def run_sequence(
         "codebook": dict(codebook.meta),
         "truth": np.round(se3.to_xyzquat(sequence.poses_true[indices]), 6),
     }
-    return description, trials
+    return description, trial
 
 
 def perceived(

@@ -51,9 +51,9 @@ def run(workspace, monkeypatch, capsys):
 
 
 def test_evaluate_finds_mesh_and_codebook_by_name(run):
-    output, result = run("evaluate", "eyebolt/00", "--seeds", "2", "--config", "small.yaml", "--json", "evaluate.json")
-    assert [t["seed"] for t in result["trials"]] == [0, 1]
-    assert result["summary"]["objects"]["eyebolt"]["trials"] == 2
+    output, result = run("evaluate", "eyebolt/00", "--config", "small.yaml", "--json", "evaluate.json")
+    assert [t["sequence"] for t in result["trials"]] == ["eyebolt/00"]
+    assert result["summary"]["objects"]["eyebolt"]["trials"] == 1
     assert result["sequences"][0]["background"] == "background.png"
     assert result["trials"][0]["ms"]["tdn"] > 0
     assert result["machine"]["versions"]["onnxruntime"]
@@ -108,7 +108,7 @@ def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
     _, without = run("evaluate-perception", "tdn", "eyebolt/00", "--json", "plain.json")
     assert depth["sequences"][0]["background"] == "free.png"
     assert depth["summary"]["rmse_mm"] != without["summary"]["rmse_mm"]
-    _, result = run("evaluate", "eyebolt/00", *options, "--seeds", "1", "--max-frames", "3", "--config", "small.yaml")
+    _, result = run("evaluate", "eyebolt/00", *options, "--max-frames", "3", "--config", "small.yaml")
     assert result["config"]["networks"]["calibration"] == "5 presses of a ball of 6 mm, 2026-11-23"
     assert result["sequences"][0]["background"] == "free.png"
     for command in (["evaluate"], ["evaluate-perception", "tdn"]):
@@ -119,9 +119,7 @@ def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
 def test_real_slides_beside_the_paper_s(run, real_slide):
     path = real_slide
     options = ("--mesh", "eyebolt", "--codebook", "out/codebooks/eyebolt.npz", "--sensor", "digit_tacto")
-    output, result = run(
-        "evaluate", str(path), "--real", *options, "--seeds", "1", "--config", "small.yaml", "--json", "real.json"
-    )
+    output, result = run("evaluate", str(path), "--real", *options, "--config", "small.yaml", "--json", "real.json")
     assert result["config"]["beta"] == 0.5
     assert result["paper_real"]["e_trans_mm"] == 19.7
     (line,) = (line for line in output.splitlines() if line.startswith("particles, mean"))
@@ -191,7 +189,7 @@ def test_bench_scale_measures_each_size(run, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "most"),
     [
-        (["evaluate", "eyebolt/00", "--seeds", "1"], 20),
+        (["evaluate", "eyebolt/00"], 20),
         (["benchmark", "--objects", "eyebolt", "--slides", "1", "--codebook-size", "300"], 17),
     ],
 )

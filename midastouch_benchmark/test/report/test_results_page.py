@@ -24,7 +24,7 @@ def evaluation(run, make_trial) -> dict:
         final = {key: column[-1] for key, column in errors.items()}
         trials.append(make_trial("", seed, 10.0, final, sequence="ball/00", object="ball", per_frame=frames))
     return {
-        "config": {"init": "paper", "beta": 1.0, "seeds": 3, "stride": 1, "networks": {"tdn": "t-1", "tcn": "c-1"}},
+        "config": {"init": "paper", "beta": 1.0, "stride": 1, "networks": {"tdn": "t-1", "tcn": "c-1"}},
         "machine": {"cpu": "a cpu"},
         "sequences": [
             {

@@ -43,6 +43,8 @@ def require_there(given: Mapping[str, str]) -> None:
             elif name == "codebook":
                 command = build_command(given.get("mesh") or "MESH", given.get("sensor_model", ""), address)
                 also = f", or make it: {command}"
+            elif name == "objects":
+                also = f"; bundled are {', '.join(sorted(bundled_objects()))}"
             raise InputError(f"{name}:={address}: no such file or folder; check the path{also}")
 
 

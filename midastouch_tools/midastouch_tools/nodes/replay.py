@@ -160,7 +160,8 @@ class Replay(PipelineNode):
     def _describe(self) -> tuple[bytes, str, dict]:
         if self.player.frames_sent and not self.finished.is_set():
             unheard = self._listeners.unheard
-            why = f"nothing subscribes to {unheard}: for poses, start midastouch run localization use_sim_time:=true"
+            start = "midastouch run localization use_sim_time:=true object:=NAME"
+            why = f"nothing subscribes to {unheard}: for poses of a bundled object, start {start}"
             self._lasting.observe({"unheard": why} if unheard else {})
         values = {
             "position_s": f"{self.player.position:.3f}",

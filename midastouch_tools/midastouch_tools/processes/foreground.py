@@ -6,6 +6,7 @@ import contextlib
 import os
 import select
 import signal
+import stat
 import sys
 import threading
 import time
@@ -30,6 +31,7 @@ def interrupted_by_signals() -> Iterator[None]:
     """
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        _leave_a_closed_terminal(number)
         if not _is_lost_in(frame):
             raise KeyboardInterrupt(number)
         again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
@@ -44,6 +46,18 @@ def interrupted_by_signals() -> Iterator[None]:
         for number, handler in handlers.items():
             if signal.getsignal(number) is interrupt:
                 signal.signal(number, handler)
+
+
+def _leave_a_closed_terminal(number: int, _: FrameType | None = None) -> None:
+    """After SIGHUP, write to nowhere in place of the terminal, which is gone: words would end what is still to do."""
+    if number != signal.SIGHUP:
+        return
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for file in range(3):
+        with contextlib.suppress(OSError):  # one that was closed before
+            if stat.S_ISCHR(os.fstat(file).st_mode) and not os.isatty(file):
+                os.dup2(nowhere, file)
+    os.close(nowhere)
 
 
 def _is_lost_in(frame: FrameType | None) -> bool:
@@ -91,7 +105,7 @@ def woken_by_signals() -> Iterator[Wait]:
     reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     # before the handlers: a signal in between would do nothing at all
     former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    handlers = {number: signal.signal(number, lambda *_: None) for number in (*_heard(), signal.SIGCHLD)}
+    handlers = {number: signal.signal(number, _leave_a_closed_terminal) for number in (*_heard(), signal.SIGCHLD)}
 
     def wait(seconds: float | None) -> bool:
         if not select.select([reading], [], [], None if seconds is None else max(0.0, seconds))[0]:

@@ -97,7 +97,9 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
         found.missing.append(f"whole messages: {error}")
         return found
     if read < 1.0:
-        found.notes.append(f"only the first {read:.0%} of its messages were read; damage further on is not known")
+        found.notes.append(
+            f"{read:.0%} of its messages were read, for {_READING_S:g} s; whether the rest is whole is not known"
+        )
     images = _chosen(streams.values())
     if images is None:
         found.missing.append(_no_images(counts, streams.values()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import select
@@ -50,7 +51,8 @@ class Keyboard:
         if self._before is not None:
             self._stopped.set()
             self._thread.join()
-            termios.tcsetattr(self._file, termios.TCSADRAIN, self._before)
+            with contextlib.suppress(termios.error):  # the terminal is gone
+                termios.tcsetattr(self._file, termios.TCSADRAIN, self._before)
 
     @property
     def active(self) -> bool:
@@ -61,7 +63,10 @@ class Keyboard:
         while not self._stopped.is_set():
             if not select.select([self._file], [], [], _POLL_S)[0]:
                 continue
-            pressed = os.read(self._file, 16).decode(errors="replace")
+            try:
+                pressed = os.read(self._file, 16).decode(errors="replace")
+            except OSError:
+                pressed = ""
             if not pressed:
                 return  # the terminal is gone
             for key in re.findall(r"\x1b\[[A-D]|.", pressed, re.DOTALL):

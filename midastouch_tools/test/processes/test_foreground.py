@@ -4,6 +4,7 @@ import importlib
 import itertools
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -287,6 +288,33 @@ def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
             signal.raise_signal(number)
     finally:
         signal.signal(signal.SIGINT, former)
+
+
+@pytest.mark.parametrize("listening", ["interrupted_by_signals()", "woken_by_signals() as wait"])
+def test_who_closes_the_terminal_ends_no_last_words(listening, tmp_path):
+    work = f"""
+import pathlib, time
+from midastouch_tools.processes import foreground
+from midastouch_tools.replay.keyboard import Keyboard
+try:
+    with foreground.{listening}, Keyboard({{}}):
+        print("working", flush=True)
+        {"time.sleep(60.0)" if "wait" not in listening else "assert wait(60.0)"}
+except KeyboardInterrupt:
+    pass
+print("last words", flush=True)
+pathlib.Path("done").touch()
+"""
+    run, terminal = pty.fork()
+    if run == 0:
+        os.chdir(tmp_path)
+        os.execv(sys.executable, [sys.executable, "-c", work])
+    said = ""
+    while "working" not in said:
+        said += os.read(terminal, 1024).decode()
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0
+    assert (tmp_path / "done").exists()
 
 
 def test_an_import_that_swallows_what_a_signal_raises_does_not_swallow_the_signal(tmp_path, monkeypatch):

@@ -81,7 +81,7 @@ def test_it_begins_with_a_catalogue_and_is_kept_without_pictures(short, tmp_path
     assert "was interrupted" in (tmp_path / "out" / "explore" / "index.html").read_text()
 
 
-@pytest.mark.parametrize("end", ["q", "\x03"], ids=["q", "Ctrl-C"])
+@pytest.mark.parametrize("end", ["q", "\x03", ""], ids=["q", "Ctrl-C", "closed terminal"])
 def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path, end):
     run, terminal = pty.fork()
     if run == 0:  # in a terminal of its own, 150 columns wide
@@ -95,7 +95,10 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path,
         except OSError:  # the run has ended
             break
         if keys and re.search(rf"{keys[0][0]}, \d+ mm, \d+ s \| {keys[0][1]} \| .*best pose", shown):
-            os.write(terminal, keys.pop(0)[2].encode())
+            if not (key := keys.pop(0)[2]):
+                os.close(terminal)
+                break
+            os.write(terminal, key.encode())
     assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0, shown
     assert "p: push the object" in shown
     result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())

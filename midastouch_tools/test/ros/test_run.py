@@ -52,7 +52,7 @@ def test_arguments_go_over_the_defaults():
         ("mount", "frames_file:=none.yaml", "frames_file:=none.yaml: no such file"),
         ("explore", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
         ("live_ur", "mesh:=empty.ply", "empty.ply: cannot be read as a mesh"),
-        ("explore", "objects:=ball,none.npz", "objects:=none.npz: no such file"),
+        ("explore", "objects:=ball,none.npz", "objects:=none.npz: no such file.*; bundled are ball, "),
         ("demo", "background:=none.png", "background:=none.png: no such file"),
         ("demo", "object:=sofa", "sofa: not bundled; there are"),
         ("filter", "codebook:=none.npz", r"no such file.*midastouch build-codebook MESH --out none\.npz"),
