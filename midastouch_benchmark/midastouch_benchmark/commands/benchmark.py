@@ -41,7 +41,9 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--slides", type=limits.count, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=limits.path_length, help="of a slide, m (default: as the protocol needs)")
-    parser.add_argument("--seeds", type=limits.count, default=10, help="trials per slide (default 10)")
+    parser.add_argument(
+        "--seeds", type=limits.count, default=10, help="trials per slide, alike unless a method draws (default 10)"
+    )
     parser.add_argument(
         "--init", nargs="+", choices=("paper", "uniform"), help="starts (default: as the protocol has it)"
     )
