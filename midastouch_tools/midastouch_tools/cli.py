@@ -122,11 +122,11 @@ def main(arguments: list[str] | None = None) -> int:
     if not arguments:
         build_parser().print_help(sys.stderr)
         return EXIT_BAD_INPUT
-    if not (commands_of_others() or arguments[0].startswith("-") or arguments[0] in command_parsers()):
+    if not (commands_of_others() or arguments[0].startswith("-") or arguments[0] in (parsers := command_parsers())):
         print(
-            f"midastouch: error: {arguments[0]}: no such command here; those that measure come with the package "
-            "midastouch_benchmark, which is not installed: run make, or colcon build --packages-up-to "
-            "midastouch_benchmark",
+            f"midastouch: error: {arguments[0]}: no such command; there are {', '.join(parsers)}. Those that measure "
+            "come with the package midastouch_benchmark, which is not installed: in a clone run make, or colcon build "
+            "--packages-up-to midastouch_benchmark",
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT

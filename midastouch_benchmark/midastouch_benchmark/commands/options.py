@@ -92,7 +92,8 @@ def load_object(
     if not path.exists():
         built_from = mesh or (object_name if object_name in bundled_objects() else "MESH")
         command = how_to_build(built_from, sensor or networks.sensor.name, tcn, str(path))
-        raise InputError(f"{path}: no codebook of {names[0]}; build it: {command}")
+        images = f"these images, of {sensor or networks.sensor.name}"
+        raise InputError(f"{path}: no codebook of {names[0]} for {images}; build it: {command}")
     if loaded is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():
@@ -137,8 +138,10 @@ def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, als
         if args.json:
             from ..evidence.fingerprint import today
 
+            content = {"command": args.command_line, **result}
+            write_compact_json(args.json, content)  # first: the fingerprint may take minutes
             made = "+".join(today()[part] for part in (*experiment.parts, *also))
-            write_compact_json(args.json, {"command": args.command_line, "fingerprint": made} | result)
+            write_compact_json(args.json, {"fingerprint": made} | content)
     return 0
 
 

@@ -41,6 +41,7 @@ _ESTIMATES = (
     ("min_cluster", "closest mode", MODE_COLOUR),
     ("estimate", "published pose", ESTIMATE_COLOUR),
 )
+_FEWEST_OF_A_BOX = 5  # trials; fewer are drawn as points
 _ERRORS = {"trans_mm": "translation error [mm]", "rot_deg": "rotation error [deg]"}
 
 
@@ -68,9 +69,15 @@ def final_error_figure(trials: list[dict]) -> Figure:
     for axes, (key, label) in zip(figure.subplots(2, 1), _ERRORS.items(), strict=True):
         for k, (prefix, name, colour) in enumerate(_ESTIMATES):
             errors = [[t["final"][f"{prefix}_{key}"] for t in trials if t["object"] == each] for each in objects]
+            errors = [[error for error in some if error is not None] for some in errors]
+            places = np.arange(len(objects)) + 0.24 * (k - 1)
+            if max(map(len, errors)) < _FEWEST_OF_A_BOX:
+                points = [(x, error) for x, some in zip(places, errors, strict=True) for error in some]
+                axes.plot(*np.reshape(points, (-1, 2)).T, "o", color=colour, label=name)
+                continue
             axes.boxplot(
-                [[error for error in some if error is not None] for some in errors],
-                positions=np.arange(len(objects)) + 0.24 * (k - 1),
+                errors,
+                positions=places,
                 widths=0.2,
                 patch_artist=True,
                 boxprops={"facecolor": colour, "alpha": 0.55, "lw": 0},

@@ -308,6 +308,7 @@ pathlib.Path("done").touch()
     run, terminal = pty.fork()
     if run == 0:
         os.chdir(tmp_path)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
         os.execv(sys.executable, [sys.executable, "-c", work])
     said = ""
     while "working" not in said:

@@ -86,6 +86,7 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path,
     run, terminal = pty.fork()
     if run == 0:  # in a terminal of its own, 150 columns wide
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
         os.execv(sys.executable, [sys.executable, "-m", "midastouch_tools.cli", "run", "explore", *short[:3]])
     shown, keys = "", [("exploring", "eyebolt", " "), ("paused", "a person has the finger", "p")]
     keys.append(("paused", "a person has pushed the object", end))
