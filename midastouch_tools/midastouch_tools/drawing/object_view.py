@@ -30,7 +30,8 @@ class PositionBlend:
     """
 
     def __init__(self, places: np.ndarray, points: np.ndarray):
-        distance, index = cKDTree(places).query(points, min(_NEIGHBOURS, len(places)), workers=-1)
+        # without `workers`: after Ctrl-C those go on with arrays that are gone, and end the process (SIGSEGV)
+        distance, index = cKDTree(places).query(points, min(_NEIGHBOURS, len(places)))
         self._index = index.reshape(len(points), -1)
         distance = distance.reshape(len(points), -1)
         weight = np.exp(-4 * (distance / np.maximum(distance[:, -1:], 1e-9)) ** 2)

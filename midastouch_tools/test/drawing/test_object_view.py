@@ -1,9 +1,10 @@
 import dataclasses
+import threading
 
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_tools.drawing.object_view import ObjectView
+from midastouch_tools.drawing.object_view import ObjectView, PositionBlend
 
 
 def test_the_touched_side_is_seen(view, run):
@@ -74,3 +75,11 @@ def test_the_close_up_shows_contact_and_half_a_millimetre_between_truth_and_esti
     above = estimate[:3, 3] + 2e-4 * estimate[:3, 1]  # on the estimate's line along y only
     red, green, blue = colour(picture, above)
     assert red > blue > green
+
+
+def test_no_thread_works_on_when_the_drawing_is_interrupted(monkeypatch):
+    started = []
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: started.append(thread))
+    places = np.random.default_rng(0).normal(size=(300, 3))
+    PositionBlend(places, places)
+    assert not started
