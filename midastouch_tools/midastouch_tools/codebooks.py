@@ -150,12 +150,3 @@ def build_from_files(
     book, seconds = build_and_save(*what, path, jobs, symmetry)
     poses, mebibytes = f"{len(book.poses)} poses of {book.meta['mesh_name']}", path.stat().st_size / 2**20
     return f"{path}: {poses}, {mebibytes:.1f} MiB, {seconds:.1f} s; symmetry: {book.symmetry.describe()}{former}"
-
-
-def build_command(mesh: str, sensor: str = "", out: str = "") -> str:
-    """Return the command that builds a codebook, without the options that are empty.
-
-    mesh: file, or name of a bundled object; sensor: name of the sensor model; out: path of the codebook.
-    """
-    options = {"--sensor": sensor, "--out": out}
-    return " ".join(["midastouch build-codebook", mesh, *(f"{name} {text}" for name, text in options.items() if text)])

@@ -21,13 +21,13 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 
 from .commanded import Commanded
+from .depth_watch import DepthWatch
 from .measured import Measured
 
 _DRIFT_OVER = 2.0  # delays over which drifts are averaged
 _SLOWEST = 0.1  # fraction of the speed that is left while the gel hardly presses
 _CENTRAL = 6e-3  # m from the apex: the image's border cuts a contact further out, whose depth is not trusted
 _MISREAD = 1e-4  # m, median error of the depth that images show
-_AGAINST = 2e-4  # m of depth, changed against the motion
 _ON, _OFF = (2e-4, 1.0), (1e-3, 3.0)  # m into the surface or off it, and how many times the way along it, for that
 _ASIDE = 1e-3  # m: a gel goes aside from a wall that leans over it further out than this
 _APART, _PASSED = 2e-4, 25  # m, between the poses of a trail, and how many there are
@@ -79,8 +79,7 @@ class ContactServo:
         self._begun = -math.inf  # s; when the present motion began
         self._contact = math.inf, -math.inf  # stamps of its first and last image; gaps of up to `_settles` are none
         self._trail: deque[tuple[float, np.ndarray]] = deque(maxlen=_PASSED)  # s, and the poses then
-        # images since which the gel has moved into the surface, and off it
-        self._into = self._off = self._measured
+        self._into, self._off = DepthWatch(self._commanded, 1.0, *_ON), DepthWatch(self._commanded, -1.0, *_OFF)
         self.fallen = self.risen = False
 
     @property
@@ -127,8 +126,7 @@ class ContactServo:
         self._delays.append(max(now - measured.stamp, 0.0))
         if before.stamp > -math.inf:
             self._unseen.append(max(now - before.stamp, 0.0))
-        self._into, self.fallen = self._compared(self._into, measured, 1.0, *_ON)
-        self._off, self.risen = self._compared(self._off, measured, -1.0, *_OFF)
+        self.fallen, self.risen = self._into.contradicted(measured), self._off.contradicted(measured)
         passed = measured.stamp - before.stamp
         if not (before.depth > 0 and measured.depth > 0 and passed > 0):
             self._drift = np.zeros(3)
@@ -136,23 +134,6 @@ class ContactServo:
         expected = _after(before, self._commanded.way(before.stamp, measured.stamp))
         weight = 1.0 - math.exp(-passed / (_DRIFT_OVER * self.delay))
         self._drift += weight * ((_values(measured) - expected) / passed - self._drift)
-
-    def _compared(
-        self, since: Measured, measured: Measured, into: float, least: float, steep: float
-    ) -> tuple[Measured, bool]:
-        """Return the image to compare the next one with, and whether the depth has changed against the motion since.
-
-        into: 1 for motions into the surface, under which the depth should grow, -1 for motions off it; they count from
-        `least` [m] on, and while they are `steep` times as long as the way along the surface.
-        """
-        against = into * (since.depth - measured.depth)
-        if since.depth > 0 and against > 0:
-            way = self._commanded.way(since.stamp, measured.stamp)
-            x, y = since.centre
-            gone = -into * (way[2] + y * way[3] - x * way[4])  # a turn moves what is beside the apex
-            if gone > steep * np.linalg.norm(way[:2]):
-                return since, against > _AGAINST and gone > least
-        return measured, False
 
     @property
     def depth(self) -> float:

@@ -63,7 +63,7 @@ class ContactController(ManagedNode):
         self._more_zeros, self._ticked, self._waits_for = 0, -math.inf, "not looked yet"
         self._frames = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         self.create_timer(1.0 / self.parameters["rate"], self._on_timer)
-        self._inputs = Inputs(self, self._controller, self._sensor, self._feed_back, self._on_time_jump)
+        self._inputs = Inputs(self, self._controller, self._sensor, self._frames, self._feed_back, self._on_time_jump)
 
     def disconnect(self) -> None:
         """Stop the arm, and stop reading TF."""

@@ -35,10 +35,12 @@ class Inputs:
     Parameters
     ----------
     node
-        Its parameters name the topics and frames.
+        Its parameters name the topics.
     controller
         Takes contacts and forces.
     sensor
+    frames
+        Of the base and of the gel.
     on_image
         Called after each contact.
     on_jump
@@ -50,11 +52,11 @@ class Inputs:
         node: ManagedNode,
         controller: Controller,
         sensor: SensorModel,
+        frames: tuple[str, str],
         on_image: Callable[[], None],
         on_jump: Callable[[], None],
     ):
-        self._node, self._sensor, self._on_image = node, sensor, on_image
-        self._frames = node.parameters["base_frame_id"], node.parameters["sensor_frame_id"]
+        self._node, self._sensor, self._frames, self._on_image = node, sensor, frames, on_image
         self.controller = controller
         self._begin()
         node.create_subscription(Bool, "~/enable", self._on_enable, qos.COMMAND)

@@ -9,11 +9,12 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.output_paths import QUICK_POSES, codebook_path, demo_slide, quick_codebook
 from midastouch_common.ros.addresses import load_mesh, resolve
+from midastouch_perception.codebook import build_command
 from midastouch_perception.objects import bundled_mesh, bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
-from ..codebooks import build_command, ensure_codebook
+from ..codebooks import ensure_codebook
 from ..datasets.slide_simulation import simulate_sequence
 from . import SEED, SLIDE_LENGTH
 
@@ -41,7 +42,7 @@ def require_there(given: Mapping[str, str]) -> None:
             if address in bundled_objects():
                 also = f", or give the bundled object by its name, object:={address}"
             elif name == "codebook":
-                command = build_command(given.get("mesh") or "MESH", given.get("sensor_model", ""), address)
+                command = build_command(given.get("mesh") or "MESH", given.get("sensor_model", ""), out=address)
                 also = f", or make it: {command}"
             elif name == "objects":
                 also = f"; bundled are {', '.join(sorted(bundled_objects()))}"

@@ -21,6 +21,7 @@ from midastouch_common.images import BrokenImageError
 from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
 from midastouch_common.output_paths import SIMULATED, codebook_path
 from midastouch_common.transforms.tree import FrameTree
+from midastouch_perception.codebook import build_command
 from midastouch_perception.objects import bundled_objects
 
 from ..bags.images import decode_image, decode_raw
@@ -35,7 +36,6 @@ from ..bags.messages import (
     header_stamp_ns,
 )
 from ..bags.reader import bag_duration, bag_messages, bag_metadata, content_of, message_counts
-from ..codebooks import build_command
 from .source import ReplaySource
 
 _SENSORS = {"simulated": SIMULATED, "tactile_tracking": "gelsight_mini"}  # by the layout that `to-bag` notes

@@ -290,8 +290,11 @@ def test_every_signal_to_stop_interrupts_work(number, signals_are_heard):
         signal.signal(signal.SIGINT, former)
 
 
-@pytest.mark.parametrize("listening", ["interrupted_by_signals()", "woken_by_signals() as wait"])
-def test_who_closes_the_terminal_ends_no_last_words(listening, tmp_path):
+@pytest.mark.parametrize(
+    ("listening", "until_it_is_closed"),
+    [("interrupted_by_signals()", "time.sleep(60.0)"), ("woken_by_signals() as wait", "assert wait(60.0)")],
+)
+def test_who_closes_the_terminal_ends_no_last_words(listening, until_it_is_closed, tmp_path):
     work = f"""
 import pathlib, time
 from midastouch_tools.processes import foreground
@@ -299,7 +302,7 @@ from midastouch_tools.replay.keyboard import Keyboard
 try:
     with foreground.{listening}, Keyboard({{}}):
         print("working", flush=True)
-        {"time.sleep(60.0)" if "wait" not in listening else "assert wait(60.0)"}
+        {until_it_is_closed}
 except KeyboardInterrupt:
     pass
 print("last words", flush=True)
