@@ -13,7 +13,7 @@ import shutil
 import stat
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -190,18 +190,23 @@ def whole_folder(folder: str | os.PathLike, keep_failed: bool = False) -> Iterat
         try:
             yield fresh
             names = {path.name for path in fresh.iterdir()}
-            listed.write_text("\n".join(former | names))  # all that is there if this process dies in the lines below
+            _keep_names(listed, former | names)  # all that is there if this process dies in the lines below
             for path in (folder / name for name in former | names):
                 shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
             for name in names:
                 (fresh / name).rename(folder / name)
-            listed.write_text("\n".join(names))
+            _keep_names(listed, names)
         except Exception:
             if keep_failed:
-                listed.write_text("\n".join({*former, fresh.rename(next_new_folder(folder / "failed")).name}))
+                _keep_names(listed, {*former, fresh.rename(next_new_folder(folder / "failed")).name})
             raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _keep_names(path: Path, names: Iterable[str]) -> None:
+    with atomic_path(path) as new:  # the names before, or these: never none, by which old files would stay for ever
+        new.write_text("\n".join(names))
 
 
 @contextlib.contextmanager

@@ -111,7 +111,7 @@ class Explorer(PipelineNode):
         if self._report.state == ExplorerStatus.STATE_WAITING and not (self._arm.trouble or self._reach.trouble):
             self._progressed_at = time.monotonic()
             if self._held:
-                self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
+                self._report.say(ExplorerStatus.STATE_PAUSED, "a person has the finger; ~/resume lets it touch")
             else:
                 self._report.say(ExplorerStatus.STATE_EXPLORING, "touching")
                 self._begin()

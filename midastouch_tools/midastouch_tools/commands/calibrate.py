@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import require_new_folder, require_place
+from midastouch_common.files import require_folder, require_new_folder, require_place
 
 from . import arguments, limits
 
@@ -69,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn.background_store import store_of
 
+    if args.source != "live":
+        require_folder(args.source, "of images of presses")
     store = store_of(args.background_folder, args.serial)
     if store is None and not args.out:
         raise InputError("nowhere to keep the calibration; give the sensor's --serial, or a file with --out")

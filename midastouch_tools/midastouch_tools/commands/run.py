@@ -20,7 +20,7 @@ def add_parser(subparsers) -> None:
         "use_rviz:=true; midastouch view shows the same in a browser. Ctrl-C ends all nodes, and so does one that\n"
         "dies; with use_respawn:=true it is started again after 2 s, after twice as long each time that it dies again.",
     )
-    parser.add_argument("setup", metavar="SETUP", help="what to start")
+    parser.add_argument("setup", nargs="?", metavar="SETUP", help="what to start; without, the names are listed")
     parser.add_argument("arguments", nargs="*", default=[], metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
     parser.add_argument(
         "--prepare", action="store_true", help="make what SETUP (demo, explore) lacks in this folder, and end"
@@ -30,9 +30,12 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..ros.launch_file import manual, values
+    from ..ros.launch_file import manual, names, values
     from ..ros.run import prepare, run_setup
 
+    if args.setup is None:
+        print("\n".join(names()))
+        return 0
     if args.show_args:
         print(manual(args.setup))
         return 0

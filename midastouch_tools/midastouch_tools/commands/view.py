@@ -99,12 +99,14 @@ def _finished(args: argparse.Namespace) -> tuple:
     """Return the run and the mesh of its object."""
     from midastouch_common.errors import InputError
 
+    from ..bags.reader import bag_metadata
+    from ..datasets.loading import is_bag
     from ..view.finished_run import load
 
+    if not args.mesh and is_bag(args.run_or_bag) and not bag_metadata(args.run_or_bag).get("object"):
+        raise InputError(f"{args.run_or_bag}: does not name its object; give its --mesh")
     print(f"reading {args.run_or_bag}", file=sys.stderr)
     read = load(args.run_or_bag, args.sequence, args.sensor)
-    if not (args.mesh or read.mesh):
-        raise InputError(f"{args.run_or_bag}: does not name its object; give its --mesh")
     return read, arguments.load_mesh(args.mesh or read.mesh)
 
 

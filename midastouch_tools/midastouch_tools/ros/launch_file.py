@@ -32,15 +32,19 @@ _NUMBERS = {"seed": limits.seed, "rate": limits.replay_rate, "pinches": limits.c
 _FORMER = {"slider": "contact_controller", "finger": "simulated_finger"}
 
 
+def names() -> list[str]:
+    """Return the names of our launch files."""
+    return sorted(path.name.removesuffix(".launch.py") for path in (SHARE / "launch").glob("*.launch.py"))
+
+
 def path_of(name: str) -> Path:
     """Return the path of one of our launch files by name, or of another by its path. InputError if there is none."""
     if name.endswith(".launch.py"):
         if not Path(name).is_file():
             raise InputError(f"{name}: no such launch file")
         return Path(name)
-    names = sorted(path.name.removesuffix(".launch.py") for path in (SHARE / "launch").glob("*.launch.py"))
-    if name not in names:
-        raise InputError(f"{name}: nothing of that name can be started; there are {', '.join(names)}")
+    if name not in names():
+        raise InputError(f"{name}: nothing of that name can be started; there are {', '.join(names())}")
     return SHARE / "launch" / f"{name}.launch.py"
 
 

@@ -69,6 +69,7 @@ def test_what_does_not_fit_is_refused_and_nothing_kept(folder, kept, tmp_path, c
     for words, fix in (
         ([folder, *out, "--sensor", "no_such"], "no_such"),
         ([folder], "--serial"),
+        (["none"], "none: no such folder"),
         ([folder, *kept, "--px-per-mm", "19.5"], "focal 429.0.*--sensor"),  # tdn would not use it
         (["live", *kept], "capture-background"),
         (kept, "capture-background"),

@@ -17,6 +17,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common.errors import InputError
 from midastouch_common.files import sole_use
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools import cli
 from midastouch_tools.bags.messages import Message, sequence_messages
 from midastouch_tools.demo import preparation
 from midastouch_tools.ros import explore, launch_file, run
@@ -27,6 +28,11 @@ from midastouch_tools.ros.run import prepare, run_setup
 def test_arguments_go_over_the_defaults():
     given = values("replay", ["bag:=out/my:=slide", "seed:=7"])
     assert (given["bag"], given["seed"], given["use_sim_time"]) == ("out/my:=slide", "7", "true")
+
+
+def test_without_a_name_it_lists_what_can_be_started(capsys):
+    assert cli.main(["run"]) == 0
+    assert {"demo", "explore", "live_ur"} <= set(capsys.readouterr().out.splitlines())
 
 
 @pytest.mark.parametrize(
