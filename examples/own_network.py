@@ -2,6 +2,8 @@
 
 midastouch simulate handle_tool --seed 3 --out out/slide
 python examples/own_network.py out/slide
+
+For a slide over a mesh of yours: python examples/own_network.py out/part_slides/1 20000 part.ply
 """
 
 import time
@@ -11,7 +13,8 @@ import numpy as np
 from localise_offline import localise, run
 
 from midastouch_filter import ParticleFilter
-from midastouch_perception import ObjectMesh, SensorModel, TouchPipeline, build_codebook, bundled_objects, load_tdn
+from midastouch_perception import ObjectMesh, SensorModel, TouchPipeline, build_codebook, load_tdn
+from midastouch_perception.objects import bundled_mesh
 from midastouch_tools.datasets import load_sequence
 
 
@@ -34,10 +37,10 @@ class ThumbnailNet:
         return codes / np.maximum(np.linalg.norm(codes, axis=-1, keepdims=True), 1e-12)
 
 
-def main(folder: str = "out/slide", size: str = "20000") -> None:
+def main(folder: str = "out/slide", size: str = "20000", mesh_path: str = "") -> None:
     """Build a codebook of the slide's object with the network, and print where the sensor ends."""
     slide, network = load_sequence(folder), ThumbnailNet()
-    mesh = ObjectMesh.load(bundled_objects()[slide.object_name])
+    mesh = ObjectMesh.load(mesh_path or bundled_mesh(slide.object_name))
     codebook = build_codebook(mesh, network, SensorModel.load("digit_tacto"), int(size))
     pipeline = TouchPipeline(load_tdn(), network, time.perf_counter)
     *_, last = localise(slide, pipeline, ParticleFilter(mesh, codebook))

@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-ARGUMENTS = {"localise_offline": [], "own_network": ["out/slide", POSES]}
+ARGUMENTS = {"localise_offline": [], "own_network": ["out/slide", POSES, str(bundled_objects()["handle_tool"])]}
 
 
 ENGINES = {"simulated_finger": "rclpy", "mujoco_arm": "mujoco"}

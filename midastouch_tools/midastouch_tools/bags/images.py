@@ -59,22 +59,22 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
     """Yield every image of a stream whose stamp the transforms span, in recorded order, deterministically.
 
     All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in which
-    images and transforms were recorded. Images before the first or after the last transform are left out. Invalid
-    transforms (not finite, no unit quaternion) are left out as well, as in the filter's node. If the topic is missing,
-    the topic of its compressed images is read instead. Damaged images are left out. They are reported on stderr, as are
-    transforms that are left out. Raises InputError if the bag cannot be read, if it lacks the topic, the transforms or
-    whole images, or if time runs backwards in a frame on which the gel's pose or the true pose depends.
+    images and transforms were recorded. Images before the first or after the last transform are left out, as are
+    damaged ones and invalid transforms (not finite, no unit quaternion), as in the filter's node; stderr counts them.
+    If the topic is missing, the topic of its compressed images is read instead. Raises InputError if the bag cannot be
+    read, if it lacks the topic, the transforms or whole images, or if time runs backwards in a frame on which the gel's
+    pose or the true pose depends.
     """
     path, ends = Path(path), (stream.base_frame, stream.gel_frame)
     transforms, refused = recorded_transforms(path, (ends, (TRUTH_FRAME, TRUTH_GEL_FRAME)))
-    used, reason, broken = 0, "it is empty", []
+    used, outside, reason, broken = 0, 0, "it is empty", []
     for message in image_messages(path, stream.image_topic):
         with readable(path):
             stamp = header_stamp_ns(message.data)
         try:
             pose = transforms.lookup(*ends, stamp)
         except TransformError as error:
-            reason = "; ".join(filter(None, (str(error), refused)))
+            outside, reason = outside + 1, "; ".join(filter(None, (str(error), refused)))
             continue
         try:
             pixels = decode_image(message, path, stream.rotation)
@@ -89,6 +89,8 @@ def read_bag(path: str | Path, stream: GelStream = OWN) -> Iterator[BagFrame]:
         raise broken[0]
     if broken:
         print(f"{broken[0]} ({len(broken)} of {used + len(broken)} images are damaged and left out)", file=sys.stderr)
+    if outside and used:
+        print(f"{path}: {outside} of {used + outside} images have no pose and are left out: {reason}", file=sys.stderr)
     if not used:
         raise InputError(f"{path}: no image on {stream.image_topic} has a pose ({reason}); record /tf and /tf_static")
 

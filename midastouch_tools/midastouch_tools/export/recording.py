@@ -31,7 +31,7 @@ _COLUMNS = {
     "stamp_ns": ("int64", "time of the image [ns]"),
     "image": ("uint8", "tactile image, RGB"),
     "base_from_gel": ("float64", f"gel frame in the base of the arm: {_IS_POSE}"),
-    "penetration": ("float32", "how far the object is in the gel, as the depth network measures it [m]"),
+    "penetration": ("float32", "how far the object reaches above the outline of its contact, as measured [m]"),
     "penetration_valid": ("bool", "whether the frame has penetration"),
     "estimate": ("float64", f"gel frame on the object, where the filter believes it most: {_IS_POSE}"),
     "estimate_valid": ("bool", "whether the frame has estimate"),

@@ -165,8 +165,10 @@ class Console(Node):
         self._explorer = status
         self._show()
         self._bar.update()
-        if status.state in _END_STATES and self.ended is None:
+        if self.ended is None and status.state in _END_STATES:
             self.ended = end_of(status)
+        elif self.ended is not None and self.ended["by_hand"]:  # with the path of the motion that was cut off
+            self.quit()
 
     def _show(self) -> None:
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started

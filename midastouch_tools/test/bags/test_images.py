@@ -47,10 +47,11 @@ def test_poses_are_those_at_the_image_s_stamp_not_at_arrival(tmp_path):
     assert frame.object_from_gel_true is None
 
 
-def test_images_outside_the_transforms_are_left_out(tmp_path):
+def test_images_outside_the_transforms_are_left_out_and_counted(tmp_path, capsys):
     stamps = [SECOND // 2, SECOND, 2 * SECOND, 3 * SECOND]
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, MOVED), *(image(stamp) for stamp in stamps))
     assert [frame.stamp_ns for frame in read_bag(path)] == [SECOND, 2 * SECOND]
+    assert "x.mcap: 2 of 4 images have no pose and are left out: " in capsys.readouterr().err
 
 
 SPAN = tf(SECOND, STILL), tf(2 * SECOND, STILL)
