@@ -74,6 +74,7 @@ class DepthStage:
         self._drift = LightDrift()
         self._lamps: LampLight | None = None  # those of a simulator do not change
         self._most_left = 0.0  # level since the gel was free
+        self._begun = False  # whether there was a contact since then
         self._image: np.ndarray | None = None
         self._background: np.ndarray | None = None
         self._last: Contact | None = None
@@ -111,9 +112,10 @@ class DepthStage:
         contact = self._contact(image, background, changed)
         if contact.state == ContactState.FREE:
             self._drift.learn(changed)
-            self._most_left = 0.0
+            self._most_left, self._begun = 0.0, False
             if self._lamps is not None:
                 self._lamps.learn()
+        self._begun |= contact.state == ContactState.CONTACT
         self._image, self._background, self._last = image, background, contact
         return contact
 
@@ -122,7 +124,7 @@ class DepthStage:
         left = None if self._lamps is None else self._lamps.unexplained(image)
         height, width = changed.shape[:2]
         blocks = cv2.resize(changed, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-        if np.abs(blocks).max() < _QUIET_LEVEL:
+        if np.abs(blocks).max() < _QUIET_LEVEL and not (left and left.detailed):
             self.skipped["no_contact"] += 1
             return self._detector.no_contact()
         difference = self._tdn.shown(changed)
@@ -147,15 +149,17 @@ class DepthStage:
 
         A contact begins with its outline in view, by a change that no lamp makes or that a shape explains. It lasts as
         long as such a change does, also one that covers the view; its depth is read again only after what also begins
-        one, because the outline of something flat flickers. What is there from the first frame on, unexplained, may be
-        a no-contact image of another gel. The gel is free if the lamps explain the image, not if nothing is found.
+        one, because the outline of something flat flickers, or from a texture. What is there from the first frame on,
+        unexplained, may be a no-contact image of another gel. The gel is free if the lamps explain the image, not if
+        nothing is found.
         """
         self._most_left = max(self._most_left, left.level)
         covered = found.state == ContactState.SATURATED
         before = ContactState.FREE if self._last is None else self._last.state
         if found.in_contact:
             begins = self._lamps.frames > 0 and not covered and left.fraction > _BEGINS
-            if left.level > _SHAPED_LEVEL and (before == ContactState.CONTACT or begins):
+            shaped = left.level > _SHAPED_LEVEL and (before == ContactState.CONTACT or begins)
+            if shaped or (self._begun and left.detailed):
                 return found.state
             if not covered:
                 explained = explained_fraction(difference, penetration, self._tdn.sensor.pixel_size, least_change=0.0)

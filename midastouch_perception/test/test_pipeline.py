@@ -115,6 +115,18 @@ def test_light_that_changes_slowly_is_no_contact():
     assert not any(stage.process(image, background).in_contact for image in images)
 
 
+def test_a_weave_that_the_network_does_not_read_is_not_free():
+    mini, rng = SensorModel.load("gelsight_mini"), np.random.default_rng(0)
+    background, stage = resting(mini), DepthStage(load_tdn("fast", mini))
+    rows, columns = np.mgrid[:320, :240]
+    weave = np.sin(np.pi / 4 * rows) * np.sin(np.pi / 4 * columns)
+    light = 1 + 0.2 * (np.hypot(rows - 160, columns - 120) < 80) * weave
+    assert all(stage.process(lit(background, 1.0, rng), background).state == ContactState.FREE for _ in range(5))
+    assert all(
+        stage.process(lit(background, light[..., None], rng), background).state != ContactState.FREE for _ in range(30)
+    )
+
+
 def test_a_light_touch_begins_while_the_light_changes():
     real, rng = SensorModel.load("digit_real"), np.random.default_rng(0)
     half, radius = real.for_maps, 3e-3

@@ -64,6 +64,19 @@ def test_a_pattern_that_turns_everywhere_is_unusual_and_dirt_is_not(background, 
     assert left.fraction > 0.5
 
 
+def test_a_weave_is_unusual_although_blocks_have_the_means_of_free_gel(background, rng):
+    lamps, here = of_free_gel(background, rng), np.hypot(ACROSS, DOWN) < 0.5
+    rows, columns = np.mgrid[:320, :240]
+    weave = 0.15 * here * np.sin(np.pi / 4 * rows) * np.sin(np.pi / 4 * columns)
+    woven = lit(background, 1 + weave[..., None], rng)
+    left = lamps.unexplained(woven)
+    assert left.level < 0.5
+    assert left.detailed
+    assert not left.usual
+    lamps.learn()  # these are marks
+    assert lamps.unexplained(woven).usual
+
+
 def test_another_gel_and_a_white_image_are_unusual_from_the_start(rng):
     mini = SensorCalibration.default(SensorModel.load("gelsight_mini")).background
     image = np.repeat(np.repeat(mini, 320 // mini.shape[0], axis=0), 240 // mini.shape[1], axis=1).astype(np.uint8)
