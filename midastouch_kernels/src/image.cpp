@@ -7,6 +7,7 @@
 namespace {
 
 constexpr std::size_t kColours = 3;
+constexpr float kWhite = 255;
 
 // Grey levels (H/2, W/2, 3), each pixel the mean of four of an image (H, W, 3).
 Out<float> halve_image(In<uint8_t, -1, -1, kColours> image) {
@@ -34,7 +35,8 @@ float median(std::vector<float>& values) {
 }
 
 // An image (H, W, 3) less a background (H, W, 3), after each colour was divided by its gain, but no less than `least`:
-// the median of the products of every so many pixels, along both sides, with the sparse ones.
+// the median of the products of every so many pixels, along both sides, with the sparse ones. A background that would
+// be white in this light is no brighter than the image can show.
 Out<float> change_beside_gain(In<float, -1, -1, kColours> image, In<float, -1, -1, kColours> background,
                               In<float, -1, -1, kColours> sparse, std::size_t every, float least) {
     const std::size_t height = image.shape(0), width = image.shape(1);
@@ -49,16 +51,17 @@ Out<float> change_beside_gain(In<float, -1, -1, kColours> image, In<float, -1, -
         for (std::size_t u = 0; u < width; u += every)
             for (std::size_t c = 0; c < kColours; ++c)
                 ratios[c].push_back(image.data()[(v * width + u) * kColours + c] * *each++);
-    std::vector<float> gains(width * kColours);  // along a whole row: that loop is vectorised
+    std::vector<float> gains(width * kColours), whites(gains.size());  // along a whole row: that loop is vectorised
     for (std::size_t c = 0; c < kColours; ++c) {
         const float gain = std::max(median(ratios[c]), least);
-        for (std::size_t u = 0; u < width; ++u) gains[u * kColours + c] = gain;
+        for (std::size_t u = 0; u < width; ++u)
+            gains[u * kColours + c] = gain, whites[u * kColours + c] = kWhite / gain;
     }
     auto out = make_array<float>({height, width, kColours});
     for (std::size_t v = 0; v < height; ++v) {
         const std::size_t row = v * gains.size();
         for (std::size_t i = 0; i < gains.size(); ++i)
-            out.data()[row + i] = image.data()[row + i] / gains[i] - background.data()[row + i];
+            out.data()[row + i] = image.data()[row + i] / gains[i] - std::min(background.data()[row + i], whites[i]);
     }
     return out;
 }
@@ -106,7 +109,7 @@ void bind_image(nb::module_& m) {
         "change_beside_gain", &change_beside_gain, named("image"), named("background"), named("sparse"),
         nb::arg("every"), nb::arg("least"),
         "An image (H, W, 3) less a background, each colour first divided by its gain, at least `least`: the median of "
-        "every so many pixels times the `sparse` ones.");
+        "every so many pixels times the `sparse` ones. A background times its gain is white at most.");
     m.def("planes", &planes, named("images"), nb::arg("factor"), "Images (N, H, W, 3) times a factor as (N, 3, H, W).");
     m.def("block_means", &block_means, named("map"), nb::arg("rows"), nb::arg("columns"),
           "Means (H / rows, W / columns) float32 over blocks of a map (H, W) float32.");

@@ -80,12 +80,15 @@ def test_shade_is_brighter_towards_the_light():
 @pytest.mark.parametrize("shape", [(160, 120), (9, 5), (8, 6)])
 def test_change_beside_each_colours_gain(shape):
     rng = np.random.default_rng(5)
-    image, background = rng.uniform(20, 200, (2, *shape, 3)).astype(np.float32)
+    image, background = rng.uniform(20, 250, (2, *shape, 3)).astype(np.float32)
+    image[..., 1] += np.float32(100)
     image[..., 2] *= np.float32(1e-3)
     sparse = 1 / background[::4, ::4]
     gain = np.median((image[::4, ::4] * sparse).reshape(-1, 3), axis=0)
     assert gain[2] < 0.1 < gain[0]
-    expected = image / np.maximum(gain, np.float32(0.1)) - background
+    gain = np.maximum(gain, np.float32(0.1))
+    assert (background > 255 / gain).any(), "it would be white in this light"
+    expected = image / gain - np.minimum(background, 255 / gain)
     np.testing.assert_array_equal(kernels.change_beside_gain(image, background, sparse, 4, 0.1), expected)
 
 

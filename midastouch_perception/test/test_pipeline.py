@@ -127,6 +127,16 @@ def test_a_weave_that_the_network_does_not_read_is_not_free():
     )
 
 
+@pytest.mark.parametrize("model", ["digit_real", "gelsight_mini"])
+def test_gel_that_the_light_makes_white_in_places_is_free(model):
+    sensor, rng = SensorModel.load(model), np.random.default_rng(0)
+    background, stage = resting(sensor), DepthStage(load_tdn("fast", sensor))
+    background = lit(background, 210 / np.percentile(background, 99), rng)
+    assert (background * 1.5 > 255).any(axis=2).mean() > 0.05
+    for light in (*np.ones(5), 1.2, 1.35, 1.5):
+        assert stage.process(lit(background, light, rng), background).state == ContactState.FREE
+
+
 def test_a_light_touch_begins_while_the_light_changes():
     real, rng = SensorModel.load("digit_real"), np.random.default_rng(0)
     half, radius = real.for_maps, 3e-3
