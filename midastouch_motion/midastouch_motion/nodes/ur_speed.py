@@ -76,9 +76,7 @@ class UrSpeed(ManagedNode):
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(1))
         # last: nothing would end their threads if something after them failed
         self._transforms = TransformSource(
-            self,
-            frames=self._frames,
-            on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
+            self, frames=self._frames, on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason)
         )
         stopping = Stopping(p["acceleration"], p["deceleration"], p["timeout"])
         command = ur_follower.command(p["robot_ip"], stopping)

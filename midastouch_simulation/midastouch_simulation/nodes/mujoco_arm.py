@@ -136,10 +136,9 @@ class MujocoArmNode(PipelineNode):
         stamp = stamp_from_ns(self._began + round(arm.time * SECOND))
         self._time.publish(ClockMessage(clock=stamp))
         self._enable.publish(Bool(data=True))
-        thing = arm.base_from_object
         poses = (
             (p["base_frame_id"], p["sensor_frame_id"], arm.pose),
-            (p["base_frame_id"], p["object_frame_id"], thing),
+            (p["base_frame_id"], p["object_frame_id"], arm.base_from_object),
             (p["object_frame_id"], p["true_sensor_frame_id"], arm.gel_on_object),
         )
         self._tf.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
