@@ -15,7 +15,7 @@ import yaml
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import expanded, require_file
-from midastouch_common.images import BrokenImageError, decode_image
+from midastouch_common.images import REDUCTIONS, BrokenImageError, decode_image
 
 from .frames import CorruptFrameError
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
@@ -24,12 +24,7 @@ _FOLDER = Path(__file__).parent / "cameras"
 _FIX = f"compare with {_FOLDER / 'digit.yaml'}"
 _FORMATS = {"YUYV": PIX_FMT_YUYV, "MJPG": PIX_FMT_MJPEG}
 _ROTATIONS = {0: None, 90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
-_REDUCTION_FLAGS = {
-    1: cv2.IMREAD_COLOR,
-    2: cv2.IMREAD_REDUCED_COLOR_2,
-    4: cv2.IMREAD_REDUCED_COLOR_4,
-    8: cv2.IMREAD_REDUCED_COLOR_8,
-}
+_REDUCTION_FLAGS = {1: cv2.IMREAD_COLOR, **{factor: flag for flag, factor in REDUCTIONS.items()}}
 _KEYS = {"label", "usb_ids", "product", "rotation", "leds", "modes"}
 _ASPECT_TOLERANCE = 0.02  # by which a pixel's sides may differ: the sensor model has the same scale for both
 _MODE_KEYS = {"width", "height", "fps", "format", "crop", "output"}

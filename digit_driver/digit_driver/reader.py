@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from midastouch_common.errors import InputError
 
@@ -105,9 +106,9 @@ class FrameReader:
             # set here, too: the call of a hanging thread may return only after ``stop`` has left it alone
             self._slot.update(state=ReaderState.STOPPED)
         except (InputError, DeviceError) as error:
-            self._settle(ReaderState.FAILED, str(error))
+            self._settle(state=ReaderState.FAILED, last_error=str(error))
         except Exception as error:
-            self._settle(ReaderState.FAILED, f"internal error: {error!r}")
+            self._settle(state=ReaderState.FAILED, last_error=f"internal error: {error!r}")
             raise
         finally:
             self._camera.close()
@@ -125,7 +126,8 @@ class FrameReader:
             self._sign_of_life()
             try:
                 info = self._camera.open()
-                self._connected(info, opened_before)
+                again = self._slot.status.reconnects + opened_before
+                self._settle(state=ReaderState.STREAMING, info=info, reconnects=again)
                 opened_before = True
                 self._stream(info)
             except (DeviceError, InputError) as error:
@@ -133,10 +135,11 @@ class FrameReader:
                 if isinstance(error, InputError) and not opened_before:
                     raise
                 self._camera.close()
-                if not opened_before and self._waited_too_long(started_ns):
+                waited, limit = (time.monotonic_ns() - started_ns) * 1e-9, self._timing.wait_for_device
+                if not opened_before and 0.0 <= limit <= waited:
                     raise
                 state = ReaderState.DISCONNECTED if opened_before else ReaderState.CONNECTING
-                self._settle(state, str(error))
+                self._settle(state=state, last_error=str(error))
                 self._pause()
 
     def _stream(self, info: SourceInfo) -> None:
@@ -162,10 +165,6 @@ class FrameReader:
             elif (time.monotonic_ns() - last_good_ns) * 1e-9 > stall:
                 raise DeviceError(f"{info.name}: no good frame for {stall:g} s")
 
-    def _waited_too_long(self, started_ns: int) -> bool:
-        limit = self._timing.wait_for_device
-        return 0.0 <= limit <= (time.monotonic_ns() - started_ns) * 1e-9
-
     def _pause(self) -> None:
         """Sleep before the next attempt, but wake up often enough to show that the thread lives."""
         remaining = self._timing.reconnect
@@ -176,13 +175,8 @@ class FrameReader:
     def _sign_of_life(self) -> None:
         self._alive_ns = time.monotonic_ns()
 
-    def _connected(self, info: SourceInfo, again: bool) -> None:
-        self._slot.update(state=ReaderState.STREAMING, info=info, reconnects=self._slot.status.reconnects + again)
-        self._settled.set()
-        self._notify()
-
-    def _settle(self, state: ReaderState, error: str) -> None:
-        self._slot.update(state=state, last_error=error)
+    def _settle(self, **changes: Any) -> None:
+        self._slot.update(**changes)
         self._settled.set()
         self._notify()
 

@@ -95,12 +95,11 @@ def _findings(evidence: StreamEvidence) -> list[tuple[Level, str]]:
 
 def _uneven(evidence: StreamEvidence) -> str:
     reader = evidence.reader
-    if reader.state is not ReaderState.STREAMING or evidence.jitter is None:
-        return ""
-    if evidence.jitter <= evidence.jitter_limit:
+    jitter = evidence.jitter if reader.state is ReaderState.STREAMING else None
+    if jitter is None or jitter <= evidence.jitter_limit:
         return ""
     return (
-        f"time stamps are uneven by {1e3 * evidence.jitter:.1f} ms (limit {1e3 * evidence.jitter_limit:g} ms); "
+        f"time stamps are uneven by {1e3 * jitter:.1f} ms (limit {1e3 * evidence.jitter_limit:g} ms); "
         "check use_buffer_timestamps and the load of this computer"
     )
 

@@ -21,6 +21,13 @@ from .camera_model import CameraMode
 from .frames import DeviceError
 
 _BUFFERS = 4
+_NO_RIGHT = " (install the udev rule of this package, or join the group `video` and log in again)"
+_OPEN_HINTS = {errno.EACCES: _NO_RIGHT, errno.EPERM: _NO_RIGHT}
+_STREAM_HINTS = {
+    errno.EBUSY: " (another program uses the sensor; `fuser -v /dev/video*` shows which)",
+    errno.ENODEV: " (the sensor was unplugged)",
+    errno.ENOSPC: " (too little USB bandwidth: use another root port, or a lower frame rate)",
+}
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ class V4l2Stream:
             try:
                 fd = system.open(str(node))
             except OSError as error:
-                refusals.append(f"{node}: {os.strerror(error.errno)}{_open_hint(error.errno)}")
+                refusals.append(f"{node}: {os.strerror(error.errno)}{_OPEN_HINTS.get(error.errno, '')}")
                 continue
             refusal = _refusal(system, fd)
             if not refusal:
@@ -154,7 +161,7 @@ class V4l2Stream:
             raise self._failure(doing, error) from error
 
     def _failure(self, doing: str, error: OSError) -> DeviceError:
-        reason = os.strerror(error.errno) + _stream_hint(error.errno)
+        reason = os.strerror(error.errno) + _STREAM_HINTS.get(error.errno, "")
         return DeviceError(f"{self.name}: {doing} failed: {reason}")
 
 
@@ -179,18 +186,3 @@ def _monotonic_ns(buffer: v4l2.Buffer) -> int | None:
     if buffer.flags & v4l2.BUF_FLAG_TIMESTAMP_MASK != v4l2.BUF_FLAG_TIMESTAMP_MONOTONIC:
         return None
     return buffer.timestamp.tv_sec * 1_000_000_000 + buffer.timestamp.tv_usec * 1_000
-
-
-def _open_hint(code: int) -> str:
-    if code in (errno.EACCES, errno.EPERM):
-        return " (install the udev rule of this package, or join the group `video` and log in again)"
-    return ""
-
-
-def _stream_hint(code: int) -> str:
-    hints = {
-        errno.EBUSY: " (another program uses the sensor; `fuser -v /dev/video*` shows which)",
-        errno.ENODEV: " (the sensor was unplugged)",
-        errno.ENOSPC: " (too little USB bandwidth: use another root port, or a lower frame rate)",
-    }
-    return hints.get(code, "")

@@ -47,18 +47,8 @@ class Capability(c.Structure):
 
 class PixFormat(c.Structure):
     _fields_ = [
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("pixelformat", c.c_uint32),
-        ("field", c.c_uint32),
-        ("bytesperline", c.c_uint32),
-        ("sizeimage", c.c_uint32),
-        ("colorspace", c.c_uint32),
-        ("priv", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("ycbcr_enc", c.c_uint32),
-        ("quantization", c.c_uint32),
-        ("xfer_func", c.c_uint32),
+        *((name, c.c_uint32) for name in ("width", "height", "pixelformat", "field", "bytesperline", "sizeimage")),
+        *((name, c.c_uint32) for name in ("colorspace", "priv", "flags", "ycbcr_enc", "quantization", "xfer_func")),
     ]
 
 

@@ -24,7 +24,8 @@ _JPEG_BEGIN, _PNG_BEGIN = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 _EXIF, _EXIF_BEFORE = b"Exif\x00\x00", 1 << 16
 _MOST_PIXELS = 1 << 26
 _PADDED = re.compile(r"[1-7] extraneous bytes before marker 0xd9$")  # some cameras fill up their frames to whole words
-_REDUCTIONS = {cv2.IMREAD_REDUCED_COLOR_2: 2, cv2.IMREAD_REDUCED_COLOR_4: 4, cv2.IMREAD_REDUCED_COLOR_8: 8}
+REDUCTIONS = {cv2.IMREAD_REDUCED_COLOR_2: 2, cv2.IMREAD_REDUCED_COLOR_4: 4, cv2.IMREAD_REDUCED_COLOR_8: 8}
+"""Factor by which each of OpenCV's flags divides an image's sides."""
 
 
 class BrokenImageError(InputError):
@@ -39,7 +40,7 @@ def decode_image(data: bytes | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.
     """
     content = np.frombuffer(bytes(data), np.uint8)
     if content[:2].tobytes() == _JPEG_BEGIN:
-        pixels = _jpeg(content, "GRAY" if flags == cv2.IMREAD_GRAYSCALE else "BGR", _REDUCTIONS.get(flags, 1))
+        pixels = _jpeg(content, "GRAY" if flags == cv2.IMREAD_GRAYSCALE else "BGR", REDUCTIONS.get(flags, 1))
         if _EXIF not in content[:_EXIF_BEFORE].tobytes():  # by which OpenCV turns an image
             return pixels
     if content[:8].tobytes() == _PNG_BEGIN and (fault := _png_fault(content.data)):

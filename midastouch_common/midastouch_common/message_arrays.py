@@ -110,14 +110,8 @@ def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndar
     offsets = {f.name: f.offset for f in msg.fields if f.datatype == _FLOAT32 and f.count == 1}
     if any(name not in offsets or offsets[name] + 4 > msg.point_step for name in names):
         raise InputError(f"cloud needs fields {', '.join(names)} of type float32 inside its point_step")
-    layout = np.dtype(
-        {
-            "names": list(names),
-            "formats": [order + "f4"] * len(names),
-            "offsets": [offsets[name] for name in names],
-            "itemsize": msg.point_step,
-        }
-    )
+    formats, places = [order + "f4"] * len(names), [offsets[name] for name in names]
+    layout = np.dtype({"names": list(names), "formats": formats, "offsets": places, "itemsize": msg.point_step})
     rows = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.row_step)
     packed = np.ascontiguousarray(rows[:, : msg.width * msg.point_step]).reshape(-1)
     records = packed.view(layout)

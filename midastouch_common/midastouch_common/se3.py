@@ -116,14 +116,7 @@ def rotation_angle(rotation: npt.ArrayLike) -> np.ndarray:
     """Return the geodesic angle (...) [rad] of rotation matrices (..., 3, 3), in [0, pi] and accurate at both ends."""
     rotation = np.asarray(rotation, float)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
-    axis = np.stack(
-        [
-            rotation[..., 2, 1] - rotation[..., 1, 2],
-            rotation[..., 0, 2] - rotation[..., 2, 0],
-            rotation[..., 1, 0] - rotation[..., 0, 1],
-        ],
-        axis=-1,
-    )
+    axis = rotation[..., [2, 0, 1], [1, 2, 0]] - rotation[..., [1, 2, 0], [2, 0, 1]]
     return np.arctan2(np.linalg.norm(axis, axis=-1) / 2, cosine)
 
 

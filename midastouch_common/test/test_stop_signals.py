@@ -67,9 +67,11 @@ class Run:
     def send(self, number: int) -> None:
         self._process.send_signal(number)
 
-    def go_on(self) -> None:
+    def go_on(self, to: str = "") -> None:
         self._process.stdin.write("\n")
         self._process.stdin.flush()
+        if to:
+            self.until(to)
 
     def end(self) -> tuple[int, str]:
         """Exit code and stderr."""
@@ -105,16 +107,13 @@ def test_with_nothing_to_leave_in_order_it_ends_at_once(run, number) -> None:
 @pytest.mark.parametrize("number", STOP)
 def test_a_signal_is_an_event_once_and_nothing_ever_after(run, number) -> None:
     it = run()
-    it.go_on()
-    it.until("making")
+    it.go_on("making")
     it.send(number)
     it.until("woken")
-    it.go_on()
-    it.until("ending")
+    it.go_on("ending")
     it.send(number)
     it.until("woken")
-    it.go_on()
-    it.until("ended")
+    it.go_on("ended")
     it.send(number)
     it.go_on()
     assert it.end() == (3, "")
@@ -123,16 +122,13 @@ def test_a_signal_is_an_event_once_and_nothing_ever_after(run, number) -> None:
 @pytest.mark.parametrize(("ignored", "number"), [("HUP", signal.SIGHUP), ("INT", signal.SIGINT)])
 def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
     it = run("env", f"--ignore-signal={ignored}")
-    it.go_on()
-    it.until("making")
+    it.go_on("making")
     it.send(number)
     if number == signal.SIGHUP:
         it.send(signal.SIGTERM)
     it.until("woken")
-    it.go_on()
-    it.until("ending")  # not woken twice
-    it.go_on()
-    it.until("ended")
+    it.go_on("ending")  # not woken twice
+    it.go_on("ended")
     it.go_on()
     assert it.end() == (3, "")
 
@@ -141,18 +137,14 @@ def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
 @pytest.mark.parametrize("number", STOP)
 def test_a_signal_breaks_off_work_but_not_its_clean_up(run, number, options) -> None:
     it = run(options=options)
-    it.go_on()
-    it.until("working")
+    it.go_on("working")
     it.send(number)
     it.until_all("woken", "cleaning up")
     it.send(number)
     it.until("woken")
-    it.go_on()
-    it.until("making")  # work that is to begin after the signal does not
-    it.go_on()
-    it.until("ending")
-    it.go_on()
-    it.until("ended")
+    it.go_on("making")  # work that is to begin after the signal does not
+    it.go_on("ending")
+    it.go_on("ended")
     it.go_on()
     assert it.end() == (3, "")
 

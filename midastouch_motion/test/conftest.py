@@ -29,6 +29,12 @@ SENSOR = SensorModel.load("digit_tacto").for_maps
 _LEAST_AREA = 1.5e-6  # m^2
 
 
+def controller_of(limits: Limits, arm_latency: float = 0.05) -> Controller:
+    """One with room for all motions."""
+    guard = Guard(np.full(3, -1.0), np.full(3, 1.0), limits.depth, stale=0.2)
+    return Controller(ContactServo(limits, arm_latency), guard)
+
+
 @dataclass
 class World:
     """An object, and the delays [s] of images and arm, which moves for arm_timeout after a twist; noise of the depth
@@ -61,10 +67,10 @@ class World:
 
     def run(self, pose: np.ndarray, skills: list[Skill], seconds: float = 60.0) -> Run:
         """Carry out the skills one after the other, from a gel pose (4, 4)."""
-        arm, servo = SimulatedArm(pose, self.arm_latency, self.arm_timeout), ContactServo(self.limits, self.arm_latency)
-        controller = Controller(servo, Guard(np.full(3, -1.0), np.full(3, 1.0), self.limits.depth, stale=0.2))
+        arm = SimulatedArm(pose, self.arm_latency, self.arm_timeout)
+        controller = controller_of(self.limits, self.arm_latency)
         rehearsal = Rehearsal(arm, lambda: arm.pose, self.look, controller, self.fps, lambda: self.image_delay)
-        out = Run(servo=servo)
+        out = Run()
         for skill in skills:
             ended = rehearsal.carry_out(
                 skill, seconds - rehearsal.now, lambda moment: out.depths.append(self.depth(moment.where))
@@ -81,7 +87,6 @@ class Run:
     ended: list[SkillEnd | None] = field(default_factory=list)
     depths: list[float] = field(default_factory=list)
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
-    servo: ContactServo | None = None
 
 
 @pytest.fixture(scope="session")

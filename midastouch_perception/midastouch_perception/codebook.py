@@ -23,6 +23,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, readable, require_file
 from midastouch_common.mesh import ObjectMesh
 
+from .arrays import read_npz
 from .rendering.contact_poses import MAX_EXCESS, Reachability, pose_from_contact, touch_points
 from .sensor_model import SensorModel, given_as
 from .symmetry.search import ObjectSymmetry
@@ -230,7 +231,7 @@ class Codebook:
         except InputError as error:
             raise InputError(f"{error}, or build it: midastouch build-codebook MESH --sensor MODEL") from error
         with readable(path, "not a codebook", "build it with midastouch build-codebook"):
-            data = _read(path) if first is None else mapped_npz(path)
+            data = read_npz(path) if first is None else mapped_npz(path)
             if first is None and "checksum" in data and data["checksum"] != _checksum(data["poses"], data["codes"]):
                 raise InputError("its poses and codes are not those that were written")
             poses, codes = (data[name][:first].astype(np.float32) for name in ("poses", "codes"))
@@ -254,11 +255,8 @@ class Codebook:
             raise InputError(f"{path}: codes that are not of unit length; build it again")
         if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
             built_for = meta["mesh_name"]
-            fix = (
-                "build it again"
-                if built_for == mesh.name
-                else f"give the other mesh, or: {build_command(mesh.path or mesh.name)}"
-            )
+            other = f"give the other mesh, or: {build_command(mesh.path or mesh.name)}"
+            fix = "build it again" if built_for == mesh.name else other
             raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; {fix}")
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
@@ -281,11 +279,6 @@ class Codebook:
 
 def _checksum(*arrays: np.ndarray) -> int:
     return zlib.crc32(b"".join(array.tobytes() for array in arrays))
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as data:
-        return dict(data)
 
 
 def mapped_npz(path: str | Path) -> dict[str, np.ndarray]:

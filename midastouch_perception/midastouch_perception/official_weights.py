@@ -11,6 +11,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import require_file, sha256
 from midastouch_common.missing_modules import install_extra, pip_install
 
+from .arrays import read_npz
 from .state_dict import matched, plain_names
 from .tcn import minkloc3d_network
 from .tcn.minkloc3d import save_minkloc3d
@@ -67,7 +68,7 @@ def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
     if start.startswith(b"\x80") or (start.startswith(b"PK") and _is_torch_archive(path)):
         read = _read_torch
     elif start.startswith(b"PK"):
-        read = _read_numpy
+        read = read_npz
     elif start[8:] == b"{":
         read = _read_safetensors
     else:
@@ -93,11 +94,6 @@ def _is_torch_archive(path: Path) -> bool:
             return any(name.endswith("/data.pkl") for name in archive.namelist())
     except (OSError, ValueError, zipfile.BadZipFile):
         return False  # cut short: the reader of NumPy archives reports that
-
-
-def _read_numpy(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as data:
-        return {name: data[name] for name in data.files}
 
 
 def _read_safetensors(path: Path) -> dict[str, np.ndarray]:

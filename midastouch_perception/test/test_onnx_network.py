@@ -56,9 +56,8 @@ def test_a_network_that_is_not_that_of_its_card_is_refused(tmp_path):
     write_card(card, path)
     load_tcn(path)
     shutil.copy(WEIGHTS / "tcn_fast.json", tmp_path)
-    with pytest.raises(
-        InputError, match=r"tcn_fast\.onnx: damaged, or not the network of its model card tcn_fast\.json"
-    ):
+    damaged = r"tcn_fast\.onnx: damaged, or not the network of its model card tcn_fast\.json"
+    with pytest.raises(InputError, match=damaged):
         load_tcn(path)
 
 

@@ -237,9 +237,8 @@ def test_a_contact_that_leaves_marks_has_ended(monkeypatch):
         assert states[5:] == [*([ContactState.CONTACT] * len(touches)), end]
 
 
-def test_a_no_contact_image_of_another_gel_is_not_understood(touches):
+def test_a_no_contact_image_of_another_gel_is_not_understood(touches, real):
     """All of the image differs from the first frame on, and stays so."""
-    real = SensorModel.load("digit_real")
     image = resting(real)
     other = MeasuredSensor(MeasuredOptics.load("vocdex"), real, np.random.default_rng(0)).background
     stage = DepthStage(load_tdn("fast", real))

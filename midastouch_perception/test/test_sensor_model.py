@@ -24,8 +24,7 @@ def test_tacto_gel_has_the_known_depths(sensor):
     assert depth[0, 0] == pytest.approx(0.01911, abs=1e-5)
 
 
-def test_the_other_gels_are_as_published():
-    real = SensorModel.load("digit_real")
+def test_the_other_gels_are_as_published(real):
     assert 1e-3 / (real.gel_distance / real.focal) == pytest.approx(18.5, abs=0.1)
     assert real.sag(0.0065, 0.0) == pytest.approx(1e-3, abs=2e-4)
     assert real.sag(0.0, 0.009) == pytest.approx(1e-3, abs=3e-4)
@@ -52,8 +51,7 @@ def test_the_network_measures_a_ball_on_a_gelsight_mini():
         assert (measured & touched).sum() / (measured | touched).sum() > 0.85
 
 
-def test_at_scale_sets_what_a_pixel_is():
-    real = SensorModel.load("digit_real")
+def test_at_scale_sets_what_a_pixel_is(real):
     assert 1 / real.at_scale(18680).pixel_size == pytest.approx(18680)
     assert real.at_scale(18680).gel_distance == real.gel_distance
     for scale in (18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300):
@@ -107,7 +105,7 @@ def test_broken_models_are_refused(tmp_path, content, said):
         SensorModel.load("broken")
 
 
-def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
+def test_light_is_relative_unless_the_model_says_otherwise(tmp_path, real):
     text = (Path(sensor_model.__file__).parent / "sensor_models" / "digit_real.yaml").read_text()
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace("light: relative", "light: additive"))
@@ -115,5 +113,4 @@ def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("light")))
     assert SensorModel.load(path).light == "relative"
 
-    real = SensorModel.load("digit_real")
     assert dataclasses.replace(real, light="additive", lamps="").content_id == real.content_id, "a codebook knows none"

@@ -42,7 +42,9 @@ def simulate_grasp(
 def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generator, contacts: int) -> np.ndarray | None:
     """Close one hand: return poses (contacts, 4, 4) of its gels; None if it gets no hold."""
     (about,), _, _ = mesh.sample_surface(1, rng)
-    hand = se3.frame_from_normal(_directions(rng), rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
+    towards = rng.standard_normal((1, 3))
+    towards /= np.linalg.norm(towards)
+    hand = se3.frame_from_normal(towards, rng.uniform(0, 2 * np.pi, 1))[0]  # its z axis points to the thumb
     frames = hand @ np.stack([np.eye(3), *[np.diag([1.0, -1.0, -1.0])] * (contacts - 1)])
     middle = about + rng.uniform(-0.5, 0.5) * _OPENING * hand[:, 2]
     aside = rng.uniform(*_APART) * np.array([0.0, *(np.arange(contacts - 1) - (contacts - 2) / 2)])
@@ -61,12 +63,6 @@ def _closed(mesh: ObjectMesh, reachability: Reachability, rng: np.random.Generat
     turned = np.stack([carried(*each) for each in zip(frames, normals, strict=True)]) @ se3.exp(tilts)[:, :3, :3]
     poses, touching = reachability.pressed(se3.make(turned, points), rng.uniform(*_PRESS, contacts))
     return poses if touching.all() and _free(mesh, poses) else None
-
-
-def _directions(rng: np.random.Generator) -> np.ndarray:
-    """Draw one unit direction (1, 3)."""
-    direction = rng.standard_normal((1, 3))
-    return direction / np.linalg.norm(direction)
 
 
 def _free(mesh: ObjectMesh, poses: np.ndarray) -> bool:

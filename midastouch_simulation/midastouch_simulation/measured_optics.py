@@ -174,16 +174,13 @@ class MeasuredSensor:
         for penetration in penetrations:
             fresh = zip(self._light, self._draw(), strict=True)
             self._light = [_FRAME_CORRELATION * old + np.sqrt(1 - _FRAME_CORRELATION**2) * new for old, new in fresh]
-            yield self._exposed(self._rest * self._today() * self._optics.ratio(penetration, self._small.pixel_size))
+            exposure, drift = self._light
+            today = ((1 + self._positions @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
+            yield self._exposed(self._rest * today * self._optics.ratio(penetration, self._small.pixel_size))
 
     def _draw(self) -> list[np.ndarray]:
         rng, optics = self._rng, self._optics
         return [rng.standard_normal(3) * optics.exposure, rng.standard_normal(6) * optics.drift]
-
-    def _today(self) -> np.ndarray:
-        """Return the factor (H, W, 3) of a frame's light."""
-        exposure, drift = self._light
-        return ((1 + self._positions @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
 
     def _exposed(self, light: np.ndarray) -> np.ndarray:
         noisy = light + self._optics.noise * self._rng.standard_normal(light.shape, np.float32)

@@ -122,18 +122,9 @@ def shade(
     """Shade a surface: (H, W, 3) float32 grey levels for depth (H, W) m and normals (H, W, 3), gel frame."""
     c_diffuse = light.base * 0.96 * (1 - light.metallic)
     f0 = 0.04 + (light.base - 0.04) * light.metallic
-    return kernels.shade(
-        np.ascontiguousarray(depth, np.float32),
-        np.ascontiguousarray(normals, np.float32),
-        np.ascontiguousarray(tangent_x, np.float32),
-        np.ascontiguousarray(tangent_y, np.float32),
-        light.positions.astype(np.float32),
-        light.colours.astype(np.float32),
-        light.cone,
-        c_diffuse / math.pi,
-        f0,
-        light.roughness,
-    )
+    maps = (np.ascontiguousarray(each, np.float32) for each in (depth, normals, tangent_x, tangent_y))
+    lights = light.positions.astype(np.float32), light.colours.astype(np.float32)
+    return kernels.shade(*maps, *lights, light.cone, c_diffuse / math.pi, f0, light.roughness)
 
 
 class ColourTable:

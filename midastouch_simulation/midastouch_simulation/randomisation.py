@@ -191,16 +191,12 @@ class RandomSensor:
         positions = np.stack([radius * np.cos(angles), radius * np.sin(angles), height], axis=1)
         positions += rng.normal(0, 5e-4 * spread, 3)
         intensity = np.clip(1 + rng.normal(0, 0.2 * spread, 3), 0.3, 3)
+        light = dataclasses.replace(tacto, positions=positions, colours=tacto.colours * intensity[:, None])
         if not self.wide:
-            return dataclasses.replace(tacto, positions=positions, colours=tacto.colours * intensity[:, None])
-        return Illumination(
-            positions=positions,
-            colours=tacto.colours * intensity[:, None],
-            cone=rng.uniform(0.2, 1),
-            base=rng.uniform(0.15, 0.6),
-            metallic=rng.uniform(0, 0.5),
-            roughness=rng.uniform(0.5, 1),
-        )
+            return light
+        cone, base = rng.uniform(0.2, 1), rng.uniform(0.15, 0.6)
+        metallic, roughness = rng.uniform(0, 0.5), rng.uniform(0.5, 1)
+        return dataclasses.replace(light, cone=cone, base=base, metallic=metallic, roughness=roughness)
 
     def _draw_mixing(self, rng: np.random.Generator) -> np.ndarray:
         """Draw a colour matrix (3, 3): each LED leaks into the other colours of the camera's filter."""

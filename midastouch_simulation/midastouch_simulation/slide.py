@@ -66,13 +66,10 @@ class Grip:
     def shake(self) -> None:
         """Change depth and tilt by one random step."""
         low, high = self._press
-        self.depth = _bounced(self.depth + self._rng.uniform(-1, 1) * (high - low) / 10, low, high)
+        depth = self.depth + self._rng.uniform(-1, 1) * (high - low) / 10
+        self.depth = low + abs(depth - low) if depth < high else high - (depth - high)  # it bounces off both ends
         tilt = 0.97 * self.tilt + self._rng.normal(0, 0.08 * self._max_tilt, 2)
         self.tilt = tilt * min(1.0, self._max_tilt / max(float(np.linalg.norm(tilt)), 1e-12))
-
-
-def _bounced(value: float, low: float, high: float) -> float:
-    return low + abs(value - low) if value < high else high - (value - high)
 
 
 @dataclass(frozen=True)

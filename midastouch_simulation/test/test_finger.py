@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from fake_arms import ended
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -14,12 +15,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def moved(motion):
     """Poses (N, 4, 4) of a motion, and whether it went as far as it was to."""
-    poses = []
-    while True:
-        try:
-            poses.append(next(motion))
-        except StopIteration as end:
-            return np.array(poses).reshape(-1, 4, 4), end.value
+    poses, whole = ended(motion)
+    return np.array(poses).reshape(-1, 4, 4), whole
 
 
 def finger_on(name, sensor, seed=0, lifted=0.0):

@@ -33,7 +33,7 @@ class ImagePublisher:
             self._image.publish(image_to_msg(image, "rgb8", header))
         if self._jpeg.get_subscription_count():
             self._jpeg.publish(compressed_message(image, header, jpeg_quality))
-        self._info.publish(_camera_info_message(intrinsics, header))
+        self._info.publish(CameraInfo(header=header, **vars(intrinsics)))  # whose fields have the same names
 
 
 def compressed_message(image: np.ndarray, header: Header, quality: int) -> CompressedImage:
@@ -44,16 +44,3 @@ def compressed_message(image: np.ndarray, header: Header, quality: int) -> Compr
     # array.array is the only type that rclpy takes without a check of every element.
     message.data = array.array("B", jpeg.tobytes())
     return message
-
-
-def _camera_info_message(intrinsics: Intrinsics, header: Header) -> CameraInfo:
-    return CameraInfo(
-        header=header,
-        width=intrinsics.width,
-        height=intrinsics.height,
-        distortion_model=intrinsics.distortion_model,
-        d=list(intrinsics.d),
-        k=list(intrinsics.k),
-        r=list(intrinsics.r),
-        p=list(intrinsics.p),
-    )

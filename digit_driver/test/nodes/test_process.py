@@ -15,10 +15,7 @@ NO_SENSOR = "{serial: no-such-serial, wait_for_device_timeout: 2.0, reconnect_ti
 
 @pytest.mark.parametrize(
     ("yaml", "code", "named"),
-    [
-        ("camera_info_url: /nowhere", 2, "camera_info_url: /nowhere"),
-        (NO_SENSOR, 1, "no-such-serial"),
-    ],
+    [("camera_info_url: /nowhere", 2, "camera_info_url: /nowhere"), (NO_SENSOR, 1, "no-such-serial")],
 )
 def test_process_ends_with_a_code_and_one_reason(tmp_path, yaml, code, named) -> None:
     path = tmp_path / "params.yaml"

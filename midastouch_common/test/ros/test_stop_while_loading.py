@@ -69,12 +69,8 @@ raise SystemExit(spin.run(nodes))
     ],
 )
 def test_loading_that_never_ends_is_broken_off(when, autostart, said, number):
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, when, "--ros-args", "-p", f"autostart:={autostart}"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-c", PROGRAM, when, "--ros-args", "-p", f"autostart:={autostart}"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         for line in process.stdout:
             if line == "loading\n":

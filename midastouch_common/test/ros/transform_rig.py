@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from tf2_msgs.msg import TFMessage
 from tf_messages import tf_msg, translation
 
@@ -41,6 +43,13 @@ class Listening:
             return self.source.newest("mark", "mark_below")[0, 3] == self.marks
         except TransformError:
             return False
+
+    def wait_unspun(self, done) -> None:
+        """Wait until that, while nothing spins."""
+        deadline = time.monotonic() + 60
+        while not done():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
 
     def until(self, stamp):
         """The pose at a stamp, once it is told that it is there."""

@@ -102,11 +102,6 @@ def _over(track: SurfaceTrack, length: float) -> np.ndarray:
     poses = track.poses[: track.index(length) + 1]
     kept = [poses[0]]
     for before, pose in itertools.pairwise(poses):
-        if _angle(kept[-1], pose) > _TURN:
+        if np.arccos(np.clip(kept[-1][:3, 2] @ pose[:3, 2], -1, 1)) > _TURN:  # between the z axes
             kept.append(before)
     return np.stack([*kept[1:], poses[-1]])
-
-
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle [rad] between the z axes of two poses (4, 4)."""
-    return float(np.arccos(np.clip(a[:3, 2] @ b[:3, 2], -1, 1)))

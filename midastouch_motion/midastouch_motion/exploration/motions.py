@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,8 +20,6 @@ _SHOWN = 2e-3  # m: a slide that is stopped earlier has shown nothing new
 _NEAR = 1e-3  # m from a position that a person shows that count as there
 _BESIDE = 0.013  # m, the width of a gel: places further apart are distinct
 _SLIDES_TO = 4  # slides to a position, each along the chord of the path that is left
-
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -143,7 +140,7 @@ class Motions:
         if not able:
             return False
         self.blocked = False
-        went = yield from self._watched(leap(able, searched))
+        went = yield from carried_out(leap(able, searched), self._do)
         self.lifts += went
         return went
 
@@ -166,10 +163,6 @@ class Motions:
         if not answer.success:
             self.why_not = answer.message
         return answer.success
-
-    def _watched(self, plan: Plan[_T]) -> Plan[_T]:
-        """Carry out a plan; the end of each act is noted."""
-        return (yield from carried_out(plan, self._do))
 
     def _do(self, act: Act | CheckReach) -> Plan[Done]:
         """Carry out one act, and note its end."""

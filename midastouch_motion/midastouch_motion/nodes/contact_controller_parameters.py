@@ -25,14 +25,7 @@ PARAMETERS = (
     Parameter("base_frame_id", "base_link", "Frame at rest, in which the box is"),
     Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, whose twists are commanded"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of tdn"),
-    Parameter(
-        "depth",
-        5e-4,
-        "Depth of the gel, unless a goal gives one",
-        unit="m",
-        minimum=SHALLOWEST,
-        maximum=2e-3,
-    ),
+    Parameter("depth", 5e-4, "Depth of the gel, unless a goal gives one", unit="m", minimum=SHALLOWEST, maximum=2e-3),
     Parameter("max_depth", 1e-3, "A gel that gets deeper is pulled back; 2 mm at most", unit="m", minimum=2e-4),
     Parameter("speed", 0.01, "Fastest motion in contact", unit="m/s", minimum=1e-4, maximum=0.1),
     Parameter(

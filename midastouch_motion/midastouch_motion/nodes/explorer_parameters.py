@@ -25,12 +25,7 @@ PARAMETERS = (
         minimum=5e-3,
         maximum=2.0,
     ),
-    Parameter(
-        "reach_low",
-        [-10.0, -10.0, -10.0],
-        "Corner of the box in the base frame in which it touches",
-        "m",
-    ),
+    Parameter("reach_low", [-10.0, -10.0, -10.0], "Corner of the box in the base frame in which it touches", "m"),
     Parameter("reach_high", [10.0, 10.0, 10.0], "Its opposite corner", "m"),
     Parameter(
         "max_tilt",

@@ -31,12 +31,8 @@ class Sight:
     def __init__(
         self, node: Node, frames: Mapping[str, str], on_jump: Callable[[], None], problem: Callable[[str, str], None]
     ):
-        self.base, self._object, self._sensor, self._problem = (
-            frames["base"],
-            frames["object"],
-            frames["sensor"],
-            problem,
-        )
+        self.base, self._object, self._sensor = (frames[name] for name in ("base", "object", "sensor"))
+        self._problem = problem
         self.shown: ObjectMesh | None = None
         self._mesh: ObjectMesh | None = None
         self._modes = PoseModes()

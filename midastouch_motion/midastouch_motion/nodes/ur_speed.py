@@ -76,9 +76,7 @@ class UrSpeed(ManagedNode):
         self.create_subscription(TwistStamped, "delta_twist_cmds", self._on_twist, qos.stream_subscriber(1))
         # last: nothing would end their threads if something after them failed
         self._transforms = TransformSource(
-            self,
-            frames=self._frames,
-            on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
+            self, frames=self._frames, on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason)
         )
         stopping = Stopping(p["acceleration"], p["deceleration"], p["timeout"])
         command = ur_follower.command(p["robot_ip"], stopping)
@@ -113,7 +111,7 @@ class UrSpeed(ManagedNode):
         if self._follower is None:  # deactivated in the same round of the executor
             return
         twist = twist_of(msg)
-        tool_from_gel = self._tool_from_gel()
+        tool_from_gel = self._transforms.known(*self._frames, self.get_clock().now().nanoseconds)
         if refusal := self._limits.refusal(msg.header.frame_id, twist):
             self._refuse("refused_twists", refusal)
         elif tool_from_gel is None:
@@ -125,10 +123,6 @@ class UrSpeed(ManagedNode):
     def _refuse(self, kind: str, reason: str) -> None:
         self.diagnostics.problem(kind, f"the arm stops: {reason}")
         self._follower.send(np.zeros(6))
-
-    def _tool_from_gel(self) -> np.ndarray | None:
-        """Return T_tool_gel (4, 4); None as long as TF does not have it."""
-        return self._transforms.known(*self._frames, self.get_clock().now().nanoseconds)
 
 
 def _make_nodes() -> list[UrSpeed]:

@@ -9,6 +9,7 @@ parent process then ends the program. The end of the input stops the arm.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import sys
 import time
@@ -32,8 +33,7 @@ def command(robot_ip: str, stopping: Stopping) -> list[str]:
     ----------
     robot_ip, stopping
     """
-    numbers = (stopping.acceleration, stopping.deceleration, stopping.timeout)
-    return [sys.executable, "-m", __name__, robot_ip, *map(str, numbers)]
+    return [sys.executable, "-m", __name__, robot_ip, *map(str, dataclasses.astuple(stopping))]
 
 
 def follow(arm: UrArm, orders: Orders, timeout: float, report: Callable[[str], None]) -> None:

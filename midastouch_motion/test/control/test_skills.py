@@ -6,13 +6,11 @@ from simulated_arm import SimulatedArm
 
 from midastouch_common import se3
 from midastouch_motion.control.contact_servo import ContactServo, Limits
-from midastouch_motion.control.controller import Controller
-from midastouch_motion.control.guard import Guard
 from midastouch_motion.control.measured import Measured
 from midastouch_motion.control.skills import ApproachSkill, BackOffSkill, LiftSkill, SlideSkill, TouchSkill
 from midastouch_simulation.rehearsal import Rehearsal
 
-from ..conftest import above
+from ..conftest import above, controller_of
 
 DEPTH = 0.5e-3
 CORNER = [2e-3, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2e-3, 0.0, 0.1, 0.0]
@@ -68,20 +66,14 @@ def test_where_nothing_is_a_touch_ends(world):
 def rehearsed(look, limits=None, centre=lambda pose: np.zeros(2), force=lambda pose: np.zeros(3)):
     """A gel at the origin, to which `look(pose)` [m] is the depth, `centre(pose)` that of the contact, and
     `force(pose)` what the arm measures."""
-    limits, arm = limits or Limits(), SimulatedArm(np.eye(4))
-    controller = Controller(
-        ContactServo(limits, 0.05), Guard(np.full(3, -1.0), np.full(3, 1.0), limits.depth, stale=0.2)
-    )
-    there = Rehearsal(
-        arm,
-        lambda: arm.pose,
-        lambda pose: Measured(0.0, (depth := look(pose)), np.zeros(2), centre(pose), 5e-5 * (depth > 0), depth / 2),
-        controller,
-        30.0,
-        lambda: 0.05,
-        lambda: force(arm.pose),
-    )
-    return there, arm
+    arm, controller = SimulatedArm(np.eye(4)), controller_of(limits or Limits())
+
+    def measured(pose):
+        depth = look(pose)
+        return Measured(0.0, depth, np.zeros(2), centre(pose), 5e-5 * (depth > 0), depth / 2)
+
+    how = measured, controller, 30.0, lambda: 0.05, lambda: force(arm.pose)
+    return Rehearsal(arm, lambda: arm.pose, *how), arm
 
 
 def test_a_press_deeper_than_images_show_is_pulled_back():

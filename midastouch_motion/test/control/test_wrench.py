@@ -72,9 +72,8 @@ def test_the_weight_of_a_tool_is_taken_off_and_weighed_by_a_turn():
     unweighed = tared(bias - mass * G * down)
     assert "tool_mass is wrong" in felt(unweighed, bias - mass * G * aside, up=aside).problem
     unweighed.tare()
-    assert (
-        "tool_mass is wrong, 1.50 kg by turns in the air" in felt(unweighed, [30, 0, 0], up=aside, start=20.0).problem
-    )
+    found = felt(unweighed, [30, 0, 0], up=aside, start=20.0)
+    assert "tool_mass is wrong, 1.50 kg by turns in the air" in found.problem
 
 
 def test_small_turns_do_not_weigh_a_tool():

@@ -11,10 +11,10 @@ from midastouch_simulation.world import World
 
 def followed(world: World, plan):
     """Poses T_obj_gel of a plan, and what it came to."""
-    return _ended(world.follow(plan))
+    return ended(world.follow(plan))
 
 
-def _ended(steps):
+def ended(steps):
     """What a generator yields, and what it returns."""
     yielded = []
     while True:
@@ -39,7 +39,7 @@ class Scripted:
         self._answer, self.acts = answer, []
 
     def follow(self, plan):
-        return _ended(carried_out(plan, self._carry_out))[1]
+        return ended(carried_out(plan, self._carry_out))[1]
 
     def _carry_out(self, act):
         yield from ()  # it takes no time

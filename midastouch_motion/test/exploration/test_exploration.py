@@ -28,6 +28,14 @@ def advice(*suggestions, indistinguishable=False, message=""):
     return Advice(made, indistinguishable, message)
 
 
+def touched(answer, cone=np.pi, asks=False):
+    """An arm that answers so, and an exploration that has touched with it; cone and asks, of its reach."""
+    reach = Reach([-9] * 3, [9] * 3, cone, asks)
+    arm, exploration = Scripted(answer), Exploration(np.random.default_rng(0), 1.0, reach)
+    arm.follow(exploration.touch())
+    return arm, exploration
+
+
 def go(world, exploration, *motions):
     return followed(world, exploration.go(motions, seen(world)))[0]
 
@@ -70,9 +78,7 @@ def test_where_a_slide_was_blocked_it_lifts_first(world, exploration):
 
 def test_it_goes_straight_if_no_way_over_the_surface_is_in_reach(world):
     """The ball is believed to be beside the gel, whose ways over it lean to the side."""
-    arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
-    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.radians(50)))
-    arm.follow(exploration.touch())
+    arm, exploration = touched(lambda act: (True, "", 0.03, True, np.eye(4)), cone=np.radians(50))
     beside = Surroundings(np.eye(4), se3.translation([-0.03, 0, 0]), world.mesh)
     arm.follow(exploration.go([Motion(0.0, 0.03)], beside))
     assert len(arm.acts) > 1
@@ -89,9 +95,7 @@ def test_it_slides_after_a_vain_leap_and_leaps_after_a_refusal(world, refused):
             return next(answers), "joint 3", 0.0, True, np.eye(4)
         return True, "", 0.03, next(touches) if isinstance(act, Touch) else isinstance(act, Slide), np.eye(4)
 
-    arm = Scripted(script)
-    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=refused))
-    arm.follow(exploration.touch())
+    arm, exploration = touched(script, asks=refused)
     on_top = Surroundings(np.eye(4), se3.translation([0, 0, -world.mesh.bounds[1, 2]]), world.mesh)
     arm.follow(exploration.go([Motion(0.0, 0.01, True), Motion(1.0, 0.01, True), Motion(0.0, 0.01)], on_top))
     done = [type(act) for act in arm.acts[1:]]
@@ -103,9 +107,7 @@ def test_it_slides_after_a_vain_leap_and_leaps_after_a_refusal(world, refused):
 
 def test_while_the_filter_is_searching_slides_come_before_leaps():
     """A leap goes to where the surface is believed to be."""
-    arm = Scripted(lambda act: (True, "", 0.03, True, np.eye(4)))
-    exploration = Exploration(np.random.default_rng(0), 1.0)
-    arm.follow(exploration.touch())
+    arm, exploration = touched(lambda act: (True, "", 0.03, True, np.eye(4)))
 
     def first(told, state):
         del arm.acts[:]
@@ -123,9 +125,7 @@ def test_while_the_filter_is_searching_slides_come_before_leaps():
 
 @pytest.mark.parametrize("searching", [False, True])
 def test_off_an_unknown_surface_it_goes_back_to_it(world, searching):
-    arm = Scripted(lambda act: (True, "", 0.0, isinstance(act, Touch), np.eye(4)))
-    exploration = Exploration(np.random.default_rng(0), 1.0)
-    arm.follow(exploration.touch())
+    arm, exploration = touched(lambda act: (True, "", 0.0, isinstance(act, Touch), np.eye(4)))
     exploration.motions.touching = False
     del arm.acts[:]
     if searching:
@@ -140,9 +140,9 @@ def test_off_an_unknown_surface_it_goes_back_to_it(world, searching):
 def test_the_next_try_begins_where_the_last_has_led():
     """A slide that is stopped within 2 mm has shown nothing, but the gel may have turned."""
     poses = iter([np.eye(4), turned := se3.exp(np.array([0, 0, 0, 0, 0.5, 0])), turned])
-    arm = Scripted(lambda act: (True, "", 1e-3, True, np.eye(4) if isinstance(act, CheckReach) else next(poses)))
-    exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
-    arm.follow(exploration.touch())
+    arm, exploration = touched(
+        lambda act: (True, "", 1e-3, True, np.eye(4) if isinstance(act, CheckReach) else next(poses)), asks=True
+    )
     arm.follow(exploration.go([Motion(0.0, 0.03), Motion(1.0, 1e-3)], Surroundings(np.eye(4))))
     assert [type(act) for act in arm.acts[1:]] == [CheckReach, Slide] * 2, "the second did all that was asked"
     assert arm.acts[3].poses[-1][:3, 2] == pytest.approx(turned[:3, 2])
@@ -155,9 +155,7 @@ def test_a_finger_that_gets_nowhere_is_stuck_after_three_times():
         able = isinstance(act, Touch | Lift) or (isinstance(act, Approach) and not act.pose[:2, 3].any())
         return able, "in the way", 0.0, isinstance(act, Touch | Slide), np.eye(4)
 
-    arm = Scripted(script)
-    exploration = Exploration(np.random.default_rng(0), 1.0)
-    arm.follow(exploration.touch())
+    arm, exploration = touched(script)
     for _ in range(3):
         assert exploration.verdict is None
         arm.follow(exploration.go([], Surroundings(np.eye(4))))
@@ -217,9 +215,9 @@ class TestAskedReach:
 
     @staticmethod
     def follow(*motions, reaches):
-        arm = Scripted(lambda act: (reaches or not isinstance(act, CheckReach), "joint 3", 0.03, True, np.eye(4)))
-        exploration = Exploration(np.random.default_rng(0), 1.0, Reach([-9] * 3, [9] * 3, np.pi, asks=True))
-        arm.follow(exploration.touch())
+        arm, exploration = touched(
+            lambda act: (reaches or not isinstance(act, CheckReach), "joint 3", 0.03, True, np.eye(4)), asks=True
+        )
         arm.follow(exploration.go(motions, Surroundings(np.eye(4))))
         return exploration, arm.acts[1:]
 

@@ -52,6 +52,11 @@ class AnsweredFinger:
     def touches(self):
         return np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
 
+    def more_images(self, count):
+        """Spin until more than so many further images have come."""
+        seen = len(self.poses)
+        self.graph.spin_until(lambda: len(self.poses) > seen + count, "more images")
+
     def ask(self, kind, **goal):
         return Asked(self.graph.companion, self.graph.spin_until, kind, **goal)
 
@@ -89,6 +94,16 @@ class Rig(AnsweredFinger):
 
         self.graph.spin_until(is_there, f"explorer {state}: {words}")
         return next(one for one in statuses if one.state == state and words in one.reason)
+
+    def loses_patience(self, clock, seconds):
+        """Its last status, once it has given up; with each image the clock goes on by so many seconds."""
+
+        def goes_on():
+            clock.now = seconds * len(self.poses)
+            return self.statuses and self.statuses[-1].state == "gave_up"
+
+        self.graph.spin_until(goes_on, "an end")
+        return self.statuses[-1]
 
     def call(self, name):
         return self.graph.call(Trigger, f"explorer/{name}", Trigger.Request())

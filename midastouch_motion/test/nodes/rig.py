@@ -102,10 +102,11 @@ class Motion(Asked):
         super().__init__(rig.graph.companion, rig.until, kind, **goal)
         self._rig = rig
 
-    def moves(self) -> None:
-        """Once the arm is told to move."""
+    def moves(self) -> Motion:
+        """Itself, once the arm is told to move."""
         before = len(self._rig.twists)
         self._rig.until(lambda: any(moving(twist) for twist in self._rig.twists[before:]), "a motion")
+        return self
 
 
 def moving(message: TwistStamped) -> bool:

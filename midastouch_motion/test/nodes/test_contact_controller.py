@@ -35,8 +35,7 @@ def test_an_approach_ends_where_it_was_sent(graph):
 
 def test_it_approaches_and_succeeds_once_the_depth_is_held(graph):
     rig = Rig(graph)
-    asked = rig.ask(Touch, distance=0.05)
-    asked.moves()
+    asked = rig.ask(Touch, distance=0.05).moves()
     assert rig.twists[-1].header.frame_id == "digit_gel_frame"
     assert rig.twists[-1].twist.linear.z < 0
     rig.depth = 5e-4
@@ -106,8 +105,7 @@ def test_without_transforms_these_are_missed_and_not_the_arm(graph):
 def test_what_is_not_finite_is_no_image(graph, bad):
     rig = Rig(graph, stale_after=2.0)
     rig.depth = 5e-4
-    asked = rig.ask(Slide, length=0.2)
-    asked.moves()
+    asked = rig.ask(Slide, length=0.2).moves()
     rig.bad = bad
     assert "the newest image is" in asked.ended().message
     twists = [each.twist for each in rig.twists]
@@ -118,8 +116,7 @@ def test_what_is_not_finite_is_no_image(graph, bad):
 def test_what_cannot_be_read_ends_a_slide(graph, state, reason):
     rig = Rig(graph, stale_after=2.0)
     rig.depth = 5e-4
-    asked = rig.ask(Slide, length=0.2)
-    asked.moves()
+    asked = rig.ask(Slide, length=0.2).moves()
     rig.state = state
     rig.until(lambda: in_the_way(rig).find(reason) >= 0, "the reason")
     rig.depth, rig.state = 1e-4, "contact"
@@ -128,19 +125,17 @@ def test_what_cannot_be_read_ends_a_slide(graph, state, reason):
 
 def test_a_cancelled_motion_stops(graph):
     rig = Rig(graph)
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
+    asked = rig.ask(Lift, height=0.2).moves()
     rig.until(lambda: asked.handle is not None, "the goal's handle")
     asked.handle.cancel_goal_async()
     assert asked.ended().message == "cancelled"
     rig.until(lambda: not any(map(moving, rig.twists[-2:])), "two stops")
-    assert rig.ask(Lift, height=0.2).moves() is None, "the next goal is carried out"
+    assert rig.ask(Lift, height=0.2).moves(), "the next goal is carried out"
 
 
 def test_one_motion_at_a_time(graph):
     rig = Rig(graph)
-    first = rig.ask(Lift, height=0.2)
-    first.moves()
+    first = rig.ask(Lift, height=0.2).moves()
     assert "carrying out a lift" in rig.ask(Touch, distance=0.01).ended().message
     assert first.result is None
 
@@ -148,8 +143,7 @@ def test_one_motion_at_a_time(graph):
 def test_a_deactivated_node_stops_and_refuses(graph):
     rig = Rig(graph)
     rig.depth = 5e-4
-    asked = rig.ask(Slide, length=0.2)
-    asked.moves()
+    asked = rig.ask(Slide, length=0.2).moves()
     assert graph.change_state("contact_controller", "deactivate")
     assert "deactivated" in asked.ended().message
     assert asked.result.depth > 0
@@ -166,8 +160,7 @@ def test_a_node_that_is_not_configured_refuses(graph):
 def test_an_image_that_is_ahead_of_the_clock_is_none(graph):
     """One of a wrong stamp, of which no later one is newer."""
     rig = Rig(graph, air_speed=2e-3)  # the lift takes 100 s
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
+    asked = rig.ask(Lift, height=0.2).moves()
     ahead = (graph.companion.get_clock().now() + Duration(seconds=1000.0)).to_msg()
     images = graph.publisher(TactileContact, "tactile/contact", qos.stream_publisher())
 

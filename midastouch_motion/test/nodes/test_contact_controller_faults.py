@@ -58,8 +58,7 @@ def another_commander(rig, graph):
 )
 def test_each_fault_stops_the_arm_and_is_the_reason(graph, fault, reason, parameters):
     rig = Rig(graph, **parameters)
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
+    asked = rig.ask(Lift, height=0.2).moves()
     fault(rig, graph)
     result = asked.ended()
     assert not result.success
@@ -88,8 +87,7 @@ def test_a_force_that_the_depth_does_not_explain_ends_a_slide(graph, force, reas
     assert "bias 5.0 N" in rig.node.describe()[2]["force"]
     rig.depth = 5e-4
     rig.until(lambda: rig.node.describe()[2]["depth_mm"] == "0.50", "the contact")
-    asked = rig.ask(Slide, length=0.2)
-    asked.moves()
+    asked = rig.ask(Slide, length=0.2).moves()
     rig.force = tuple(bias + force)
     height = rig.position[2]
     assert reason in asked.ended().message
@@ -105,8 +103,7 @@ def test_an_arm_without_forces_says_so(graph):
 @pytest.mark.parametrize(("simulated", "seconds"), [(False, 100.0), (True, 100.0), (True, 0.9)])
 def test_a_simulator_that_starts_again_stops_the_arm(graph, simulated, seconds):
     rig = Rig(graph, use_sim_time=simulated)
-    asked = rig.ask(Lift, height=0.2)
-    asked.moves()
+    asked = rig.ask(Lift, height=0.2).moves()
     rig.late = seconds
     result = asked.ended()
     assert result.message == "time ran back"

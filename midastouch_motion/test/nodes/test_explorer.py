@@ -109,14 +109,9 @@ def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):
 def test_a_filter_that_only_lags_behind_is_not_followed_for_ever(graph, patience_clock):
     rig = Rig(graph, give_up_after=1.0)
     rig.untouched, rig.reason = FilterStatus.STATE_STALE, "images are 28 s behind"
-
-    def goes_on():
-        patience_clock.now = 0.05 * len(rig.poses)  # which are answered
-        return rig.statuses and rig.statuses[-1].state == "gave_up"
-
-    graph.spin_until(goes_on, "an end")
-    assert "the filter is stale: images are 28 s behind" in rig.statuses[-1].reason
-    assert rig.statuses[-1].path_length == 0
+    status = rig.loses_patience(patience_clock, 0.05)  # though all images are answered
+    assert "the filter is stale: images are 28 s behind" in status.reason
+    assert status.path_length == 0
     assert rig.ended
 
 
@@ -135,8 +130,7 @@ def test_another_object_than_the_known_ones_ends_it(rig):
 def test_an_answer_that_is_lost_is_asked_for_again(rig):
     rig.until("exploring", "somewhere")
     rig.silent = True
-    before = len(rig.poses)
-    rig.graph.spin_until(lambda: len(rig.poses) > before + 4, "more images while no answer comes")
+    rig.more_images(4)  # while no answer comes
     rig.silent, rig.state = False, "converged"
     rig.until("known")
 

@@ -17,8 +17,7 @@ pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
     rig = Rig(graph, start_paused=True)
     rig.until("paused", "~/resume")
-    seen = len(rig.poses)
-    rig.graph.spin_until(lambda: len(rig.poses) > seen + 1, "images at rest")
+    rig.more_images(1)
     assert np.ptp([pose[:3, 3] for pose in rig.poses], axis=0).max() == 0
     assert rig.call("resume").success
     rig.until("exploring", "somewhere")
@@ -52,8 +51,7 @@ def test_a_motion_is_judged_once_though_a_person_intervened(rig, monkeypatch):
     rig.graph.spin_until(lambda: rig.statuses[-1].lifts == 1, "the first touch")
     assert rig.call("pause").success
     monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
-    seen = len(rig.poses)
-    rig.graph.spin_until(lambda: len(rig.poses) > seen + 3, "images at rest")
+    rig.more_images(3)
     assert rig.call("resume").success
     status = rig.until("known")
     assert status.slides + status.lifts > 1
@@ -70,7 +68,7 @@ def test_an_overdue_answer_moves_no_finger_that_a_person_has(rig, monkeypatch):
     assert rig.call("pause").success
     seen = len(rig.poses)
     monkeypatch.setattr(explorer_services, "TIMEOUT_S", 0.0)
-    rig.graph.spin_until(lambda: len(rig.poses) > seen + 3, "images at rest")
+    rig.more_images(3)
     assert np.ptp([pose[:3, 3] for pose in rig.poses[seen:]], axis=0).max() == 0
     assert rig.statuses[-1].reason.startswith("a person has the finger")
     with pytest.raises(LookupError):

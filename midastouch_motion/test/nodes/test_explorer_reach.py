@@ -73,14 +73,9 @@ def test_one_that_goes_is_missed(graph):
 
 def test_one_that_is_not_there_is_awaited_and_then_named(graph, patience_clock):
     rig = Rig(graph, give_up_after=1.0, reach_service="what_it_reaches")
-
-    def goes_on():
-        patience_clock.now = 0.05 * len(rig.poses)
-        return rig.statuses and rig.statuses[-1].state == "gave_up"
-
-    graph.spin_until(goes_on, "an end")
+    last = rig.loses_patience(patience_clock, 0.05)
     assert {status.state for status in rig.statuses} == {"waiting", "gave_up"}
-    assert "reach_service what_it_reaches: no node offers it" in rig.statuses[-1].reason
+    assert "reach_service what_it_reaches: no node offers it" in last.reason
 
 
 def test_what_is_no_name_of_a_service_is_refused(graph):

@@ -67,8 +67,7 @@ def test_it_moves_only_once_tdn_has_enough_untouched_images(graph):
 def test_while_the_filter_lags_behind_it_does_not_begin(rig):
     rig.untouched = "stale"
     touch = rig.ask(Touch, distance=0.05)
-    seen = len(rig.gels)
-    rig.graph.spin_until(lambda: len(rig.gels) > seen + 5, "images at rest")
+    rig.more_images(5)
     assert touch.result is None
     assert np.ptp([gel[:3, 3] for gel in rig.gels], axis=0).max() == 0
     rig.untouched = "no_contact"
@@ -80,8 +79,7 @@ def test_a_goal_ends_only_once_its_images_are_answered(rig):
     slide = rig.ask(Slide, heading=0.0, length=3e-3)
     rig.silent = True
     rig.graph.spin_until(lambda: slide.feedback, "feedback")
-    seen = len(rig.gels)
-    rig.graph.spin_until(lambda: len(rig.gels) > seen + 3, "more images while no answer comes")
+    rig.more_images(3)  # while no answer comes
     assert slide.result is None
     rig.silent = False
     ended = slide.ended()

@@ -87,17 +87,21 @@ def expected(twist):
     return np.concatenate([linear + np.cross(angular, BASE_FROM_TCP[:3, 3] - gel[:3, 3]), angular])
 
 
-def test_a_twist_of_the_gel_moves_the_tcp(ur_controller, graph):
-    controller = ur_controller()
-    rig = Rig(graph, real=True)
+@pytest.fixture
+def moved(ur_controller, graph):
+    """A controller that was told a speed, and the rig that moves it."""
+    controller, rig = ur_controller(), Rig(graph, real=True)
     rig.until(lambda: controller.said("speed"), "a speed")
+    return controller, rig
+
+
+def test_a_twist_of_the_gel_moves_the_tcp(moved):
+    controller, _ = moved
     np.testing.assert_allclose(controller.said("speed")[-1], expected(TWIST), atol=1e-9)
 
 
-def test_a_deactivated_node_stops_the_arm(ur_controller, graph):
-    controller = ur_controller()
-    rig = Rig(graph, real=True)
-    rig.until(lambda: controller.said("speed"), "a speed")
+def test_a_deactivated_node_stops_the_arm(moved, graph):
+    controller, rig = moved
     assert graph.change_state("ur_speed", "deactivate")
     graph.spin_until(lambda: controller.said("stopped"), "the end of the program")
     assert controller.said("speed_stop")
@@ -107,10 +111,8 @@ def test_a_deactivated_node_stops_the_arm(ur_controller, graph):
     rig.until(lambda: len(controller.said("speed")) > before, "another speed")
 
 
-def test_a_lost_connection_is_reported_and_made_again(ur_controller, graph):
-    first = ur_controller()
-    rig = Rig(graph, real=True)
-    rig.until(lambda: first.said("speed"), "a speed")
+def test_a_lost_connection_is_reported_and_made_again(moved, ur_controller):
+    first, rig = moved
     first.end()
     rig.health.until(f"no RTDE at {ADDRESS}")
     second = ur_controller()

@@ -75,6 +75,12 @@ class Bench:
         finally:
             self.arms.heard.set()
 
+    def sending(self):
+        """Itself, once further transforms have come."""
+        self.tf.clear()
+        self.until(lambda: self.tf)
+        return self
+
 
 @pytest.fixture
 def bench(graph):
@@ -129,24 +135,20 @@ def test_a_step_of_our_clock_is_one_of_the_stamps_at_once(bench, monkeypatch):
 
 
 def test_a_call_that_hangs_is_told(bench):
-    b = bench()
-    b.until(lambda: b.tf)
+    b = bench().sending()
     b.arms.made[0].free.clear()
     b.health.until("no sample for")
     b.arms.made[0].free.set()
-    b.tf.clear()
-    b.until(lambda: b.tf)
+    b.sending()
 
 
 @pytest.mark.parametrize("fault", ["silent", "lost", "failing", "stuck"])
 def test_connects_again_after(bench, fault):
-    b = bench()
-    b.until(lambda: b.tf)
+    b = bench().sending()
     b.arms.made[0].fault = fault
     b.until(lambda: len(b.arms.made) > 1)
     assert b.arms.made[0].closed
-    b.tf.clear()
-    b.until(lambda: b.tf)
+    b.sending()
 
 
 def test_keeps_trying_while_the_arm_is_off_and_says_so(bench):
@@ -156,18 +158,15 @@ def test_keeps_trying_while_the_arm_is_off_and_says_so(bench):
     b.arms.made[-1].fault = "lost"
     b.until(lambda: b.arms.attempts >= 3 and b.health.says("refused"))
     b.arms.refuse = False
-    b.tf.clear()
-    b.until(lambda: b.tf)
+    b.sending()
 
 
 def test_a_sample_that_is_not_finite_is_not_published(bench):
-    b = bench()
-    b.until(lambda: b.tf)
+    b = bench().sending()
     b.arms.made[0].pose = np.full(6, np.nan)
     b.health.until("non-finite")
     b.arms.made[0].pose = POSE
-    b.tf.clear()
-    b.until(lambda: b.tf)
+    b.sending()
     poses = [transform_from_msg(t.transform) for message in b.tf for t in message.transforms]
     assert np.isfinite(poses).all()
 
@@ -184,8 +183,7 @@ def test_refuses_simulated_time_and_an_arm_without_address(graph, settings, reas
 
 
 def test_destroying_the_node_ends_its_thread(graph, bench):
-    b = bench()
-    b.until(lambda: b.tf)
+    b = bench().sending()
     graph.remove(b.node)
     assert not any(thread.name == "rtde" for thread in threading.enumerate())
     assert b.arms.made[0].closed

@@ -169,14 +169,9 @@ class CalibrateNode(PipelineNode):
         """Fit the presses taken so far and keep the result; return the reason if that fails, otherwise ""."""
         try:
             with self._diagnostics.kept_up():
-                result = calibrate(
-                    self.images,
-                    self._background,
-                    self._diameter,
-                    self._sensor,
-                    self._serial,
-                    self._settings["diameter_is_right"],
-                )
+                right = self._settings["diameter_is_right"]
+                what = self.images, self._background, self._diameter, self._sensor, self._serial
+                result = calibrate(*what, diameter_is_right=right)
             result.calibration.save(self._path)
         except InputError as error:
             self._announce(f"no calibration: {error}")

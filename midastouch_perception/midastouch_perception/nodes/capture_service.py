@@ -51,11 +51,8 @@ class CaptureService:
         self._answer.set_result((success, message))
 
     async def _on_request(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._node.active:
-            response.success, response.message = False, INACTIVE
-            return response
-        if self._capture is not None:
-            response.success, response.message = False, "a capture is already under way"
+        if not self._node.active or self._capture is not None:
+            response.message = "a capture is already under way" if self._node.active else INACTIVE
             return response
         parameters = self._node.parameters
         self._capture = BackgroundCapture(parameters["background_frames"], parameters["still_threshold"])

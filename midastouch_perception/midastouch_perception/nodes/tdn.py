@@ -224,10 +224,9 @@ class TdnNode(ManagedNode):
             or self._gel.problem
             or self._calibration.problem
             or (self._state.problem if self._fit.quiet is not None else "")  # before, it may find a deeper reason
+            or self._background.doubt(self.parameters["still_threshold"])
         ):
             return diagnostics.WARN, problem, values
-        if doubt := self._background.doubt(self.parameters["still_threshold"]):
-            return diagnostics.WARN, doubt, values
         if (silent := time.monotonic() - self._heard) > SILENT_S:
             topic = self.resolve_topic_name("image_raw")
             return diagnostics.WARN, f"no image on {topic} for {silent:.0f} s: {why_silent(self, topic)}", values

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import collections
 
-import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
-from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
+from ..tdn.inputs import ContactLight, check_image, coarse, reduce_image, without_drift
 from .ball import BallContact
 from .presses import MOST_SPOILED, look_at
 
@@ -75,7 +74,8 @@ class PressCollector:
 
         Raises InputError for an image of another size.
         """
-        blocks = self._blocks(check_image(image, self._sensor, "tactile image"))
+        reduced = reduce_image(check_image(image, self._sensor, "tactile image"))
+        blocks = coarse(without_drift(self._light.difference(reduced)), _BLOCK)
         change = float(np.abs(blocks).max())
         # a black or saturated image can show little change in spite of a touch
         if change < (_RELEASE_LEVEL if self._judged else _TOUCH_LEVEL) and not exposure_problem(
@@ -104,11 +104,6 @@ class PressCollector:
         self._contacts.append(press.contact)
         self.images[f"press_{len(self.images):02d}.png"] = image.copy()
         return "taken"
-
-    def _blocks(self, image: np.ndarray) -> np.ndarray:
-        change = without_drift(self._light.difference(reduce_image(image)))
-        height, width = change.shape[:2]
-        return cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
 
     @property
     def missing_region(self) -> str:

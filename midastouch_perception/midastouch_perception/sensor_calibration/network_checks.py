@@ -132,9 +132,8 @@ def depth_errors(
         curvatures.append(curved)
     known = [row for row in curvatures if np.isfinite(row).all()] or [[np.nan, np.nan]]
     values = *np.median(rows, axis=0).tolist(), *np.median(known, axis=0).tolist()
-    return dict(
-        zip(("felt_error_before", "felt_error_after", "curvature_before", "curvature_after"), values, strict=True)
-    )
+    names = "felt_error_before", "felt_error_after", "curvature_before", "curvature_after"
+    return dict(zip(names, values, strict=True))
 
 
 def radius_doubt(figures: dict[str, float], ball_diameter: float) -> str:

@@ -18,7 +18,7 @@ from ..tdn.background import estimate_background, shows_contact
 from ..tdn.colour_layout import exposure_problem, image_problem
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
 from ..tdn.inference import load_tdn
-from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
+from ..tdn.inputs import ContactLight, check_image, coarse, reduce_image, without_drift
 from .ball import BallContact, find_contact
 
 _LEAST_CHANGE = 8.0  # grey levels of a block: less is no contact
@@ -52,9 +52,7 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
     change = without_drift(seen)
     if problem := sensor_mismatch(image, seen):
         return Press(name, change, None, problem)
-    height, width = change.shape[:2]
-    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-    if np.abs(blocks).max() < _LEAST_CHANGE:
+    if np.abs(coarse(change, _BLOCK)).max() < _LEAST_CHANGE:
         return Press(name, change, None, "nothing touches the gel")
     contact = find_contact(change, ball_radius, sensor.pixel_size)
     return Press(name, change, contact, _problem(image, change, contact, ball_radius, sensor))

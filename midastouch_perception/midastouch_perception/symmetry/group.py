@@ -129,12 +129,7 @@ class Symmetry:
 
     def as_json(self) -> dict:
         """Return the content that `from_json` reads."""
-        return {
-            "transforms": self.transforms.tolist(),
-            "free": self.free,
-            "axis": self.axis.tolist(),
-            "centre": self.centre.tolist(),
-        }
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
 
     @classmethod
     def from_json(cls, content: dict) -> Symmetry:

@@ -109,16 +109,12 @@ class ObjectSymmetry:
         return known if known.given or content.get("search") == _SEARCH else None
 
 
-def _no_matter() -> None:
-    """Do nothing."""
-
-
 def object_symmetry(
     mesh: ObjectMesh,
     sensor: SensorModel,
     poses: np.ndarray,
     given: Symmetry | None = None,
-    tried: Callable[[], object] = _no_matter,
+    tried: Callable[[], object] = lambda: None,
 ) -> ObjectSymmetry:
     """Find the symmetry of a mesh, as a sensor measures it.
 

@@ -10,6 +10,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, readable, require_file
 
+from ..arrays import read_npz
 from ..onnx_network import code_settings, network_id, read_card, write_card
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
@@ -33,9 +34,8 @@ class MinkLocCodeNet:
 
     def __init__(self, path: str | Path, sensor: SensorModel | None = None):
         path = require_file(path, "tcn network")
-        checked = readable(path, "not a MinkLoc3D network", "run midastouch import-weights again")
-        with checked, np.load(path, allow_pickle=False) as data:
-            state = {name: data[name] for name in data.files}
+        with readable(path, "not a MinkLoc3D network", "run midastouch import-weights again"):
+            state = read_npz(path)
             self._voxel_size = float(state.pop(_VOXEL_SIZE))
         self._network = MinkLoc3D(matched(state, expected_shapes(), f"{path}: not a MinkLoc3D network"))
         card = read_card(path)

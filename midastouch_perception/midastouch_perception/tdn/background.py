@@ -17,7 +17,7 @@ from midastouch_common.errors import InputError
 from ..contact import ContactDetector
 from .depth_net import DepthNet
 from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_fraction, quietest_tenth
-from .inputs import without_drift
+from .inputs import coarse, without_drift
 
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
@@ -63,7 +63,7 @@ def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float
 
     There the sensor was touched too often, and the median shows contacts. A contact in all images is not detected.
     """
-    small = [_block_means(image) for image in (*images, background)]
+    small = [coarse(image, _BLOCK).astype(np.float32) for image in (*images, background)]
     same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME_SURFACE
     return float((same.mean(axis=0) < _LEAST_FREE_FRACTION).mean())
 
@@ -98,17 +98,12 @@ def _roughness(image: np.ndarray, where: np.ndarray) -> float:
     return float(curvature[where].mean())
 
 
-def _block_means(image: np.ndarray) -> np.ndarray:
-    size = (image.shape[1] // _BLOCK, image.shape[0] // _BLOCK)
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-
-
 def largest_change(images: Sequence[np.ndarray]) -> float:
     """Return the largest change [grey levels] of any 16 x 16 block's mean against the first image.
 
     Block means suppress pixel noise (a few grey levels) but still show a small contact that moves.
     """
-    means = np.stack([_block_means(image) for image in images])
+    means = np.stack([coarse(image, _BLOCK).astype(np.float32) for image in images])
     return float(np.abs(means - means[0]).max())
 
 

@@ -149,9 +149,8 @@ class FitCheck:
 
     def reset(self) -> None:
         """Forget all frames, because the background has changed."""
-        self._quiet.clear()
-        self._explained.clear()
-        self._far.clear()
+        for figures in (self._quiet, self._explained, self._far):
+            figures.clear()
 
     @property
     def quiet(self) -> float | None:

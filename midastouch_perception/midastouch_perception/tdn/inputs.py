@@ -56,6 +56,12 @@ def block_means(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, BLOCKS[::-1], interpolation=cv2.INTER_AREA)
 
 
+def coarse(image: np.ndarray, side: int) -> np.ndarray:
+    """Return the means (H / side, W / side, ...) of an image (H, W, ...) over squares of `side` pixels."""
+    height, width = image.shape[:2]
+    return cv2.resize(image, (width // side, height // side), interpolation=cv2.INTER_AREA)
+
+
 class ContactLight:
     """Change of images by contact, for one no-contact image `background` (H, W, 3) float32 grey levels.
 
@@ -130,8 +136,7 @@ def without_drift(change: np.ndarray) -> np.ndarray:
     """Return a change (H, W, 3) without its slowly varying part, caused by lamps that have warmed since the no-contact
     image: a quadratic in the position, fitted to block means by least squares, repeatedly, each time to the quieter
     ones."""
-    height, width = change.shape[:2]
-    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+    blocks = coarse(change, _BLOCK)
     positions = position_terms(*blocks.shape[:2]).reshape(-1, 6)
     blocks = blocks.reshape(-1, 3)
     kept = np.ones(len(blocks), bool)
@@ -139,4 +144,4 @@ def without_drift(change: np.ndarray) -> np.ndarray:
         factors = np.linalg.lstsq(positions[kept], blocks[kept], rcond=None)[0]
         off = np.abs(blocks - positions @ factors).max(axis=1)
         kept = off <= max(np.quantile(off, _QUIET_FRACTION), 1e-3)
-    return change - (position_terms(height, width) @ factors).astype(np.float32)
+    return change - (position_terms(*change.shape[:2]) @ factors).astype(np.float32)

@@ -15,6 +15,7 @@ import midastouch_kernels as kernels
 
 from ..sensor_calibration.calibration import Fusion
 from ..sensor_calibration.response import height_slopes
+from .inputs import coarse
 
 _BESIDE = np.ones((3, 3), np.uint8)
 _SUNK_IN = 2e-3  # m from a contact, beyond which a gel of some millimetres is undeformed
@@ -50,9 +51,9 @@ def depth_below_gel(slopes: np.ndarray, penetration: np.ndarray, pixel: float) -
     # slopes of the penetration end at its outline; those of the gel continue beyond it
     inner = cv2.erode(touched, _BESIDE) > 0
     everywhere = np.where(inner[..., None], height_slopes(penetration, pixel), slopes)
-    height, width = touched.shape
-    coarse = cv2.resize(everywhere, (width // _COARSE, height // _COARSE), interpolation=cv2.INTER_AREA)
     away = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5)[::_COARSE, ::_COARSE] * pixel
     region = (away < _SUNK_IN).astype(np.uint8)
-    sunk = kernels.integrate_slopes(np.ascontiguousarray(coarse, np.float32), region, _COARSE * pixel)
+    sunk = kernels.integrate_slopes(
+        np.ascontiguousarray(coarse(everywhere, _COARSE), np.float32), region, _COARSE * pixel
+    )
     return float(max(sunk.max(), penetration.max()))

@@ -17,8 +17,6 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_perception.gel_texture import GelCheck
 from midastouch_perception.nodes import tdn
-from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
 from midastouch_simulation.simulated_digit import PressedSensor
 
@@ -85,8 +83,7 @@ def with_markers(gel: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("image", "said"),
-    [(lit_gel()[::-1, ::-1], "upside down"), (with_markers(lit_gel()), "use a gel without markers")],
+    ("image", "said"), [(lit_gel()[::-1, ::-1], "upside down"), (with_markers(lit_gel()), "use a gel without markers")]
 )
 def test_a_wrong_background_is_named_at_the_start(graph, depth, kept, image, said):
     start(graph, depth, background=kept(image))
@@ -139,8 +136,7 @@ def test_damaged_and_misplaced_images_are_counted_and_publish_nothing(graph, dep
     assert len(feed.contacts) == heard
 
 
-def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
-    real = SensorModel.load("digit_real")
+def test_a_touched_background_is_named_until_captured_anew(graph, real, tmp_path):
     digit = PressedSensor(real, lit_gel()[None], 3e-3, np.random.default_rng(4))
     BackgroundStore(tmp_path, "D20123").save(digit.image([(120, 160, 1.6e-3)]))
     parameters = {"sensor_model": "digit_real", "serial": "D20123", "background_folder": str(tmp_path)}
@@ -156,11 +152,11 @@ def test_a_touched_background_is_named_until_captured_anew(graph, tmp_path):
     graph.spin_until(lambda: any(one.level == b"\x00" for one in health.statuses), "a status without alarm")
 
 
-def test_a_background_of_another_gel_is_named(graph, kept, monkeypatch):
+def test_a_background_of_another_gel_is_named(graph, real, kept, monkeypatch):
     """A gel was changed: the light is as it was, the grains are not."""
     monkeypatch.setattr(tdn, "GelCheck", functools.partial(GelCheck, every=1))
     rng = np.random.default_rng(4)
-    digit = PressedSensor(SensorModel.load("digit_real"), lit_gel()[None], 3e-3, rng)
+    digit = PressedSensor(real, lit_gel()[None], 3e-3, rng)
     own, other = (2 * cv2.GaussianBlur(rng.normal(0, 5, (320, 240, 1)), (0, 0), 1.5)[..., None] for _ in range(2))
     presses = [digit.image([(60 + 40 * k, 160, 1.0e-3)]) for k in range(4)]
     touches = [np.clip(each + own, 0, 255).astype(np.uint8) for each in presses]
@@ -183,13 +179,11 @@ def test_two_publishers_of_the_images_are_named(graph, depth, background):
     assert all(name in health.warnings[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))
 
 
-def test_a_calibration_is_refused_once_images_show_another_gel(graph, kept, tmp_path, monkeypatch):
+def test_a_calibration_is_refused_once_images_show_another_gel(graph, kept, calibrated, tmp_path, monkeypatch):
     monkeypatch.setattr(tdn, "GelCheck", functools.partial(GelCheck, every=1, window=8))
-    former, present, real = lit_gel(grains=1), lit_gel(grains=2), SensorModel.load("digit_real")
-    colours, date = background_colours(former), "2026-11-22T09:00:00+00:00"
-    calibration = SensorCalibration("D1", 6e-3, "digit_real", real.pixel_size, np.zeros((12, 6, 2)), colours, 10, date)
-    calibration.save(BackgroundStore(tmp_path, "D1").calibration_path)
-    start(graph, background=kept(former), background_folder=str(tmp_path), serial="D1", sensor_model="digit_real")
+    former, present = lit_gel(grains=1), lit_gel(grains=2)
+    calibrated(np.zeros((12, 6, 2)), former).save(BackgroundStore(tmp_path, "D20123").calibration_path)
+    start(graph, background=kept(former), background_folder=str(tmp_path), serial="D20123", sensor_model="digit_real")
     feed, health = Feed(graph), graph.health()
     for gel, in_use in ((former, "10 presses"), (present, "refused")):
         for k in range(8):

@@ -1,12 +1,5 @@
 import pytest
 
-from midastouch_perception.sensor_model import SensorModel
-
-
-@pytest.fixture(scope="session")
-def real():
-    return SensorModel.load("digit_real")
-
 
 @pytest.fixture
 def digit(another_digit):

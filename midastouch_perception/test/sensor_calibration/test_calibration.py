@@ -5,18 +5,8 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_calibration.calibration import (
-    SensorCalibration,
-    background_colours,
-    plain_slopes,
-    standard_colours,
-)
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration, plain_slopes, standard_colours
 from midastouch_perception.sensor_model import SensorModel
-
-
-@pytest.fixture
-def real():
-    return SensorModel.load("digit_real")
 
 
 @pytest.fixture
@@ -25,12 +15,8 @@ def background():
 
 
 @pytest.fixture
-def calibration(real, background):
-    coefficients = np.random.default_rng(1).normal(0, 0.1, (12, 6, 2))
-    colours = background_colours(background)
-    return SensorCalibration(
-        "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
-    )
+def calibration(calibrated, background):
+    return calibrated(np.random.default_rng(1).normal(0, 0.1, (12, 6, 2)), background)
 
 
 def test_it_comes_back_from_its_file(calibration, tmp_path):

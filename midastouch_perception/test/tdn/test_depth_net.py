@@ -5,16 +5,10 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours, standard_colours
-from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.sensor_calibration.calibration import standard_colours
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.background_store import BackgroundStore
 from midastouch_perception.tdn.depth_net import CalibrationInUse
-
-
-@pytest.fixture(scope="module")
-def real():
-    return SensorModel.load("digit_real")
 
 
 @pytest.fixture(scope="module")
@@ -24,15 +18,12 @@ def background():
 
 
 @pytest.fixture
-def calibration(real, background):
+def calibration(calibrated, background):
     """Of a sensor twice as colourful as the standard one, in red and green only."""
     coefficients = np.zeros((12, 6, 2))
     coefficients[0, 0] = (-0.25, 0.1)
     coefficients[1, 0] = (0.25, 0.1)
-    colours = background_colours(background)
-    return SensorCalibration(
-        "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
-    )
+    return calibrated(coefficients, background)
 
 
 def test_the_network_is_shown_a_standard_sensor(real, background, calibration):

@@ -30,7 +30,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import read_background
 from midastouch_simulation.camera import no_contact_image
 from midastouch_simulation.engine import MotionWatch, Shutter, too_deep
-from midastouch_simulation.simulated_digit import SimulatedDigit, SimulatedFrame
+from midastouch_simulation.simulated_digit import SimulatedDigit
 
 PARAMETERS = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
@@ -162,12 +162,9 @@ class DigitSim(ManagedNode):
         for kind, oddity in ("jumps", self._watch.jump(stamp, T_obj_gel)), ("too_deep", too_deep(frame.deepest)):
             if oddity:
                 self.diagnostics.problem(kind, oddity)
-        self._publish(stamp_from_ns(stamp), frame)
-
-    def _publish(self, stamp, frame: SimulatedFrame) -> None:
-        header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
+        header = Header(stamp=stamp_from_ns(stamp), frame_id=self.parameters["frame_id"])
         self._images.publish(frame.image, header, self._calibration, _JPEG_QUALITY)
-        header = Header(stamp=stamp, frame_id=self._frames[1])
+        header = Header(stamp=header.stamp, frame_id=self._frames[1])
         self._contact.publish(contact_to_msg(frame.truth, header))
         if self._penetration.get_subscription_count():
             self._penetration.publish(image_to_msg(frame.truth.penetration, "32FC1", header))

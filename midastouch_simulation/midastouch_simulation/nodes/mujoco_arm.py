@@ -74,7 +74,10 @@ class MujocoArmNode(PipelineNode):
         self._settings = p = Parameters(self, PARAMETERS)
         mesh, sensor = load_mesh(p["mesh"]), SensorModel.load(p["sensor_model"])
         base_from_object = se3.from_xyzquat(np.array(p["object_pose"]))
-        self._arm = MujocoArm(mesh, sensor, _setting(p, base_from_object, over(mesh, base_from_object, p["above"])))
+        start, mount = over(mesh, base_from_object, p["above"]), se3.exp(np.array(p["mount_error"]))
+        gel, holding = Gel(friction=p["friction"]), p["holding"] or math.inf
+        setting = Setting(base_from_object, start, mount, gel, holding, p["latency"], p["timeout"])
+        self._arm = MujocoArm(mesh, sensor, setting)
         self._limits = TwistLimits(p["sensor_frame_id"], math.inf, math.inf)  # the joints have limits of their own
         self._began, self._period = time.time_ns(), 1.0 / p["rate"]
         self._behind, self._contact = time.monotonic(), (-math.inf, time.monotonic())
@@ -133,10 +136,9 @@ class MujocoArmNode(PipelineNode):
         stamp = stamp_from_ns(self._began + round(arm.time * SECOND))
         self._time.publish(ClockMessage(clock=stamp))
         self._enable.publish(Bool(data=True))
-        thing = arm.base_from_object
         poses = (
             (p["base_frame_id"], p["sensor_frame_id"], arm.pose),
-            (p["base_frame_id"], p["object_frame_id"], thing),
+            (p["base_frame_id"], p["object_frame_id"], arm.base_from_object),
             (p["object_frame_id"], p["true_sensor_frame_id"], arm.gel_on_object),
         )
         self._tf.publish(TFMessage(transforms=[stamped_transform(stamp, *each) for each in poses]))
@@ -146,12 +148,6 @@ class MujocoArmNode(PipelineNode):
         force, torque = vectors(arm.wrench)
         header = Header(stamp=stamp, frame_id=p["sensor_frame_id"])
         self._wrench.publish(WrenchStamped(header=header, wrench=Wrench(force=force, torque=torque)))
-
-
-def _setting(p: Parameters, base_from_object: np.ndarray, start: np.ndarray) -> Setting:
-    mount = se3.exp(np.array(p["mount_error"]))
-    holding = p["holding"] or math.inf
-    return Setting(base_from_object, start, mount, Gel(friction=p["friction"]), holding, p["latency"], p["timeout"])
 
 
 def main(args=None) -> int:

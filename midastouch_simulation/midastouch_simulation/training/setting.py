@@ -141,7 +141,12 @@ class TrainingData:
         """Read the files that the options name. Raises InputError if the GPU, meshes, images or a valid table are
         missing."""
         if options.device == "cuda":
-            _require_cuda()
+            import torch  # here: what else this module has needs none
+
+            if not torch.cuda.is_available():
+                raise InputError(
+                    "--device cuda: PyTorch finds no GPU with CUDA here; without it, training is on the CPU"
+                )
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
         backgrounds = load_backgrounds(options.backgrounds, sensor.height, sensor.width)  # first: it is quick
@@ -150,10 +155,3 @@ class TrainingData:
             *backgrounds,
             RandomisationRange(wide_fraction=_FAR_SENSORS, colour_table=table, design_fraction=_OTHER_DESIGNS),
         )
-
-
-def _require_cuda() -> None:
-    import torch  # here: what else this module has needs none
-
-    if not torch.cuda.is_available():
-        raise InputError("--device cuda: PyTorch finds no GPU with CUDA here; without it, training is on the CPU")

@@ -228,10 +228,8 @@ def calibrate(scores: list) -> dict[str, float]:
         return total / len(scores)
 
     best = minimize(cost, [np.log(0.07), -3.0], method="Nelder-Mead")
-    return {
-        "temperature": round(float(np.exp(best.x[0])), 5),
-        "outlier": round(float(1 / (1 + np.exp(-best.x[1]))), 5),
-    }
+    temperature, outlier = float(np.exp(best.x[0])), float(1 / (1 + np.exp(-best.x[1])))
+    return {"temperature": round(temperature, 5), "outlier": round(outlier, 5)}
 
 
 def train(options: TrainingOptions, tdn: str = "fast") -> Path:
