@@ -21,7 +21,7 @@ _CLIPPED = 240.0  # grey levels of a block in which pixels may be at their limit
 _LEAST_KNOWN = 0.2  # of the blocks, in each of which all colours are below that
 _QUIETEST = 0.8  # of the blocks count: dust and the marks of a touch are in few, a contact that fills the view in all
 _UNUSUAL = 1.3  # times what is usually left; fewer than 2 of 1000 images of simulated free gel have more
-_DETAILED = 0.9  # of the blocks have less detail than is compared: dust and marks are in few
+_MOST = 0.9  # of the blocks have less detail than is compared: dust and marks are in few
 _FINEST = 0.05
 """Relative change within blocks from which it may be a texture. Compression leaves less: a JPEG of quality 70 0.03."""
 _STEP = 1.0
@@ -53,7 +53,7 @@ class LampLight:
 
     def __init__(self, background: np.ndarray):
         reduced = reduce_image(background)
-        self._background = reduced
+        self._background, self._scale = reduced, np.maximum(reduced, DARKEST)
         self._lit = self._seen = block_means(reduced).reshape(-1, 3)
         self._terms = self._lit.T[..., None] * position_terms(*BLOCKS).reshape(-1, 6)
         self._pixels = background[::_PIXELS, ::_PIXELS].astype(np.float32)
@@ -65,7 +65,7 @@ class LampLight:
         """Return what lamps do not explain in an image (H, W, 3) uint8 RGB."""
         reduced = reduce_image(image)
         seen = block_means(reduced).reshape(-1, 3)
-        self._detail = _detail((reduced - self._background) / np.maximum(self._background, DARKEST))
+        self._detail = _detail((reduced - self._background) / self._scale)
         last, self._pixels = self._pixels, image[::_PIXELS, ::_PIXELS].astype(np.float32)
         # between neighbours, because there smooth changes cancel; as it is left in the mean of a block of three colours
         self._noise = float(np.diff(self._pixels - last, axis=1).std()) / 2 * np.sqrt(3 / _BLOCK_PIXELS)
@@ -115,7 +115,7 @@ def _detail(change: np.ndarray) -> float:
     scales a block as a whole, and its noise by no more."""
     mean = block_means(change)
     varies = (block_means(change * change) - mean * mean) / np.maximum(1.0 + mean, 1.0) ** 2
-    return float(np.quantile(varies.sum(axis=2), _DETAILED)) ** 0.5
+    return float(np.quantile(varies.sum(axis=2), _MOST)) ** 0.5
 
 
 def _quietest(off: np.ndarray, count: int) -> float:
