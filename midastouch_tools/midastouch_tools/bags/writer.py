@@ -35,7 +35,7 @@ class BagWriter:
     ----------
     path
     metadata
-        Texts by name, kept in the bag's custom data.
+        Texts by name, kept in the bag's custom data, as they are when the block ends.
 
     Raises
     ------
@@ -46,7 +46,7 @@ class BagWriter:
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
         self._path = Path(path).expanduser()
         self._is_file = self._path.suffix == ".mcap"
-        self._metadata = metadata or {}
+        self._metadata = {} if metadata is None else metadata
         self._connections: dict[str, Connection] = {}
         require_new(self._path, "bag")
 
@@ -60,8 +60,6 @@ class BagWriter:
             # the writer names the file inside after its folder, so the folder has the final name
             self._writer = Writer(folder / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-            for key, value in self._metadata.items():
-                self._writer.set_custom_data(key, value)
             self._writer.open()
             self._checksums = _noting_checksums(self._writer.storage)
             self._cleanup = cleanup.pop_all()
@@ -86,6 +84,8 @@ class BagWriter:
                 with contextlib.suppress(OSError):  # the disk may be gone; the first error is the one to report
                     self._writer.abort()
                 return
+            for key, value in self._metadata.items():
+                self._writer.set_custom_data(key, value)
             with naming(self._path):
                 self._writer.close()
             written = self._writer.path

@@ -71,7 +71,7 @@ class Recorder(PipelineNode):
     Topics are resolved in the node's namespace, and have their full names in the bag. Messages are stamped with the
     node's clock: with `use_sim_time` that is the time of a replay. Messages that come before the clock starts are
     stamped with its start: all latched ones, and others as long as they fit into `MOST_EARLY`. `metadata` are texts
-    kept in the bag. Raises InputError if the path is taken or a message type is not installed.
+    kept in the bag, as they are at its end. Raises InputError if the path is taken or a message type is not installed.
 
     Once the disk is nearly full, the bag is completed as it is; `failure` then gives the reason for its end. `path` is
     that of the bag, with the date filled in.

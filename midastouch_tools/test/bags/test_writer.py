@@ -12,7 +12,7 @@ from rosbags.interfaces import QosDurability
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.frames import GEL_FRAME
-from midastouch_tools.bags.reader import bag_messages
+from midastouch_tools.bags.reader import bag_messages, bag_metadata
 from midastouch_tools.bags.writer import BagWriter, write_bag
 
 
@@ -52,6 +52,14 @@ def test_a_changed_byte_of_messages_or_summary_is_noticed(tmp_path):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
         with pytest.raises(InputError, match=r"x\.mcap: cannot be read as a bag \(.*(checksum|damaged)"):
             list(bag_messages(path))
+
+
+def test_it_keeps_the_texts_of_its_end(tmp_path):
+    texts = {"object": "mug"}
+    with BagWriter(path := tmp_path / "x.mcap", texts) as bag:
+        bag.write(tf(SECOND, STILL))
+        texts["object"] = ""  # in the meantime the arm has got another object
+    assert bag_metadata(path) == {"object": ""}
 
 
 def test_a_failure_leaves_nothing_behind(tmp_path):

@@ -16,6 +16,7 @@ def test_the_files_hold_what_the_recordings_do(runs, h5py, tmp_path):
         rows = list(recording.rows())
         with h5py.File(file_name) as file:
             assert dict(file.attrs)["object"] == name
+            assert file.attrs["source"] == f"{path.parent.name}/{path.name}"
             assert (file.attrs["format"], file.attrs["version"]) == ("midastouch recording", 1)
             assert set(file) == {column.name for column in recording.columns}
             for column in recording.columns:
