@@ -51,6 +51,17 @@ def test_a_stretched_object_has_other_proportions():
     assert max(e.max() / e.min() for e in extents) > 1.2
 
 
+@pytest.mark.parametrize("native", [True, False])
+def test_only_a_cpu_that_has_bfloat16_computes_in_it(native, options, monkeypatch):
+    torch = pytest.importorskip("torch", reason="training needs PyTorch: pip install -r tools/requirements/train.txt")
+    from midastouch_simulation.training.run import TrainingRun
+
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, "avx512_bf16": native})
+    layer = torch.nn.Linear(2, 2)
+    with TrainingRun(layer, options, 1e-3).autocast():
+        assert layer(torch.zeros(1, 2)).dtype == (torch.bfloat16 if native else torch.float32)
+
+
 @pytest.mark.parametrize("network", ["tdn", "tcn"])
 def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, options, tmp_path, monkeypatch, capsys):
     pytest.importorskip("torch", reason="training needs PyTorch: pip install -r tools/requirements/train.txt")
