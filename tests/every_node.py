@@ -10,11 +10,10 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sequences import write_slide
 
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
-from midastouch_tools.datasets import write_sequence
 
 
 class FakeNet:
@@ -76,14 +75,5 @@ def _needed(name: str, tmp_path: Path) -> dict:
     if name != "replay":
         return {}
     image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))
-    write_sequence(
-        tmp_path / "00",
-        ((image, np.zeros((320, 240), np.float32)) for _ in poses),
-        poses,
-        poses,
-        background=image,
-        object_name="nothing",
-        sensor=SensorModel.load("digit_tacto"),
-        noise={"sig_t": 0.0, "sig_r": 0.0},
-    )
-    return {"source": str(tmp_path / "00"), "clock": True, "ack_topic": "filter_status"}
+    slide = write_slide(tmp_path / "00", [image] * 2, poses)
+    return {"source": str(slide.path), "clock": True, "ack_topic": "filter_status"}

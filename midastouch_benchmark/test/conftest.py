@@ -29,16 +29,8 @@ def known_fingerprint(request) -> Iterator[None]:
     """Ids that need not be measured, but for the tests of what measures them."""
     with pytest.MonkeyPatch.context() as patch:
         if "evidence" not in request.path.parts:
-            patch.setattr(
-                fingerprint,
-                "today",
-                lambda: {
-                    "perception": "5ee00000",
-                    "slides": "51de0000",
-                    "estimates": "e5710000",
-                    "real_gel": "9e100000",
-                },
-            )
+            ids = {"perception": "5ee00000", "slides": "51de0000", "estimates": "e5710000", "real_gel": "9e100000"}
+            patch.setattr(fingerprint, "today", lambda: ids)
         yield
 
 

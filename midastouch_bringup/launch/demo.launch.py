@@ -51,5 +51,4 @@ def prepare(context):
     """Have the command make the files that are missing, before anything is started."""
     given = context.launch_configurations
     midastouch = ExecutableInPackage("midastouch", "midastouch_tools").perform(context)
-    words = [f"{name}:={given[name]}" for name in ("object",)]
-    subprocess.run([midastouch, "run", "demo", *words, "--prepare"], check=True)
+    subprocess.run([midastouch, "run", "demo", f"object:={given['object']}", "--prepare"], check=True)

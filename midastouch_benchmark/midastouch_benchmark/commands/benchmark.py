@@ -47,7 +47,6 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--init", nargs="+", choices=("paper", "uniform"), help="starts (default: as the protocol has it)"
     )
-    parser.add_argument("--beta", type=limits.start_width, help="width of `--init paper` (default: the protocol's)")
     parser.add_argument("--stride", type=limits.count, default=1, help="use every n-th frame (default 1)")
     parser.add_argument(
         "--variant", nargs="+", default=[], metavar="NAME", help="compared with the default, on the same slides"
@@ -84,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         load_filter_config(args.config, args.preset),
         tuple(name for name in chosen if name not in skipped),
         tuple(dict.fromkeys(args.init or protocol.starts)),
-        args.beta or protocol.beta,
+        protocol.beta,
         tuple(range(args.slides)),
         tuple(range(args.seeds)),
         args.stride,

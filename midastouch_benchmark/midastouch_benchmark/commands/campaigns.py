@@ -136,9 +136,7 @@ def _add_motion(subparsers) -> None:
         "Finished trials are kept in --out: the same command continues where it was stopped. Needs the mujoco extra.",
     )
     options.add_meshes_options(parser)
-    parser.add_argument(
-        "--out", type=arguments.writable_folder, metavar="DIR", default="out/benchmark", help="default out/benchmark"
-    )
+    options.add_out_option(parser)
     parser.add_argument("--trials", type=limits.count, default=20, help="on each object (default 20)")
     options.add_sensor_option(parser, options.SIMULATED)
     options.add_workforce_options(parser, "trial")

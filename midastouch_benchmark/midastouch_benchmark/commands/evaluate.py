@@ -54,7 +54,6 @@ def add_parser(subparsers) -> None:
         default="paper",
         help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
     )
-    parser.add_argument("--beta", type=limits.start_width, help="width of `--init paper` (default 1, with --real 0.5)")
     parser.add_argument("--stride", type=limits.count, default=1, help="use every n-th frame (default 1)")
     parser.add_argument("--max-frames", type=limits.count, help="stop after this many frames")
     options.add_network_options(parser, sensor="")
@@ -79,8 +78,7 @@ def run(args: argparse.Namespace) -> int:
     if args.objects and (args.mesh or args.codebook):
         raise InputError("--objects: stands in place of --mesh and --codebook; leave these out")
     config = load_filter_config(args.config, args.preset)
-    beta = args.beta or (PAPER_REAL_BETA if args.real else 1.0)
-    plan = TrialPlan(args.init, beta, args.stride, args.max_frames)
+    plan = TrialPlan(args.init, PAPER_REAL_BETA if args.real else 1.0, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
     sequences = [load_sequence(path) for path in args.sequences]
     if args.real:

@@ -109,7 +109,7 @@ def load_object(
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """Add --json, which `conclude` takes."""
-    parser.add_argument("--json", type=arguments.writable_file, metavar="OUT", help="write the results here")
+    arguments.add_place(parser, "--json", "file", "write the results here", metavar="OUT")
 
 
 def conclude(args: argparse.Namespace, kind: str, result: dict, *notes: str, also: Sequence[str] = ()) -> int:
@@ -171,12 +171,15 @@ def add_meshes_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_out_option(parser: argparse.ArgumentParser) -> None:
+    """Add --out, the folder of a campaign."""
+    arguments.add_place(parser, "--out", "folder", "", "out/benchmark", help="default out/benchmark")
+
+
 def add_object_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of objects, folder, settings and networks, and --json."""
     add_meshes_options(parser)
-    parser.add_argument(
-        "--out", type=arguments.writable_folder, metavar="DIR", default="out/benchmark", help="default out/benchmark"
-    )
+    add_out_option(parser)
     add_filter_options(parser)
     add_network_options(parser)
     add_json_option(parser)

@@ -18,13 +18,7 @@ def add_parser(subparsers) -> None:
         "Takes the JSON files of every command that measures, several of each.",
     )
     parser.add_argument("results", nargs="+", metavar="JSON", help="result files")
-    parser.add_argument(
-        "--out",
-        type=arguments.writable_folder,
-        required=True,
-        metavar="DIR",
-        help="folder for index.html, index.md, pictures",
-    )
+    arguments.add_place(parser, "--out", "folder", "folder for index.html, index.md, pictures", required=True)
 
 
 def run(args: argparse.Namespace) -> int:

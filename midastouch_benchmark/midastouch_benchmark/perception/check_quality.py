@@ -122,7 +122,7 @@ def check_quality(tdn: DepthNet, sensors: Iterable[tuple[ImaginarySensor, Imagin
         return DepthStage(tdn).process(image, background).in_contact
 
     for own, other in sensors:
-        for name, make in {"right": _unchanged, **FAULTS}.items():
+        for name, make in {"right": lambda own, other: (own.touches, own.background), **FAULTS}.items():
             scores.setdefault(name, []).append(_fit_scores(tdn, *map(np.ascontiguousarray, make(own, other))))
         for name, (images, depths) in own.light.items():
             seen = [in_contact(image, own.background) for image in images]
@@ -148,10 +148,6 @@ def check_quality(tdn: DepthNet, sensors: Iterable[tuple[ImaginarySensor, Imagin
         },
         "capture": {name: float(np.mean(refused)) for name, refused in captures.items()},
     }
-
-
-def _unchanged(own: ImaginarySensor, other: ImaginarySensor) -> tuple[np.ndarray, np.ndarray]:
-    return own.touches, own.background
 
 
 def _fit_scores(tdn: DepthNet, images: np.ndarray, background: np.ndarray) -> tuple[float, float, bool, bool]:

@@ -18,11 +18,11 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_tools.datasets.ball_presses import load_ball_presses
+from midastouch_tools.drawing.calibration import PenetrationRow, penetration_figure
 from midastouch_tools.drawing.figures import (
     ESTIMATE_COLOUR,
     MODE_COLOUR,
     PARTICLE_COLOUR,
-    PENETRATION_COLOURS,
     style_error_axes,
 )
 from midastouch_tools.drawing.object_view import ObjectView
@@ -144,39 +144,16 @@ def _draw(axes: Axes, rows: list[dict], variants: dict[str, dict]) -> None:
     axes.margins(x=0.1, y=0.1)
 
 
-_ACROSS = 2  # presses side by side
 _SHOWN = 12
-_TITLES = ("image", "difference", "measured", "ideal")
 
 
 def press_pictures(content: dict) -> Pictures:
     """Yield name, caption and figure of some presses of a result; a text says why they are missing."""
     try:
-        yield "", f"Presses of {content['folder']}", press_figure(_shown(content))
+        rows = [PenetrationRow(p.name, p.image, p.difference, (p.measured, p.ideal)) for p in _shown(content)]
+        yield "", f"Presses of {content['folder']}", penetration_figure(rows, ("measured", "ideal"))
     except InputError as error:
         yield f"no pictures of the presses: {error}"
-
-
-def press_figure(presses: list[MeasuredPress]) -> Figure:
-    """Draw four pictures a press, two presses a row, with one colour scale of penetration for all."""
-    rows = -(-len(presses) // _ACROSS)
-    figure = Figure(figsize=(12, 2.1 * rows + 0.4), layout="constrained")
-    axes = figure.subplots(rows, 4 * _ACROSS, squeeze=False)
-    for one in axes.ravel():
-        one.set_axis_off()
-    deepest = max(1e-4, *(float(map_.max()) for p in presses for map_ in (p.measured, p.ideal) if map_ is not None))
-    for k, press in enumerate(presses):
-        four = axes[k // _ACROSS, 4 * (k % _ACROSS) :][:4]
-        four[0].imshow(press.image)
-        four[1].imshow(np.clip(128 + press.difference, 0, 255).astype(np.uint8))
-        for cell, penetration in zip(four[2:], (press.measured, press.ideal), strict=True):
-            if penetration is not None:
-                shown = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
-        for cell, title in zip(four, (press.name, *_TITLES[1:]), strict=True):
-            cell.set_title(title, fontsize=8, loc="left")
-    bar = figure.colorbar(shown, ax=axes, location="right", fraction=0.012, pad=0.01)
-    bar.set_label("penetration [mm]", fontsize=9)
-    return figure
 
 
 def _shown(content: dict) -> list[MeasuredPress]:

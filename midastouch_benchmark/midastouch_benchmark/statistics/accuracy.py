@@ -210,12 +210,11 @@ def converged_figures(trials: list[dict]) -> dict:
 
 def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     """Return the figures of `trust` on states and last answers."""
-    wrong = converged_wrong_frames(trials)
-    right, foreign = [is_right(t) for t in trials], [t["final"]["foreign"] for t in trials]
+    foreign = [t["final"]["foreign"] for t in trials]
     return {
-        "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
+        "converged_wrong": figures.fraction(converged_wrong_frames(trials), [t["frames"] for t in trials]),
         **converged_figures(trials),
-        "right_at_end": figures.fraction(right),
+        "right_at_end": figures.fraction([is_right(t) for t in trials]),
         "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
         "foreign_at_end": figures.fraction(foreign),
         "foreign_ever": figures.fraction([t["frames_foreign"] > 0 for t in trials]),
@@ -267,8 +266,7 @@ def grasp_summary(trials: list[dict]) -> list[dict] | None:
     figures = Figures.by_slide(trials)
     out = []
     for rows in zip(*(trial["held"] for trial in trials), strict=True):
-        wrong = [row["converged"] and not row["right"] for row in rows]
         parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
-        parts["converged_wrong"] = wrong
+        parts["converged_wrong"] = [row["converged"] and not row["right"] for row in rows]
         out.append({"trials": len(rows)} | {name: figures.fraction(part) for name, part in parts.items()})
     return out

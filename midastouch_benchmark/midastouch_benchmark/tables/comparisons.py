@@ -29,10 +29,11 @@ COMPARED: dict[str, Form] = {
     "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {verdict(row)}",
 }
 """Columns on a variant against the default on the same trials, of a row of `compare_variants`."""
+_AT_END = pose("estimate", "median", "trust.estimate_trans_mm.median.interval")
 METHODS = Table(
     {"method": text("what"), "trials": text("trials")},
     {
-        "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
+        "published pose, median": _AT_END,
         "pose right, in any state": fraction("pose_right"),
         "right": fraction("trust.right_at_end"),
         "frames converged wrong": fraction("trust.converged_wrong", 1),
@@ -47,9 +48,6 @@ _BELIEF: dict[str, Form] = {
     "converged wrong": fraction("converged_wrong"),
 }
 _CONTACTS: dict[str, Form] = {"contacts": text("what"), "held": text("seconds", "{} s")}
-_AT_END = pose("estimate", "median", "trust.estimate_trans_mm.median.interval")
-_PINCHES: dict[str, Form] = {"pinches": text("what")}
-_POSE: dict[str, Form] = {"published pose, median": lambda row: _AT_END(row) if row["what"] == len(PINCHED) else "-"}
 
 
 def compared(content: dict) -> list[dict]:
@@ -125,7 +123,9 @@ def pinches() -> pd.DataFrame:
 
     objects = {"pinch": "the ten", "pinch_cad": "CAD parts"}
     found = rows_of(dict.fromkeys(objects, "-"), rows)
-    return Table({"objects": lambda row: objects[row["report"]]} | _PINCHES, _BELIEF | _POSE).of(found, "report")
+    about = {"objects": lambda row: objects[row["report"]], "pinches": text("what")}
+    last = {"published pose, median": lambda row: _AT_END(row) if row["what"] == len(PINCHED) else "-"}
+    return Table(about, _BELIEF | last).of(found, "report")
 
 
 def variants() -> pd.DataFrame:

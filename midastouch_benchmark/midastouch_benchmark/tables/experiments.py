@@ -61,7 +61,9 @@ def _identified(content: dict) -> pd.DataFrame:
 def _benchmark(content: dict) -> Iterator[Titled]:
     for init in content["summary"].get(DEFAULT, {}):
         yield from of_start(content, init)
-    yield from _variants(content)
+    for init, rows in rows_by_init(content["comparison"]).items():
+        if len(rows) > 1:
+            yield f"variants, start: {init}", comparisons.compared_table(content | {"comparison": rows})
 
 
 def of_start(content: dict, init: str) -> Iterator[Titled]:
@@ -89,13 +91,6 @@ def of_start(content: dict, init: str) -> Iterator[Titled]:
     methods = comparisons.methods_table(content, init)
     if len(methods) > 1:
         yield "methods on the same slides", methods
-
-
-def _variants(content: dict) -> Iterator[Titled]:
-    """Yield a table for each start of variants against the default on the same trials; none without variants."""
-    for init, rows in rows_by_init(content["comparison"]).items():
-        if len(rows) > 1:
-            yield f"variants, start: {init}", comparisons.compared_table(content | {"comparison": rows})
 
 
 def _campaign(content: dict) -> str:

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from midastouch_common.files import atomic_path
+from midastouch_tools.drawing.figures import style_axes
 
 from ..statistics.intervals import ENOUGH
 from .reports import ROOT, benchmark_summary, report, stale
@@ -86,10 +87,9 @@ def regions_figure(content: dict[str, dict]) -> Figure:
             levels, fractions, errors = _intervals(one["regions"][kind])
             axes.errorbar(levels, fractions, errors, color=style["color"], ms=3, zorder=style["zorder"], **_BARS)
         axes.set_title(title, fontsize=10)
-        axes.set_xlabel("nominal fraction", fontsize=9)
         axes.set_xlim(0, 1)
         axes.set_ylim(0, 1.01)
-        _plain(axes)
+        style_axes(axes, "", "nominal fraction")
     figure.axes[0].set_ylabel("fraction of frames whose region holds the truth", fontsize=9)
     lines = {str(line.get_label()): line for line in (Line2D([], [], **style) for style in (*named.values(), _OTHERS))}
     figure.legend(lines.values(), lines, loc="outside lower center", ncols=2, fontsize=8)
@@ -111,8 +111,7 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     axes.set_xscale("symlog", linthresh=promised)  # linear up to the promise; the wrong object is at 100
     axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], list(map(str, ticks)))
     axes.set_xlim(0, 102)
-    axes.set_xlabel("converged frames at a wrong pose, %, with 95 % interval", fontsize=9)
-    _plain(axes)
+    style_axes(axes, "", "converged frames at a wrong pose, %, with 95 % interval")
     return figure
 
 
@@ -127,14 +126,6 @@ def _too_small(regions: dict[str, dict]) -> bool:
     """Return whether the whole interval at the promised level is below it, in any kind of frame."""
     intervals = [one[str(PROMISED_REGION)]["interval"] for one in regions.values()]
     return any(interval is not None and interval[1] < PROMISED_REGION for interval in intervals)
-
-
-def _plain(axes) -> None:
-    axes.grid(color="#eceef1", lw=0.7)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 FIGURES = {"trust_regions.png": regions_figure, "trust_converged.png": wrong_figure}

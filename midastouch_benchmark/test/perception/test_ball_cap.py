@@ -81,12 +81,12 @@ def test_the_nearest_cap_of_one_pixel(sensor):
 CENTRE = np.array([1e-3, -2e-3, -3e-3])
 
 
-def cap(radius: float, reach: float = 1.5e-3, centre=CENTRE) -> np.ndarray:
+def cap(radius: float, reach: float = 1.5e-3) -> np.ndarray:
     """Points of a ball's upper side within `reach` of its top, seen from above."""
     x, y = np.meshgrid(*[np.linspace(-reach, reach, 25)] * 2)
     inside = np.hypot(x, y) < min(reach, radius)
     x, y = x[inside], y[inside]
-    return centre + np.column_stack([x, y, np.sqrt(radius**2 - x**2 - y**2)])
+    return CENTRE + np.column_stack([x, y, np.sqrt(radius**2 - x**2 - y**2)])
 
 
 @given(st.floats(2e-3, 3e-2))

@@ -57,7 +57,7 @@ def labelled(presses):
     return BallPresses(presses.images, FREE, circles)
 
 
-def summary_of(sensor, presses, measured=lambda penetration: penetration):
+def summary_of(sensor, presses, measured):
     return measure_presses(FakeTdn(sensor, measured), presses, RADIUS)[1]
 
 

@@ -106,12 +106,9 @@ def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, code
     assert shares[1] > shares[0] + 0.05
 
 
-def row(found: bool, share: float, right: bool, converged: bool) -> dict:
-    return {"found": found, "share": share, "right": right, "converged": converged}
-
-
 def test_the_summary_is_by_the_time_a_grasp_was_held(make_trial):
-    good, bad = row(True, 0.9, True, True), row(False, 0.1, False, True)
+    good = {"found": True, "share": 0.9, "right": True, "converged": True}
+    bad = {"found": False, "share": 0.1, "right": False, "converged": True}
     trials = [make_trial("default", 0, 1.0, {}) | {"slide": k, "held": [bad, good]} for k in range(4)]
     first, second = grasp_summary(trials)
     assert (first["found"]["share"], first["share"]["share"], first["converged_wrong"]["share"]) == (0, 0.1, 1)

@@ -132,7 +132,6 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
     """
     stamps = sequence.stamps_ns.tolist()
     measured = BASE_FROM_OBJECT @ sequence.poses_measured
-    camera_info = _camera_info()
     yield _static_transforms(stamps[0])
     for i, stamp in enumerate(stamps):
         if stamp < stamps[0] + offset_ns:
@@ -142,18 +141,13 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
             _transform(stamp, TRUTH_FRAME, TRUTH_GEL_FRAME, sequence.poses_true[i]),
         ]
         yield Message.of(TF_TOPIC, new_message(TF_TYPE, transforms=transforms), stamp)
-        camera_info.header = header(stamp, OPTICAL_FRAME)
-        yield Message.of(CAMERA_INFO_TOPIC, camera_info, stamp)
-        yield image_message(camera_info.header, sequence.image(i), stamp)
+        yield from _camera_messages(stamp, sequence.image(i))
 
 
 def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Message]:
     """Yield camera info and image of each frame, without those of the first `offset_ns`; there are no poses."""
-    camera_info = _camera_info()
     for stamp, pixels in images.frames(offset_ns):
-        camera_info.header = header(stamp, OPTICAL_FRAME)
-        yield Message.of(CAMERA_INFO_TOPIC, camera_info, stamp)
-        yield image_message(camera_info.header, pixels, stamp)
+        yield from _camera_messages(stamp, pixels)
 
 
 def new_message(type_name: str, **given: Any) -> Any:
@@ -213,6 +207,8 @@ def image_message(header: Any, pixels: np.ndarray, stamp_ns: int) -> Message:
     return Message.of(IMAGE_TOPIC, content, stamp_ns)
 
 
-def _camera_info() -> Any:
-    """Return a camera info with the size only: K[0] = 0 marks a camera that is not calibrated, as a DIGIT is not."""
-    return new_message("sensor_msgs/msg/CameraInfo", height=320, width=240)
+def _camera_messages(stamp_ns: int, pixels: np.ndarray) -> list[Message]:
+    """Return camera info, with the size only (K[0] = 0: not calibrated, as a DIGIT is not), and image (320, 240, 3)."""
+    about = header(stamp_ns, OPTICAL_FRAME)
+    camera_info = new_message("sensor_msgs/msg/CameraInfo", header=about, height=320, width=240)
+    return [Message.of(CAMERA_INFO_TOPIC, camera_info, stamp_ns), image_message(about, pixels, stamp_ns)]

@@ -97,7 +97,10 @@ def read_run(path: str | Path) -> RunRecord:
             time=1e-9 * (stamp - start),
             truth=frame.object_from_gel_true,
             particles=poses_from_msgs(results[PARTICLES][stamp].poses),
-            modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
+            modes=[
+                RecordedMode(float(one.weight), pose_from_msg(one.pose.pose), covariance_from_msg(one.pose.covariance))
+                for one in results[MODES][stamp].modes
+            ],
             estimate=None if pose is None else pose_from_msg(pose.pose.pose),
             image=frame.image,
             penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
@@ -127,11 +130,6 @@ def answers(statuses: Iterable[tuple[int, Any]]) -> dict[int, Any]:
         if status.state != status.STATE_WAITING:
             found.setdefault(stamp, status)
     return found
-
-
-def _hypothesis(mode: Any) -> RecordedMode:
-    pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
-    return RecordedMode(float(mode.weight), pose, covariance)
 
 
 def _symmetry(modes: Any) -> Symmetry:

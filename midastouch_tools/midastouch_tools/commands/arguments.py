@@ -90,16 +90,6 @@ def add_jobs_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def writable_file(text: str) -> Path:
-    """argparse type: a file that can be written; its folders need not be there."""
-    return _checked(require_place, text, "file")
-
-
-def writable_folder(text: str) -> Path:
-    """argparse type: a folder that is there and can be written to, or that can be made."""
-    return _checked(require_place, text, "folder")
-
-
 _METAVARS = {"file": "FILE", "folder": "DIR", "file or folder": "PATH"}
 
 

@@ -88,7 +88,11 @@ def run(args: argparse.Namespace) -> int:
     else:
         result, images = _of_presses(args, store, sensor)
     if args.optics:
-        _measure_optics(args, images, result)
+        from midastouch_simulation.optics_fit import fit_optics
+
+        optics = fit_optics(args.optics.stem, args.command_line, images, result)
+        optics.save(args.optics)
+        print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")
     _report(args, result, images, sensor)
     # last, so that a failure above keeps nothing; for a live sensor the guide has saved it already
     if args.source != "live":
@@ -176,11 +180,3 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
         print(f"warning: {warning}")
     if args.page:
         print(f"{calibration_page(result, images, sensor, args.page)}: before and after")
-
-
-def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
-    from midastouch_simulation.optics_fit import fit_optics
-
-    optics = fit_optics(args.optics.stem, args.command_line, images, result)
-    optics.save(args.optics)
-    print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")

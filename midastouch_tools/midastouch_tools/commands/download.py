@@ -7,6 +7,14 @@ from pathlib import Path
 
 from . import arguments
 
+_TACTILE_TRACKING = """\
+TactileTracking (Huang, Kaess, Yuan, 2024; MIT): 12 objects, 7 trials each, a GelSight Mini under motion
+capture, at https://huggingface.co/datasets/joehjhuang/TactileTracking
+Unpack it. The recordings have no mesh: export the object's in the gel frame of the first image. Then
+  midastouch build-codebook aligned.ply --sensor gelsight_mini
+  midastouch evaluate avocado0 --mesh aligned.ply --background free.png
+avocado0 is the folder of a trial, free.png a no-contact image of its sensor."""
+
 
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
@@ -34,38 +42,16 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.errors import InputError
 
     if args.what == "tactile-tracking":
-        return _tactile_tracking()
+        print(_TACTILE_TRACKING)
+        return 0
     if not args.names:
         raise InputError(f"download {args.what}: name what to download; see midastouch download --help")
-    return {"ycb-mesh": _meshes, "ycb-slide": _slides}[args.what](args)
+    from ..download.ycb import FOLDERS, SERVER, download_mesh, download_part
 
-
-def _tactile_tracking() -> int:
-    print(
-        "TactileTracking (Huang, Kaess, Yuan, 2024; MIT): 12 objects, 7 trials each, a GelSight Mini under motion\n"
-        "capture, at https://huggingface.co/datasets/joehjhuang/TactileTracking\n"
-        "Unpack it. The recordings have no mesh: export the object's in the gel frame of the first image. Then\n"
-        "  midastouch build-codebook aligned.ply --sensor gelsight_mini\n"
-        "  midastouch evaluate avocado0 --mesh aligned.ply --background free.png\n"
-        "avocado0 is the folder of a trial, free.png a no-contact image of its sensor."
-    )
-    return 0
-
-
-def _meshes(args: argparse.Namespace) -> int:
-    from ..download.ycb import SERVER, download_mesh
-
-    folder = args.out or Path("out/ycb")
-    for name in args.names:
-        print(download_mesh(name, folder, args.mirror or SERVER))
-    return 0
-
-
-def _slides(args: argparse.Namespace) -> int:
-    from midastouch_common.errors import InputError
-
-    from ..download.ycb import FOLDERS, download_part
-
+    if args.what == "ycb-mesh":
+        for name in args.names:
+            print(download_mesh(name, args.out or Path("out/ycb"), args.mirror or SERVER))
+        return 0
     if unknown := set(args.names) - FOLDERS.keys():
         raise InputError(f"ycb-slide {', '.join(sorted(unknown))}: no such part; there are {', '.join(FOLDERS)}")
     for part in args.names:

@@ -32,7 +32,6 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="address to serve; 0.0.0.0: to all (default 127.0.0.1)")
     parser.add_argument("--port", type=limits.port, default=9876, help="of the data (default 9876)")
     parser.add_argument("--web-port", type=limits.port, default=9090, help="of the page (default 9090)")
-    parser.add_argument("--memory", type=limits.megabytes, help="history kept, MB (default 500; live 30)")
     arguments.add_place(parser, "--save", "file", "record to a file instead of serving", metavar="FILE.rrd")
     finished = parser.add_argument_group("a finished run")
     finished.add_argument("--mesh", help="file or bundled object (default: the run's)")
@@ -66,14 +65,18 @@ def run(args: argparse.Namespace) -> int:
             recording.save(stack.enter_context(atomic_path(args.save)))
             print(f"{args.save}: once this has ended, open it with: rerun {args.save}", flush=True)
         else:
-            memory = args.memory or (500 if finished else 30)  # live, a browser reads all history before any news
-            server = stack.enter_context(ViewServer(args.host, args.port, args.web_port, memory))
+            memory_mb = 500 if finished else 30  # live, a browser reads all history before any news
+            server = stack.enter_context(ViewServer(args.host, args.port, args.web_port, memory_mb))
             recording.connect_grpc(server.address)
             print(f"open {server.page}", flush=True)
         stack.callback(recording.disconnect)
         scene = Scene(recording)
         if not finished:
-            return _follow(scene, args.namespace, args.rate)
+            from midastouch_common.ros import spin
+
+            from ..nodes.view import View
+
+            return spin.run(lambda: [View(scene)], arguments.ros_arguments("view", {"rate": args.rate}, args.namespace))
         from midastouch_common.stop_signals import stop_event
 
         from ..view.finished_run import draw
@@ -84,15 +87,6 @@ def run(args: argparse.Namespace) -> int:
             if not args.save:
                 stopped.wait()
     return 0
-
-
-def _follow(scene, namespace: str, rate: float) -> int:
-    """Draw what the nodes publish until a signal comes."""
-    from midastouch_common.ros import spin
-
-    from ..nodes.view import View
-
-    return spin.run(lambda: [View(scene)], arguments.ros_arguments("view", {"rate": rate}, namespace))
 
 
 def _finished(args: argparse.Namespace) -> tuple:

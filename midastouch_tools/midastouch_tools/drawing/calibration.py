@@ -23,12 +23,12 @@ _SHALLOW = 1e-4  # m: least end of the scale
 
 
 class PenetrationRow(NamedTuple):
-    """One touch: name; image (H, W, 3) uint8 RGB; change (h, w, 3) grey levels; penetrations (h, w) m."""
+    """One touch: name; image (H, W, 3) uint8 RGB; change (h, w, 3) grey levels; penetrations (h, w) m, or None."""
 
     name: str
     image: np.ndarray
     change: np.ndarray
-    penetrations: tuple[np.ndarray, ...]
+    penetrations: tuple[np.ndarray | None, ...]
 
 
 def measured_with(
@@ -41,9 +41,9 @@ def measured_with(
 
 def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) -> Figure:
     """Draw all touches, two per line; titles: of the penetration maps."""
-    deepest = max(_SHALLOW, *(float(penetration.max()) for row in rows for penetration in row.penetrations))
+    deepest = max(_SHALLOW, *(float(one.max()) for row in rows for one in row.penetrations if one is not None))
     cells_each, lines = 2 + len(titles), -(-len(rows) // _ACROSS)
-    figure = Figure(figsize=(1.4 * cells_each * _ACROSS, 2.1 * lines + 0.4), layout="constrained")
+    figure = Figure(figsize=(_ACROSS * (cells_each + 2), 2.1 * lines + 0.4), layout="constrained")
     axes = figure.subplots(lines, cells_each * _ACROSS, squeeze=False)
     for one in axes.ravel():
         one.set_axis_off()
@@ -52,7 +52,8 @@ def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) ->
         cells[0].imshow(row.image)
         cells[1].imshow(np.clip(128 + row.change, 0, 255).astype(np.uint8))
         for cell, penetration in zip(cells[2:], row.penetrations, strict=True):
-            mapped = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+            if penetration is not None:
+                mapped = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
         for cell, title in zip(cells, (row.name, "difference", *titles), strict=True):
             cell.set_title(title, fontsize=8, loc="left")
     bar = figure.colorbar(mapped, ax=axes, location="right", fraction=0.012, pad=0.01)

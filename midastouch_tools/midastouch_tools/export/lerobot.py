@@ -21,6 +21,7 @@ from pyarrow import parquet
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
+from ..result_file import write_json
 from .recording import Column, Recording
 from .statistics import RowStatistics
 
@@ -86,8 +87,8 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> int:
         episodes.append(episode)
     _write_table(folder / _EPISODES_PATH, episodes)
     _write_tasks(folder / "meta" / "tasks.parquet", tasks)
-    _write_json(folder / "meta" / "stats.json", total.summary())
-    _write_json(folder / "meta" / "info.json", _info(columns, fps, len(episodes), index, len(tasks)))
+    write_json(folder / "meta" / "stats.json", total.summary())
+    write_json(folder / "meta" / "info.json", _info(columns, fps, len(episodes), index, len(tasks)))
     return index
 
 
@@ -218,7 +219,3 @@ def _info(columns: Sequence[Column], fps: int, episodes: int, frames: int, tasks
         "video_path": None,
         "features": features(columns),
     }
-
-
-def _write_json(path: Path, content: dict) -> None:
-    path.write_text(json.dumps(content, indent=1) + "\n")

@@ -91,16 +91,16 @@ class View(PipelineNode):
             _Topic("/tf", TFMessage, qos.TF, self._truth, TRUTH_GEL_FRAME.encode()),
             _Topic("/diagnostics", DiagnosticArray, qos.stream_subscriber(10), self._guidance, self._guide.encode()),
         )
-        self._topics = {topic.name: topic for topic in topics}
+        self._topics = topics
         for topic in topics:
             self.create_subscription(
-                topic.kind, topic.name, lambda data, name=topic.name: self._keep(name, data), topic.profile, raw=True
+                topic.kind, topic.name, lambda data, topic=topic: self._keep(topic, data), topic.profile, raw=True
             )
         self.create_timer(1 / settings["rate"], self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _keep(self, name: str, data: bytes) -> None:
-        if self._topics[name].holding in data:
-            self._newest[name] = data
+    def _keep(self, topic: _Topic, data: bytes) -> None:
+        if topic.holding in data:
+            self._newest[topic.name] = data
 
     def _draw(self) -> None:
         taken, self._newest = self._newest, {}
@@ -108,20 +108,18 @@ class View(PipelineNode):
             self._quiet_ticks, self._silence = 0, ()
         else:
             self._quiet_ticks += 1
-        for name, topic in self._topics.items():
-            if name not in taken:
+        for topic in self._topics:
+            if topic.name not in taken:
                 continue
             try:
-                topic.draw(deserialize_message(taken[name], topic.kind))
+                topic.draw(deserialize_message(taken[topic.name], topic.kind))
             except InputError as error:
-                self.get_logger().warning(f"{name}: {error}", throttle_duration_sec=5.0)
+                self.get_logger().warning(f"{topic.name}: {error}", throttle_duration_sec=5.0)
         if self._quiet_ticks >= self._silent_after and self._silence != _WAITING:
-            self._say_silent(*(_SILENT if self.count_publishers("filter_status") else _ENDED))
-
-    def _say_silent(self, state: str, words: str) -> None:
-        if (state, words) != self._silence:
-            self._silence = state, words
-            self._scene.status(state, f"{words}; it last said {self._last_word}", {})
+            silence = state, words = _SILENT if self.count_publishers("filter_status") else _ENDED
+            if silence != self._silence:
+                self._silence = silence
+                self._scene.status(state, f"{words}; it last said {self._last_word}", {})
 
     def _mesh(self, msg: MarkerArray) -> None:
         for marker in msg.markers:

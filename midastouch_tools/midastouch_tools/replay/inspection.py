@@ -91,12 +91,13 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
     }
     rows = [_row(topic, count, duration, streams) for topic, count in counts.items()]
     found = Inspection(duration, sorted(rows))
+    until = time.monotonic() + _READING_S
     try:
-        read = _read(path) / max(sum(counts.values()), 1)
+        whole = sum(1 for _ in takewhile(lambda _: time.monotonic() < until, bag_messages(path)))
     except InputError as error:
         found.missing.append(f"whole messages: {error}")
         return found
-    if read < 1.0:
+    if (read := whole / max(sum(counts.values()), 1)) < 1.0:
         found.notes.append(
             f"{read:.0%} of its messages were read, for {_READING_S:g} s; whether the rest is whole is not known"
         )
@@ -129,12 +130,6 @@ def inspect_bag(path: Path, base: str = BASE_FRAME, gel: str = GEL_FRAME) -> Ins
         why = f"the bag names no sensor, and has {'the' if simulated else 'no'} frame {TRUTH_FRAME} of a simulator"
         found.notes.append(f"{sensor} is a guess, as {why}; for another one, give sensor_model:=")
     return found
-
-
-def _read(path: Path) -> int:
-    """Read messages of a bag for some seconds; return how many. Raises InputError if one of them is damaged."""
-    until = time.monotonic() + _READING_S
-    return sum(1 for _ in takewhile(lambda _: time.monotonic() < until, bag_messages(path)))
 
 
 def _row(topic: Topic, count: int, duration: float, streams: dict[str, ImageStream]) -> tuple[str, str, int, str, str]:

@@ -181,18 +181,16 @@ class ReplaySource:
 
     def _of_bag(self, offset_ns: int) -> Iterator[Message]:
         start = None
-        for message in self._converted():
-            start = message.stamp_ns + offset_ns if start is None else start
-            if message.latched or message.stamp_ns >= start:
-                yield message
-
-    def _converted(self) -> Iterator[Message]:
-        for message in self._without_estimates(bag_messages(self.path, self._played)):
+        for recorded in self._without_estimates(bag_messages(self.path, self._played)):
             try:
-                yield self._as_sent(message)
+                message = self._as_sent(recorded)
             except BrokenImageError as error:
                 self.images_broken += 1
                 self._on_broken(str(error))
+                continue
+            start = message.stamp_ns + offset_ns if start is None else start
+            if message.latched or message.stamp_ns >= start:
+                yield message
 
     def _as_sent(self, message: Message) -> Message:
         if message.topic != self._image_topic or not self._converts:

@@ -73,9 +73,12 @@ class Console(Node):
 
     def keys(self) -> dict[str, Callable[[], object]]:
         """Return the function of each key of `Keyboard`; it queues a command for `carry_out_keys`."""
-        does: dict[str, Callable[[], object]] = {key: partial(self._nudge, way) for key, way in _HEADINGS.items()}
-        does |= {"l": partial(self._call, "lift"), "p": partial(self._call, "push")}
-        does |= {"o": self._change_object, " ": self._turn_over, "q": self.quit}
+        does: dict[str, Callable[[], object]] = {
+            key: partial(self._move.publish, Suggestion(heading=heading, length=_NUDGE))
+            for key, heading in _HEADINGS.items()
+        }
+        does |= {"l": partial(self._call, "lift"), "p": partial(self._call, "push"), "o": self._change_object}
+        does |= {" ": lambda: self._call("resume" if self._paused else "pause"), "q": self.quit}
         return {key: partial(self._pressed.put, do) for key, do in does.items()}
 
     def let_begin(self) -> None:
@@ -98,9 +101,6 @@ class Console(Node):
         self._bar.close()
         super().destroy_node()
 
-    def _nudge(self, heading: float) -> None:
-        self._move.publish(Suggestion(heading=heading, length=_NUDGE))
-
     def _call(self, name: str) -> None:
         if self._callable[name].service_is_ready():
             self._callable[name].call_async(Trigger.Request())
@@ -115,9 +115,6 @@ class Console(Node):
         request.codebook_path = str(codebook) if codebook.is_file() else ""
         if self._set_object.service_is_ready():
             self._set_object.call_async(request)
-
-    def _turn_over(self) -> None:
-        self._call("resume" if self._paused else "pause")
 
     def quit(self) -> None:
         """End the exploration for a person."""

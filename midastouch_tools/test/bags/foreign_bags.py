@@ -22,7 +22,7 @@ from midastouch_tools.bags.messages import Message, typestore
 
 N_IMAGES = 4
 RAW = "/tactile/D20123/raw"
-_BEST_EFFORT = Qos(
+BEST_EFFORT = Qos(
     QosHistory.KEEP_LAST,
     5,
     QosReliability.BEST_EFFORT,
@@ -71,11 +71,11 @@ def landscape(pixels: np.ndarray) -> np.ndarray:
     return cv2.resize(cv2.rotate(pixels, cv2.ROTATE_90_CLOCKWISE), (640, 480))[..., ::-1]
 
 
-def small(topic: str, ending: str = ".png"):
+def small(topic: str):
     """For `images_as`: compressed images on a topic."""
 
     def make(message: Message, _: np.ndarray) -> Message:
-        return dataclasses.replace(compressed(message, ending), topic=topic)
+        return dataclasses.replace(compressed(message), topic=topic)
 
     return make
 
@@ -219,6 +219,3 @@ def listed_otherwise(path: Path) -> Path:
             topic["topic_metadata"]["offered_qos_profiles"] = _QOS_TEXT
 
     return _edit_metadata(plain(path), other_qos)
-
-
-BEST_EFFORT = (_BEST_EFFORT,)

@@ -30,13 +30,13 @@ def steadily(seconds):
     return 0.02 * (seconds + 1)
 
 
-def frames(way, offset, seconds=12.0, fps=30.0, noise=2.0):
+def frames(way, offset, seconds=12.0, fps=30.0):
     """Images stamped `offset` seconds too late, with the pose that the arm had at that stamp."""
     rng = np.random.default_rng(1)
     for stamp in np.arange(0, seconds, 1 / fps):
         x = way(stamp - offset) / PIXEL
         shift = np.array([[1, 0, -x], [0, 1, 0]])
-        grey = cv2.warpAffine(TEXTURE, shift, (120, 160)) + rng.normal(0, noise, (160, 120))
+        grey = cv2.warpAffine(TEXTURE, shift, (120, 160)) + rng.normal(0, 2.0, (160, 120))
         image = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
         yield BagFrame(round(1e9 * stamp), image, se3.translation([way(stamp), 0, 0]), None)
 

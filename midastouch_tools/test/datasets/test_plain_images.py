@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from sequences import write_video
 
 from midastouch_common.errors import InputError
 from midastouch_tools.datasets.plain_images import PlainImages
@@ -14,15 +15,6 @@ def write_images(folder, names, shape=(320, 240, 3)):
     for i, name in enumerate(names):
         cv2.imwrite(str(folder / name), np.full(shape, (10 * i, 0, 200), np.uint8))
     return folder
-
-
-def write_video(path, frames, shape=(320, 240, 3)):
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (shape[1], shape[0]))
-    assert writer.isOpened()
-    for i in range(frames):
-        writer.write(np.full(shape, 20 * i, np.uint8))
-    writer.release()
-    return path
 
 
 def test_a_folder_plays_in_numeric_order_at_a_digit_s_rate(tmp_path):
@@ -38,7 +30,7 @@ def test_a_folder_plays_in_numeric_order_at_a_digit_s_rate(tmp_path):
 
 
 def test_a_video_plays_at_its_own_rate_and_the_sensor_s_size(tmp_path):
-    images = PlainImages(write_video(tmp_path / "v.avi", 3, (640, 480, 3)))
+    images = PlainImages(write_video(tmp_path / "v.avi", [np.full((640, 480, 3), 20 * i, np.uint8) for i in range(3)]))
     assert (images.n_frames, images.fps) == (3, 25.0)
     frames = list(images.frames())
     assert {image.shape for _, image in frames} == {(320, 240, 3)}
@@ -65,7 +57,7 @@ def test_landscape_images_are_refused_with_the_turn_they_need(tmp_path):
     with pytest.raises(InputError, match=r"0\.png.*320 x 240.*rotate it .rotation 90"):
         PlainImages(write_images(tmp_path / "x", ["0.png"], (240, 320, 3)))
     with pytest.raises(InputError, match=r"v\.avi.*rotate it"):
-        PlainImages(write_video(tmp_path / "v.avi", 2, (240, 320, 3)))
+        PlainImages(write_video(tmp_path / "v.avi", [np.zeros((240, 320, 3), np.uint8)] * 2))
 
 
 def test_a_video_without_an_index_plays_at_unknown_length(tmp_path):

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from sequences import write_video
 
 from midastouch_benchmark.trials.setup import untouched_of
 from midastouch_common import se3
@@ -19,15 +20,6 @@ def tactile_image(i: int) -> np.ndarray:
     image[80:160, 280:] = (0, 0, 250)
     image[200:, 100:220] = (250, 0, 0)
     return image
-
-
-def write_video(path, images) -> None:
-    height, width = images[0].shape[:2]
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25, (width, height))
-    assert writer.isOpened()
-    for image in images:
-        writer.write(image)
-    writer.release()
 
 
 @pytest.fixture

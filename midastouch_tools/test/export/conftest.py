@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from run_results import write_run
+from sequences import write_slide
 
 from midastouch_common import se3
-from midastouch_perception.sensor_model import SensorModel
-from midastouch_tools.datasets import load_sequence, write_sequence
 
 FRAMES = 6
 
@@ -20,17 +19,7 @@ def run(tmp_path_factory):
         folder = tmp_path_factory.mktemp(name)
         poses = se3.exp(rng.normal(0, 0.3, 6)) @ se3.exp(np.arange(FRAMES)[:, None] * rng.normal(0, 0.01, 6))
         images = rng.integers(0, 256, (FRAMES, 20, 15, 3), np.uint8).repeat(16, axis=1).repeat(16, axis=2)
-        write_sequence(
-            folder / "00",
-            ((image, np.zeros((320, 240), np.float32)) for image in images),
-            poses,
-            poses,
-            background=images[0],
-            object_name=name,
-            sensor=SensorModel.load("digit_tacto"),
-            noise={"sig_t": 0.0, "sig_r": 0.0},
-        )
-        sequence = load_sequence(folder / "00")
+        sequence = write_slide(folder / name / "00", images, poses)
         return sequence, write_run(sequence, folder / f"{name}.mcap", range(1, FRAMES), **options)
 
     return write

@@ -18,7 +18,7 @@ from foreign_bags import images_as, of_humble, raw, without_index, write_bag
 from recorded import write
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from run_results import write_run
-from sequences import bump, smooth_image, smooth_poses
+from sequences import bump, smooth_image, write_real, write_touches, write_video
 
 import digit_driver
 from digit_driver.camera_info import load_intrinsics
@@ -40,7 +40,7 @@ from midastouch_simulation.measured_optics import MeasuredOptics
 from midastouch_simulation.optics import ColourTable
 from midastouch_tools.bags.images import read_bag
 from midastouch_tools.bags.run_record import read_run
-from midastouch_tools.datasets import load_sequence, write_sequence
+from midastouch_tools.datasets import load_sequence
 from midastouch_tools.datasets.ball_presses import load_ball_presses
 from midastouch_tools.download.archive import extract
 from midastouch_tools.replay.inspection import inspect_bag
@@ -109,43 +109,15 @@ def _colour_table(folder: Path) -> Path:
     return path
 
 
-def _simulated(folder: Path, n: int = 2) -> Path:
-    rng = np.random.default_rng(0)
-    poses, path = smooth_poses(n, rng), folder / "test_object" / "00"
-    write_sequence(
-        path,
-        ((smooth_image(i), bump(i)) for i in range(n)),
-        poses,
-        poses @ se3.exp(rng.normal(0, 1e-3, (n, 6))),
-        background=smooth_image(9),
-        object_name="test_object",
-        sensor=SensorModel.load("digit_tacto"),
-        noise={"sig_t": 5e-4, "sig_r": 1.0},
-    )
-    return path
+def _simulated(folder: Path) -> Path:
+    return write_touches(folder / "test_object" / "00", 2).path
 
 
-def _real(folder: Path, n: int = 5) -> Path:
-    path = folder / "box" / "dataset_0"
-    (path / "frames").mkdir(parents=True)
-    names = [f"frame_{i:07d}.jpg" for i in range(n)]
-    for i, name in enumerate(names):
-        cv2.imwrite(str(path / "frames" / name), smooth_image(i))
-    poses = se3.to_xyzquat(smooth_poses(n, np.random.default_rng(0)))
-    data = {"timestamps": [i / 30 for i in range(n)], "digit_frames": names, "poses": {"DIGIT": poses, "box": poses}}
-    np.save(path / "synced_data.npy", data, allow_pickle=True)  # type: ignore[arg-type] # NumPy wraps it
-    np.save(path.parent / "alignment.npy", np.eye(4))
-    return path
-
-
-def _trial(folder: Path, n: int = 3) -> Path:
+def _trial(folder: Path) -> Path:
     path = folder / "box0"
     path.mkdir()
-    writer = cv2.VideoWriter(str(path / "gelsight.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25, (320, 240))
-    for i in range(n):
-        writer.write(np.ascontiguousarray(smooth_image(i).swapaxes(0, 1)))
-    writer.release()
-    poses = np.tile(np.eye(4), (n, 1, 1))
+    write_video(path / "gelsight.avi", [np.ascontiguousarray(smooth_image(i).swapaxes(0, 1)) for i in range(3)])
+    poses = np.tile(np.eye(4), (3, 1, 1))
     poses[1:, :3, 3] = 1e-3
     np.save(path / "true_start_T_currs.npy", poses)
     return path
@@ -293,7 +265,7 @@ FORMATS = {
     "calibration": Format(_calibration, (SensorCalibration.load,), checked=True),
     "colour_table": Format(_colour_table, (lambda path: ColourTable.load(path) and "read",), checked=True),
     "simulated_slide": Format(_simulated, (_read_sequence,), files="*[!0-9].*"),
-    "real_slide": Format(_real, (_read_sequence,), files="*.npy"),
+    "real_slide": Format(lambda folder: write_real(folder, 5)[0], (_read_sequence,), files="*.npy"),
     "trial": Format(_trial, (_read_sequence,)),
     "bag_of_ours": Format(lambda folder: write(folder / "bag.mcap", *_MESSAGES), _READ_BAG, checked=True),
     "bag_mcap": Format(partial(_bag, StoragePlugin.MCAP, CompressionMode.NONE), _READ_BAG),

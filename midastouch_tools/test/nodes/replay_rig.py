@@ -37,6 +37,15 @@ def stamps(messages):
     return [stamp_ns(message.header.stamp) for message in messages]
 
 
+def answers(sent, statuses):
+    """The statuses that answer each image of the stamps `sent` [ns], in their order."""
+    said = {stamp: [] for stamp in sent}
+    for status in statuses:
+        if (stamp := stamp_ns(status.header.stamp)) in said and status.state != FilterStatus.STATE_WAITING:
+            said[stamp].append(status)
+    return list(said.values())
+
+
 class Consumer:
     """Answers images with filter states, as slowly and as badly as a test wants."""
 

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from filter_fakes import code_msg, loader_of
 from recorded import edited, write
-from replay_rig import frames, paced, play
+from replay_rig import answers, frames, paced, play
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -44,17 +44,10 @@ class Chain:
         play(self.graph, node)
         assert frames(node) == (len(self.sent), 0, 0)
         # the filter has an answer before its status arrives here
-        self.graph.spin_until(lambda: all(self._said()), "an answer to each")
-        assert [len(each) for each in self._said()] == [1] * len(self.sent)
-        return [each[0] for each in self._said()]
-
-    def _said(self) -> list[list[str]]:
-        """The answers to each image that was sent."""
-        said = {stamp: [] for stamp in self.sent}
-        for status in self.statuses:
-            if (stamp := stamp_ns(status.header.stamp)) in said and status.state != FilterStatus.STATE_WAITING:
-                said[stamp].append(status.state)
-        return list(said.values())
+        self.graph.spin_until(lambda: all(answers(self.sent, self.statuses)), "an answer to each")
+        said = answers(self.sent, self.statuses)
+        assert [len(each) for each in said] == [1] * len(self.sent)
+        return [each[0].state for each in said]
 
 
 def written(path, messages):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from process_rig import SHIPPED, processes
 from recorded import write
-from replay_rig import frames, replay, stamps
+from replay_rig import answers, frames, replay, stamps
 from sensor_msgs.msg import Image
 from stalling_filter import STALL_S
 from std_msgs.msg import Header
@@ -66,23 +66,15 @@ def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulat
         assert graph.call(SetObject, "set_object", request).success
         graph.spin_until(node.finished.is_set, "the end")
         wanted = sequence.stamps_ns.tolist()
-
-        def answers() -> dict[int, list[str]]:
-            said = {stamp: [] for stamp in wanted}
-            for status in statuses:
-                stamp = stamp_ns(status.header.stamp)
-                if status.state != FilterStatus.STATE_WAITING and stamp in said:
-                    said[stamp].append(f"{status.state}: {status.reason}")
-            return said
-
         # an answer after a frame was given up takes the loss back: once the replay, too, has heard it
         graph.spin_until(
-            lambda: all(answers().values()) and node.player.frames_lost == 0,
+            lambda: all(answers(wanted, statuses)) and node.player.frames_lost == 0,
             "an answer to each, here and in the replay",
         )
         changed = "stale: the object was changed while this code waited for its transform"
-        assert {tuple(said) for said in answers().values()} <= {("ambiguous: as told",), (changed,)}
-        assert list(answers().values()).count([changed]) <= 1
+        said = [tuple(f"{status.state}: {status.reason}" for status in each) for each in answers(wanted, statuses)]
+        assert set(said) <= {("ambiguous: as told",), (changed,)}
+        assert said.count((changed,)) <= 1
         assert frames(node) == (20, 0, 0)
         assert stamps(images) == wanted
         of_transforms = [stamp_ns(m.transforms[0].header.stamp) for m in moving]

@@ -74,7 +74,7 @@ def arguments_of(out):
         (partial(bags.zstd_messages, storage=StoragePlugin.MCAP), "bag", REAL),
         (bags.split, "bag", REAL),
         (bags.without_index, "bag.mcap", REAL),
-        (of(bags.recorded(), qos=bags.BEST_EFFORT), "a bag's", REAL),
+        (of(bags.recorded(), qos=[bags.BEST_EFFORT]), "a bag's", REAL),
         (
             of(bags.images_as(bags.raw(bags.RAW, "bgr8", bags.landscape))),
             "bag",
