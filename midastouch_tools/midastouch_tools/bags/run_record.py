@@ -45,9 +45,11 @@ class RunRecord:
     node_ms: dict[str, float]
 
     def since_change(self, seconds: float) -> RunRecord:
-        """Return the last `seconds`, without the probabilities of objects, as if the object had been given."""
+        """Return the last `seconds`, timed from their begin on, without the probabilities of objects, as if the object
+        had been given."""
         begin = self.snapshots[-1].time - seconds
-        last = [dataclasses.replace(one, objects={}) for one in self.snapshots if one.time >= begin]
+        timed = ((one, one.time - begin) for one in self.snapshots)
+        last = [dataclasses.replace(one, time=time, objects={}) for one, time in timed if time >= 0]
         return dataclasses.replace(self, snapshots=last)
 
 

@@ -55,7 +55,7 @@ class Console(Node):
         self._first_at: float | None = None
         self.answering = 0.0
         self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
-        self._holds_back = True
+        self._resumed = self._begun = False  # begun: it has moved, or a person has taken it
         self._explorer = ExplorerStatus(state=ExplorerStatus.STATE_WAITING)
         self._filter = FilterStatus(state=FilterStatus.STATE_WAITING)
         self._objects: dict[str, float] = {}
@@ -83,8 +83,8 @@ class Console(Node):
 
     def let_begin(self) -> None:
         """Let an explorer that was started paused begin, unless a person has taken the finger meanwhile."""
-        if self._holds_back and self._paused and self._callable["resume"].service_is_ready():
-            self._holds_back = False
+        if not (self._resumed or self._begun) and self._paused and self._callable["resume"].service_is_ready():
+            self._resumed = True
             self._call("resume")
 
     def carry_out_keys(self) -> None:
@@ -92,7 +92,7 @@ class Console(Node):
         try:
             while True:
                 self._pressed.get_nowait()()
-                self._holds_back = self._holds_back and not self._paused
+                self._begun |= self._paused
         except Empty:
             return
 
@@ -160,6 +160,7 @@ class Console(Node):
 
     def _on_explorer(self, status: ExplorerStatus) -> None:
         self._explorer = status
+        self._begun |= status.state == ExplorerStatus.STATE_EXPLORING
         self._show()
         self._bar.update()
         if self.ended is None and status.state in _END_STATES:
@@ -170,11 +171,12 @@ class Console(Node):
     def _show(self) -> None:
         explorer, known, seconds = self._explorer, self._filter, time.monotonic() - self._started
         answer, pose = object_answer(self._objects, self._given), f"best pose {known.mode_mass:.0%}"
-        if self._paused:
+        state = ExplorerStatus.STATE_WAITING if self._paused and not self._begun else explorer.state
+        if state == ExplorerStatus.STATE_PAUSED:
             pose = pose if known.mode_mass or self._given else answer
             room = max(_LONGEST_REASON, shutil.get_terminal_size().columns - 64)
             answer = _shortened(explorer.reason.partition("; ~/")[0], room)  # here it is a key that resumes
-        line = progress_line(explorer.state, explorer.path_length, seconds, answer, known.state, pose)
+        line = progress_line(state, explorer.path_length, seconds, answer, known.state, pose)
         self._bar.set_description_str(line, refresh=False)
 
 

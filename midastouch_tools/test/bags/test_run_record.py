@@ -72,7 +72,9 @@ def test_the_last_word_on_the_object_holds_until_the_next(bag):
     said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
-    assert [(s.frame, s.objects) for s in record.since_change(0.15).snapshots] == [(2, {}), (3, {})]
+    last = record.since_change(0.15).snapshots
+    assert [(s.frame, s.objects) for s in last] == [(2, {}), (3, {})]
+    assert [s.time for s in last] == pytest.approx([0.05, 0.15])
 
 
 def test_what_the_recorder_leaves_out_may_be_missing(bag):

@@ -5,8 +5,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.message_arrays import SECOND
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus
 from midastouch_perception.objects import bundled_objects
+from midastouch_tools.ros import exploration_console
 from midastouch_tools.ros.exploration_console import Console, object_answer, progress_line
 
 
@@ -27,6 +28,18 @@ def test_without_probabilities_the_answer_is_the_given_object():
 def test_the_longest_line_fits_a_hundred_columns():
     answer = object_answer({"o" * 80: 0.5}, "")
     assert len(progress_line("exploring", 99.999, 99_999, answer, "uninitialised", "best pose 100%")) <= 100
+
+
+@pytest.mark.dds
+def test_no_person_has_a_finger_that_has_not_begun(graph, monkeypatch):
+    shown = []
+    monkeypatch.setattr(exploration_console, "progress_line", lambda state, *_: shown.append(state) or "")
+    graph.add(Console, mesh="mug.ply", given=True, context=rclpy.get_default_context())
+    explorer = graph.publisher(ExplorerStatus, "explorer/status", latched=True)
+    for number, state in enumerate(("paused", "exploring", "paused"), 1):  # it is started paused
+        explorer.publish(ExplorerStatus(state=state))
+        graph.spin_until(lambda number=number: len(shown) == number)
+    assert shown == ["waiting", "exploring", "paused"]
 
 
 @pytest.mark.dds
