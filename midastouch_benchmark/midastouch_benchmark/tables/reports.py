@@ -29,6 +29,7 @@ _PRESSES = (
     ("mini_9500", "gelsight_mini/presses_9500", "--sensor gelsight_mini --ball-diameter 0.0095", ""),
 )
 """Real presses of a ball: name, folder, options, and whether there are labels to check."""
+_BOOKS_OF_SLIDES = "midastouch build-codebook ../shared/meshes/ycb/{005,025,035}_*.ply"
 _SINGLE_TOUCH = f"midastouch build-codebook {_TEN} && midastouch single-touch {_TEN}"
 _OTHER_TABLES = ("plain", "uniform", "grasp", "pinch", "real_sensor", "real_sensor_calibrated", "camera_faults")
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
@@ -88,8 +89,8 @@ COMMANDS = {
         for protocol, variants in _ABLATIONS.items()
     },
     "front": f"{_BENCHMARK} --init uniform --length 0.3 {_PAIRED} --variant front",
-    "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --init paper",
-    "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --init uniform",
+    "evaluate_paper": f"{_BOOKS_OF_SLIDES} && midastouch evaluate {_SLIDES}/*/00 --init paper",
+    "evaluate_uniform": f"{_BOOKS_OF_SLIDES} && midastouch evaluate {_SLIDES}/035_power_drill/00 --init uniform",
     "evaluate_tdn": f"{_PERCEPTION} tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "for name in 019_pitcher_base 032_knife 043_phillips_screwdriver 052_extra_large_clamp "
     "065-c_cups 072-b_toy_airplane 073-a_lego_duplo; do [ -d out/held_out/$name ] || midastouch simulate "
