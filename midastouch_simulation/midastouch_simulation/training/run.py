@@ -59,7 +59,8 @@ class TrainingRun:
     that are right for each batch's own statistics are wrong for the mean of all.
 
     Args: model; options, of which this class uses the budget, `resume`, and `out`, the folder of
-    `checkpoint.safetensors`, `state.pt` and `log.csv`; rate, the peak learning rate.
+    `checkpoint.safetensors`, `state.pt` and `log.csv`; rate, the peak learning rate. Attribute: autocast, the context
+    in which a network computes in bfloat16, unless the CPU lacks it and would take ten times as long.
     """
 
     def __init__(self, model: torch.nn.Module, options: TrainingOptions, rate: float):
@@ -75,6 +76,9 @@ class TrainingRun:
             self._resume(Path(options.resume))
         self._first_step = self.step
         self._from_scratch = options.start is None and options.resume is None
+        cpu = torch.cpu.get_capabilities()
+        native = options.device != "cpu" or any(cpu.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
+        self.autocast = torch.autocast(options.device, torch.bfloat16, enabled=native)
 
     @property
     def progress(self) -> float:
@@ -131,12 +135,6 @@ class TrainingRun:
             "validation": {k: round(v, 4) for k, v in self.rows[-1].items()},
             "licence": "MIT",
         }
-
-    def autocast(self) -> torch.autocast:
-        """Return the context in which a network computes in bfloat16; a CPU without it would take ten times as long."""
-        device, cpu = self._options.device, torch.cpu.get_capabilities()
-        native = device != "cpu" or any(cpu.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
-        return torch.autocast(device, torch.bfloat16, enabled=native)
 
     def update(self, loss: torch.Tensor) -> None:
         """Take one optimiser step down the gradient of `loss`; a non-finite loss is skipped."""

@@ -250,7 +250,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     def loss_of(batch: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
         touched, _ = batch
         both = torch.cat(batch).to(options.device).to(memory_format=torch.channels_last)
-        with run.autocast():
+        with run.autocast:
             codes = model(both)
         codes = codes.float()
         return contrastive_loss(codes[: len(touched)], codes[len(touched) :], model.log_temperature)

@@ -175,7 +175,7 @@ def train(options: TrainingOptions) -> Path:
     def loss_of(batch: tuple[torch.Tensor, ...]) -> torch.Tensor:
         difference, geometry, penetration = batch
         difference = difference.to(options.device).to(memory_format=torch.channels_last)
-        with run.autocast():
+        with run.autocast:
             output = model(difference, geometry.to(options.device))
         return loss_function(output.float(), penetration.to(options.device))
 

@@ -58,7 +58,7 @@ def test_only_a_cpu_that_has_bfloat16_computes_in_it(native, options, monkeypatc
 
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, "avx512_bf16": native})
     layer = torch.nn.Linear(2, 2)
-    with TrainingRun(layer, options, 1e-3).autocast():
+    with TrainingRun(layer, options, 1e-3).autocast:
         assert layer(torch.zeros(1, 2)).dtype == (torch.bfloat16 if native else torch.float32)
 
 

@@ -29,13 +29,14 @@ _CHECKSUM = 9 + 24  # offset in a chunk's record, behind opcode, length, two tim
 class BagWriter:
     """Writer of messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
 
-    The bag appears when the block ends well; if it fails, nothing is left.
+    The bag appears when the block ends well; if it fails, nothing is left. Attribute: metadata, which may be changed
+    until then.
 
     Parameters
     ----------
     path
     metadata
-        Texts by name, kept in the bag's custom data, as they are when the block ends.
+        Texts by name, kept in the bag's custom data.
 
     Raises
     ------
@@ -46,7 +47,7 @@ class BagWriter:
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
         self._path = Path(path).expanduser()
         self._is_file = self._path.suffix == ".mcap"
-        self._metadata = {} if metadata is None else metadata
+        self.metadata = dict(metadata or {})
         self._connections: dict[str, Connection] = {}
         require_new(self._path, "bag")
 
@@ -84,7 +85,7 @@ class BagWriter:
                 with contextlib.suppress(OSError):  # the disk may be gone; the first error is the one to report
                     self._writer.abort()
                 return
-            for key, value in self._metadata.items():
+            for key, value in self.metadata.items():
                 self._writer.set_custom_data(key, value)
             with naming(self._path):
                 self._writer.close()

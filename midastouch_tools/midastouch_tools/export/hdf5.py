@@ -22,7 +22,7 @@ def write_hdf5(recordings: Sequence[Recording], folder: Path) -> int:
                 format="midastouch recording",
                 version=VERSION,
                 object=recording.object_name,
-                source=str(Path(*recording.path.absolute().parts[-2:])),  # all runs of a command have one file name
+                source="/".join(recording.path.resolve().parts[-2:]),  # all runs of a command have one file name
                 filter_states=list(FILTER_STATES),
             )
             count += _write(recording, file)

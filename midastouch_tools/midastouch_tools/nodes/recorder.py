@@ -71,7 +71,8 @@ class Recorder(PipelineNode):
     Topics are resolved in the node's namespace, and have their full names in the bag. Messages are stamped with the
     node's clock: with `use_sim_time` that is the time of a replay. Messages that come before the clock starts are
     stamped with its start: all latched ones, and others as long as they fit into `MOST_EARLY`. `metadata` are texts
-    kept in the bag, as they are at its end. Raises InputError if the path is taken or a message type is not installed.
+    kept in the bag, and may be changed until its end. Raises InputError if the path is taken or a message type is not
+    installed.
 
     Once the disk is nearly full, the bag is completed as it is; `failure` then gives the reason for its end. `path` is
     that of the bag, with the date filled in.
@@ -89,6 +90,7 @@ class Recorder(PipelineNode):
         self._early_size = 0
         self._open = contextlib.ExitStack()
         self._bag = self._open.enter_context(BagWriter(self.path, metadata))
+        self.metadata = self._bag.metadata
         self._heard = [self._subscribe(topic, kind) for topic, kind in zip(topics, kinds, strict=True)]
         self.create_timer(0.5, self._watch_disk, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._describe)

@@ -128,8 +128,7 @@ def _explore(
 
     with supervised_run(domain, logs, end_at_once) as (supervisor, executor):
         objects = Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True)
-        metadata = {"object": Path(mesh).stem}
-        executor.add_node(recorder := recorder_of_run(bag, metadata, executor.context, [objects]))
+        executor.add_node(recorder := recorder_of_run(bag, {"object": Path(mesh).stem}, executor.context, [objects]))
         executor.add_node(console := Console(mesh, given, executor.context))
         for program in programs:
             supervisor.start(program)
@@ -144,7 +143,7 @@ def _explore(
                 _hear_why(executor, console, error)
             hear_the_last(executor)
         if console.mesh != mesh:  # by key: the bag is about two objects
-            metadata["object"] = ""
+            recorder.metadata["object"] = ""
         return console
 
 

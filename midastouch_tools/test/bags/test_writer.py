@@ -55,10 +55,9 @@ def test_a_changed_byte_of_messages_or_summary_is_noticed(tmp_path):
 
 
 def test_it_keeps_the_texts_of_its_end(tmp_path):
-    texts = {"object": "mug"}
-    with BagWriter(path := tmp_path / "x.mcap", texts) as bag:
+    with BagWriter(path := tmp_path / "x.mcap", {"object": "mug"}) as bag:
         bag.write(tf(SECOND, STILL))
-        texts["object"] = ""  # in the meantime the arm has got another object
+        bag.metadata["object"] = ""  # in the meantime the arm has got another object
     assert bag_metadata(path) == {"object": ""}
 
 

@@ -47,24 +47,23 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
     output = capsys.readouterr().out
     out = tmp_path / "out" / "explore"
     result = json.loads((out / "result.json").read_text())
-    if result["ended"] == "known":  # leaps, which count as no way, differ with the machine
-        assert code == (0 if result["right"] else 1)
-        assert (out / "run.gif").is_file()
-        return
-    assert code == 1  # so short a way tells nobody where it is
-    assert (result["ended"], result["right"], result["by_hand"]) == ("gave_up", False, False)
-    assert f"gave_up: {result['reason']}" in " ".join(output.split())  # which is wrapped
     assert (result["object"], result["answer"], result["object_probability"]) == ("eyebolt", "eyebolt", 1.0)
-    # it may give up before the way is spent, as leaps are none; the motion that spends it is ended, on uneven ground
-    assert (result["path_m"] > 0) == (result["slides"] > 0)
-    assert result["path_m"] > MAX_PATH or not result["reason"].startswith("still")
-    assert result["path_m"] < MAX_PATH + 1.5 * MAX_MOTION
-    assert result["lifts"] >= 1, result["reason"]
     assert result["frames"] > 5
     for name in ("run.png", "final.png", "run.gif"):
         with Image.open(out / name) as picture:
             assert picture.width > 300
         assert name in (out / "index.html").read_text()
+    if result["ended"] == "known":  # leaps, which count as no way, differ with the machine
+        assert code == (0 if result["right"] else 1)
+        return
+    assert code == 1  # so short a way tells nobody where it is
+    assert (result["ended"], result["right"], result["by_hand"]) == ("gave_up", False, False)
+    assert f"gave_up: {result['reason']}" in " ".join(output.split())  # which is wrapped
+    # it may give up before the way is spent, as leaps are none; the motion that spends it is ended, on uneven ground
+    assert (result["path_m"] > 0) == (result["slides"] > 0)
+    assert result["path_m"] > MAX_PATH or not result["reason"].startswith("still")
+    assert result["path_m"] < MAX_PATH + 1.5 * MAX_MOTION
+    assert result["lifts"] >= 1, result["reason"]
 
 
 @pytest.mark.parametrize("step", ["read_run", "write_page"])
